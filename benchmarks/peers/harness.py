@@ -1,0 +1,114 @@
+"""What all peer scripts share: the reference problem, the timing and the line they print."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from typing import NoReturn, TypeVar
+
+MISSING = 3  # exit status of a script whose package is not installed
+PATIENCE_S = 60.0  # no further repeats of one mesh once they have used up this time
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rigid disc pushed out of a prestretched neo-Hookean film; lengths in mm, stresses in MPa."""
+
+    inner: float = 10.0
+    outer: float = 45.0
+    film_thickness: float = 1.0
+    prestretch: float = 5.0**0.5
+    mu: float = 0.025
+    travel: float = 5.0
+    force: float = 0.518268589
+
+    @property
+    def mounted_thickness(self) -> float:
+        """T / J_p, the film thickness (mm) after the equibiaxial prestretch."""
+        return self.film_thickness / self.prestretch**2
+
+
+PROBLEM = Problem()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement; the field names are those of the printed JSON object."""
+
+    peer: str
+    version: str
+    method: str
+    unknowns: int
+    force_N: float  # noqa: N815
+    relative_error: float
+    seconds: float
+    notes: str
+
+
+@dataclass(frozen=True)
+class Peer:
+    """What a row says of the package, whatever the mesh."""
+
+    name: str
+    version: str
+    method: str
+    notes: str
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Free degrees of freedom and plate force (N) of one run."""
+
+    unknowns: int
+    force: float
+
+
+Mesh = TypeVar("Mesh")
+
+
+def give_up(package: str, install: str) -> NoReturn:
+    """Leave with the status for a missing package, saying what to install."""
+    print(f"{package} is not installed: {install}", file=sys.stderr)
+    sys.exit(MISSING)
+
+
+def measure(
+    peer: Peer, levels: int, repeat: int, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution]
+) -> Iterator[Row]:
+    """Rows for the meshes `prepare(0) ... prepare(levels - 1)`; only `solve` is timed.
+
+    Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run on the
+    coarsest mesh goes before and is not counted: lazy imports and compile caches are not the subject.
+    """
+    solve(prepare(0))
+    for level in range(levels):
+        times: list[float] = []
+        while len(times) < repeat and sum(times) < PATIENCE_S:
+            mesh = prepare(level)
+            start = time.perf_counter()
+            solution = solve(mesh)
+            times.append(time.perf_counter() - start)
+        yield Row(
+            peer=peer.name,
+            version=peer.version,
+            method=peer.method,
+            unknowns=solution.unknowns,
+            force_N=solution.force,
+            relative_error=abs(solution.force / PROBLEM.force - 1),
+            seconds=min(times),
+            notes=peer.notes,
+        )
+
+
+def main(peer: Peer, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution]) -> None:
+    """Command line of a peer script: one JSON object per mesh on stdout."""
+    parser = argparse.ArgumentParser(description=f"{peer.name}: {peer.method}")
+    parser.add_argument("--levels", type=int, default=3, help="number of meshes, each twice as fine")
+    parser.add_argument("--repeat", type=int, default=3, help="runs per mesh; the fastest counts")
+    options = parser.parse_args()
+    for row in measure(peer, options.levels, options.repeat, prepare, solve):
+        print(json.dumps(asdict(row)), flush=True)

@@ -1,0 +1,172 @@
+"""Recovered fields: displacement, stretches, true stress, thickness and electric field at points of the film.
+
+Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours show the
+discretisation error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from fem.density import maxwell, principal_stretches
+from fem.model import Model, cauchy_green
+from fem.newton import State
+from geometry.mesh import unfold
+
+Array = NDArray[Any]
+
+#: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12, 02.
+_EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Fields at points; each array's first axis runs over the points.
+
+    True stresses are those of design §3: elastic minus the Maxwell part; add ``maxwell_stress`` for the elastic part
+    alone. Radial and circumferential directions are the deformed radial fibre through the plate's centre and the
+    normal to it within the film.
+    """
+
+    position: Array  #: in the flat mounted film [m], shape (n, 3)
+    displacement: Array  #: [m], shape (n, 3)
+    stretch_1: Array  #: larger total principal stretch
+    stretch_2: Array  #: smaller total principal stretch
+    thickness: Array  #: [m]
+    electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
+    maxwell_stress: Array  #: ε E² [Pa]
+    stress_1: Array  #: larger principal true stress [Pa]
+    stress_2: Array  #: smaller principal true stress [Pa]
+    stress_radial: Array  #: [Pa]
+    stress_circumferential: Array  #: [Pa]
+    stress_shear: Array  #: [Pa]
+    plate_traction: Array  #: force per mounted length on a cut whose normal points to the plate's centre [N/m], (n, 3)
+
+    def __getitem__(self, choice: Any) -> Fields:
+        """Some of the points."""
+        return Fields(*(getattr(self, item.name)[choice] for item in fields(self)))
+
+
+def whole(model: Model, state: State) -> tuple[Model, State]:
+    """Model and state of the whole film when only a part of it was meshed."""
+    if not model.planes:
+        return model, state
+    full = unfold(model.mesh, model.planes)
+    positions = state.positions[full.origin].copy()
+    positions[:, :2] *= full.signs.T
+    return Model(model.specimen, full.mesh), State(positions, state.plate, state.voltage_squared, state.force)
+
+
+def cell_fields(model: Model, state: State, points: Array) -> Fields:
+    """Fields at the same reference points, shape (2, k), of every element; element-major."""
+    return _fields(model, state, np.arange(model.mesh.nelements), points)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFields:
+    """Fields along a named boundary: ``fields`` at k points of each of m edges, edge-major, and arc lengths.
+
+    ``weights`` are quadrature weights times mounted arc length [m], shape (m k,).
+    """
+
+    fields: Fields
+    weights: Array
+
+
+def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadrature: bool = False) -> EdgeFields:
+    """Fields along the edges of a named boundary of the mesh.
+
+    Parameters
+    ----------
+    quadrature
+        Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
+    """
+    if quadrature:
+        gauss, weight = np.polynomial.legendre.leggauss(points)
+        s, weight = (gauss + 1) / 2, weight / 2
+    else:
+        s, weight = np.linspace(0, 1, points), np.full(points, 1 / points)
+    facets = (model.mesh.boundaries or {}).get(name)
+    if facets is None:
+        raise ValueError(f"the mesh has no boundary {name!r}: it has {sorted(model.mesh.boundaries or {})}")
+    parts, weights = [], []
+    for local, edge in enumerate(_EDGES):
+        cells = np.flatnonzero(np.isin(model.mesh.t2f[local], facets))
+        # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
+        cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
+        if len(cells):
+            parts.append(_fields(model, state, cells, np.array(edge(s))))
+            weights.append((_edge_speed(model, cells, local, s) * weight).ravel())
+    joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
+    return EdgeFields(joined, np.concatenate(weights))
+
+
+def capacitance(model: Model, state: State) -> float:
+    """dQ/dU of the whole film [F]: ∫ ε₀ε_r (J/J_p)^(−n) J²/T² over the covered virgin volume."""
+    f = model.deformation(state.positions)
+    l1, l2 = principal_stretches(cauchy_green(f), model.specimen.membrane.prestretch)
+    energy = maxwell(model.specimen, model.covered).derivatives(l1, l2)[0]
+    return float(-2 * (energy * model.volumes).sum() * model.mirrored)
+
+
+def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
+    film = model.specimen.membrane
+    basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
+                            quadrature=(points, np.ones(points.shape[1])))
+    nodes = model.connectivity[cells]
+    shapes = np.stack([np.broadcast_to(shape[0].value, basis.dx.shape) for shape in basis.basis])
+    slopes = np.stack([shape[0].grad for shape in basis.basis])
+    reference = np.einsum("lep,elc->epc", shapes, model.reference[nodes]).reshape(-1, 3)
+    current = np.einsum("lep,elc->epc", shapes, state.positions[nodes]).reshape(-1, 3)
+    f = np.einsum("lkep,elc->epck", slopes, state.positions[nodes]).reshape(-1, 3, 2)
+    covered = np.repeat(model.covered[cells, 0], points.shape[1])
+
+    c = cauchy_green(f)
+    l1, l2 = principal_stretches(c, film.prestretch)
+    density = type(model.density(0.0))(model.specimen, state.voltage_squared, covered)
+    stress = density(c, tangent=False).stress
+    inward = model.centre[:2] - reference[:, :2]
+    inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
+    s11, s22, s12 = _cauchy(f, stress, -inward)
+    mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
+    piola = np.stack([f[:, :, 0] * stress[:, None, 0] + f[:, :, 1] * stress[:, None, 2],
+                      f[:, :, 0] * stress[:, None, 2] + f[:, :, 1] * stress[:, None, 1]], axis=-1)
+    traction = np.einsum("nik,nk->ni", piola, inward) * (film.thickness / film.area_prestretch)
+    w1 = density.maxwell.derivatives(l1, l2)[1]
+    thickness = film.thickness / (l1 * l2)
+    return Fields(
+        position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
+        electric_field=covered * np.sqrt(state.voltage_squared) / thickness, maxwell_stress=-l1 * w1,
+        stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
+        stress_shear=s12, plate_traction=traction)
+
+
+def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
+    """True stress (radial, circumferential, shear) within the film's tangent plane: σ = F S Fᵀ, volume preserved."""
+    first = np.einsum("nik,nk->ni", f, radial)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
+    normal = np.cross(f[:, :, 0], f[:, :, 1])
+    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
+    a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
+
+    def pair(u: Array, v: Array) -> Array:
+        return (u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
+                + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
+
+    return pair(a, a), pair(b, b), pair(a, b)
+
+
+def _edge_speed(model: Model, cells: Array, local: int, s: Array) -> Array:
+    """|dX/ds| along an edge of the mounted film [m], shape (cells, points)."""
+    element = model.mesh.elem()
+    points = np.array(_EDGES[local](s))
+    along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
+    nodes = model.reference[model.connectivity[cells], :2]
+    tangent = sum(nodes[:, i, None, :] * (element.lbasis(points, i)[1] * along).sum(0)[None, :, None]
+                  for i in range(nodes.shape[1]))
+    return np.linalg.norm(tangent, axis=-1)

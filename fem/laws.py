@@ -1,0 +1,126 @@
+"""Hyperelastic laws: a strain energy and its derivatives in the principal stretches, registered once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from geometry.errors import InputError
+from geometry.specimen import Material
+from geometry.tables import FINITE, Rule, Table
+
+REGISTRY: dict[str, Callable[[Table], Material]] = {}
+
+#: Stretches over which a material must be admissible: beyond them a film tears.
+STRETCH_RANGE = (0.5, 6.0)
+
+
+def register(cls: type[Any]) -> type[Any]:
+    """Make a law known to specimen files under its ``law`` name."""
+    REGISTRY[cls.law] = cls.from_table
+    return cls
+
+
+@register
+@dataclass(frozen=True)
+class Ogden:
+    """Ogden's law with any number of terms, incompressible.
+
+    W = Σ (μ_p/α_p) (λ₁^α_p + λ₂^α_p + λ₃^α_p − 3), λ₃ = 1/(λ₁λ₂), μ_p in Pa.
+
+    This is Ogden's own convention (Proc. R. Soc. A 326, 1972); Abaqus, CalculiX and FElupe write
+    Σ 2μ_p/α_p² (…), see :meth:`from_abaqus`.
+
+    Examples
+    --------
+    Neo-Hooke is one term with α = 2, and its shear modulus is μ:
+
+    >>> film = Ogden((20e3,), (2.0,))
+    >>> float(film.shear_modulus)
+    20000.0
+    """
+
+    law: ClassVar[str] = "ogden"
+    mu: tuple[float, ...]
+    alpha: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse lists that do not match and powers of zero."""
+        if len(self.mu) != len(self.alpha) or not self.mu:
+            raise InputError("mu and alpha must be lists of the same length, at least one",
+                             key="mu", given=f"{len(self.mu)} and {len(self.alpha)} values")
+        if 0 in self.alpha:
+            raise InputError("must not be zero", key="alpha", given=self.alpha)
+
+    @classmethod
+    def from_table(cls, table: Table) -> Ogden:
+        """Read ``mu`` (stresses) and ``alpha`` (numbers)."""
+        return cls(table.quantities("mu", "stress"), table.numbers("alpha", rule=_POWER))
+
+    @classmethod
+    def from_abaqus(cls, mu: tuple[float, ...], alpha: tuple[float, ...]) -> Ogden:
+        """From the convention Σ 2μ_p/α_p² (…) of Abaqus, CalculiX and FElupe.
+
+        Examples
+        --------
+        >>> Ogden.from_abaqus((10.0,), (4.0,))
+        Ogden(mu=(5.0,), alpha=(4.0,))
+        """
+        return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), alpha)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Small-strain shear modulus ½ Σ μ_p α_p [Pa]."""
+        return sum(m * a for m, a in zip(self.mu, self.alpha, strict=True)) / 2
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
+        w = w1 = w2 = w11 = w12 = w22 = 0.0
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            p1, p2 = l1**alpha, l2**alpha
+            p3 = 1 / (p1 * p2)
+            w = w + mu / alpha * (p1 + p2 + p3 - 3)
+            w1 = w1 + mu * (p1 - p3) / l1
+            w2 = w2 + mu * (p2 - p3) / l2
+            w11 = w11 + mu * ((alpha - 1) * p1 + (alpha + 1) * p3) / l1**2
+            w22 = w22 + mu * ((alpha - 1) * p2 + (alpha + 1) * p3) / l2**2
+            w12 = w12 + mu * alpha * p3 / (l1 * l2)
+        return w, w1, w2, w11, w12, w22
+
+
+_POWER: Rule = (lambda x: FINITE[0](x) and x != 0, "must not be zero")
+
+
+def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1]
+                         ) -> tuple[float, float] | None:
+    """The first stretches (λ₁, λ₂) in a range where the law softens against every intuition, or None.
+
+    Hill's inequality for incompressible solids: W must be convex in the logarithms of the stretches (Ogden,
+    *Non-Linear Elastic Deformations*, §6.2.7), so that true stress grows with stretch in every direction.
+    All three stretches stay within the range.
+    """
+    grid = np.geomspace(lowest, highest, 61)
+    l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
+    inside = (l1 >= l2) & (l1 * l2 >= 1 / highest) & (l1 * l2 <= highest**2)
+    l1, l2 = l1[inside], l2[inside]
+    _, w1, w2, w11, w12, w22 = (np.broadcast_to(value, l1.shape) for value in material.derivatives(l1, l2))
+    h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
+    bad = ~((h11 > 0) & (h22 > 0) & (h11 * h22 - h12**2 > 0))
+    if not bad.any():
+        return None
+    worst = np.argmin(np.where(bad, np.log(l1) ** 2 + np.log(l2) ** 2, np.inf))
+    return float(l1[worst]), float(l2[worst])
+
+
+def checked(material: Material) -> Material:
+    """The material itself, if it is admissible over :data:`STRETCH_RANGE`."""
+    stretch = inadmissible_stretch(material)
+    if stretch is not None:
+        raise InputError(
+            "is outside its admissible range: true stress must grow with stretch (Hill's inequality) for "
+            f"stretches from {STRETCH_RANGE[0]} to {STRETCH_RANGE[1]}, but it falls at "
+            f"({stretch[0]:.3g}, {stretch[1]:.3g})", given=str(material))
+    return material

@@ -1,0 +1,306 @@
+"""The discretised film: energy, nodal forces and tangent by batched contractions over the scikit-fem basis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from fem.density import FilmDensity
+from fem.plate import FREEDOMS, PlateMotion
+from geometry.mesh import CurvedTriangles
+from geometry.specimen import Specimen
+
+Array = NDArray[Any]
+
+#: Plate freedoms that survive when a coordinate may change sign: mirroring x reverses x, ry and rz.
+_ODD = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """One specimen on one mesh.
+
+    ``planes`` are the coordinates about whose zero the mesh is half of a mirrored whole. All nodal arrays have
+    shape (nodes, 3); node positions, not displacements, are the unknowns.
+    """
+
+    specimen: Specimen
+    mesh: CurvedTriangles
+    planes: frozenset[str] = frozenset()
+
+    @cached_property
+    def basis(self) -> skfem.CellBasis:
+        """The scalar scikit-fem basis everything is integrated with."""
+        return skfem.CellBasis(self.mesh, self.mesh.elem(), intorder=max(2, 2 * self.mesh.order))
+
+    @cached_property
+    def connectivity(self) -> Array:
+        """Nodes of the elements, shape (elements, local)."""
+        return np.ascontiguousarray(self.basis.element_dofs.T)
+
+    @cached_property
+    def gradients(self) -> Array:
+        """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""
+        stacked = np.stack([shape[0].grad for shape in self.basis.basis])
+        return np.ascontiguousarray(stacked.transpose(2, 3, 0, 1))
+
+    @cached_property
+    def volumes(self) -> Array:
+        """Virgin volume of every quadrature point of this mesh [m³], shape (elements, points)."""
+        film = self.specimen.membrane
+        return self.basis.dx * (film.thickness / film.area_prestretch)
+
+    @cached_property
+    def covered(self) -> Array:
+        """1 in elements under the electrode, 0 outside, shape (elements, 1)."""
+        covered = np.ones((self.mesh.nelements, 1))
+        covered[(self.mesh.subdomains or {}).get("bare", [])] = 0
+        return covered
+
+    @cached_property
+    def reference(self) -> Array:
+        """Node positions of the flat mounted film [m]."""
+        flat = self.basis.doflocs.T
+        return np.column_stack([flat, np.zeros(len(flat))])
+
+    @cached_property
+    def centre(self) -> Array:
+        """The plate's centre in the mounted film [m]."""
+        return np.array([*self.specimen.plate.offset, 0.0])
+
+    @cached_property
+    def plate_nodes(self) -> Array:
+        """Nodes on the plate's edge."""
+        return self.boundary_nodes("plate")
+
+    @cached_property
+    def arms(self) -> Array:
+        """Plate nodes relative to the plate's centre [m]."""
+        return self.reference[self.plate_nodes] - self.centre
+
+    @property
+    def mirrored(self) -> int:
+        """How often the mesh repeats in the whole film: 1, 2 or 4."""
+        return 2 ** len(self.planes)
+
+    @cached_property
+    def plate_freedoms(self) -> tuple[int, ...]:
+        """Numbers of the plate's freedoms that the symmetry allows."""
+        odd = frozenset().union(*(_ODD[plane] for plane in self.planes))
+        return tuple(number for number, name in enumerate(FREEDOMS) if name not in odd)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which nodal components are unknowns, shape (nodes, 3)."""
+        free = np.ones(self.reference.shape, dtype=bool)
+        free[self.boundary_nodes("frame")] = False
+        free[self.plate_nodes] = False
+        for axis, plane in enumerate("xy"):
+            if plane in self.planes:
+                free[self.boundary_nodes(f"axis_{'yx'[axis]}"), axis] = False
+        return free
+
+    @property
+    def unknowns(self) -> int:
+        """Number of nodal unknowns and plate freedoms solved for."""
+        return int(self.free.sum()) + len(self.plate_freedoms)
+
+    @cached_property
+    def size(self) -> float:
+        """The frame's larger half extent [m], the scale of corrections."""
+        return max(self.specimen.frame.semi_axes)
+
+    def boundary_nodes(self, name: str) -> Array:
+        """Nodes on a named boundary, empty if the mesh has none of that name."""
+        facets = (self.mesh.boundaries or {}).get(name)
+        return np.array([], dtype=int) if facets is None else self.basis.get_dofs(facets).flatten()
+
+    def place(self, positions: Array, plate: PlateMotion) -> Array:
+        """A copy of the positions with the plate's edge where the plate is."""
+        placed = positions.copy()
+        placed[self.plate_nodes] = plate.positions(self.centre, self.arms)
+        return placed
+
+    def deformation(self, positions: Array) -> Array:
+        """F at the quadrature points, shape (elements, points, 3, 2)."""
+        local = positions[self.connectivity].transpose(0, 2, 1)
+        return np.matmul(local[:, None], self.gradients)
+
+    def density(self, voltage_squared: Any) -> FilmDensity:
+        """The film's energy density at U² [V²]."""
+        return FilmDensity(self.specimen, voltage_squared, self.covered)
+
+    def energy(self, positions: Array, voltage_squared: Any) -> Any:
+        """Stored energy of this mesh, counted from the virgin film [J]."""
+        f = self.deformation(positions)
+        return (self.density(voltage_squared)(cauchy_green(f), tangent=False).energy * self.volumes).sum()
+
+    def forces(self, positions: Array, voltage_squared: Any) -> Array:
+        """Derivative of the energy by the node positions [N], shape (nodes, 3)."""
+        f = self.deformation(positions)
+        stress = self.density(voltage_squared)(cauchy_green(f), tangent=False).stress
+        return self._scatter(self._element_forces(f, stress))
+
+    def voltage_forces(self, positions: Array) -> Array:
+        """Derivative of the forces by U² [N/V²], shape (nodes, 3); they are linear in it."""
+        f = self.deformation(positions)
+        c = cauchy_green(f)
+        one = self.density(1.0)(c, tangent=False).stress
+        none = self.density(0.0)(c, tangent=False).stress
+        return self._scatter(self._element_forces(f, one - none))
+
+    def linearised(self, positions: Array, plate: PlateMotion, voltage_squared: float) -> Linearised:
+        """Forces and tangent with the plate's freedoms as border."""
+        f = self.deformation(positions)
+        density = self.density(voltage_squared)(cauchy_green(f))
+        elements = self._element_tangents(f, density.stress, density.tangent)
+        forces = self._scatter(self._element_forces(f, density.stress))
+        inner = self._pattern.assemble(elements)
+        gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
+        border, corner = self._plate_coupling(elements, gradient)
+        allowed = np.ix_(self.plate_freedoms, self.plate_freedoms)
+        corner = corner + plate.curvature(self.arms, forces[self.plate_nodes])[allowed]
+        return Linearised(forces, np.einsum("nip,ni->p", gradient, forces[self.plate_nodes]), inner, border, corner)
+
+    def plate_forces(self, forces: Array, plate: PlateMotion) -> Array:
+        """Nodal forces gathered on the plate's allowed freedoms [N, N m]."""
+        gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
+        return np.einsum("nip,ni->p", gradient, forces[self.plate_nodes])
+
+    def _element_forces(self, f: Array, stress: Array) -> Array:
+        weighted = stress * self.volumes[..., None]
+        piola = np.empty(f.shape, dtype=np.result_type(f, weighted))
+        piola[..., 0] = f[..., 0] * weighted[..., None, 0] + f[..., 1] * weighted[..., None, 2]
+        piola[..., 1] = f[..., 0] * weighted[..., None, 2] + f[..., 1] * weighted[..., None, 1]
+        elements, points, local, _ = self.gradients.shape
+        left = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
+        return np.matmul(left, piola.transpose(0, 1, 3, 2).reshape(elements, points * 2, 3))
+
+    def _element_tangents(self, f: Array, stress: Array, tangent: Array) -> Array:
+        """Shape (elements, 3 local, 3 local), node-major."""
+        g = self.gradients
+        elements, points, local, _ = g.shape
+        strain = np.empty((elements, points, 3, local, 3))
+        strain[:, :, 0] = g[..., 0, None] * f[:, :, None, :, 0]
+        strain[:, :, 1] = g[..., 1, None] * f[:, :, None, :, 1]
+        strain[:, :, 2] = g[..., 0, None] * f[:, :, None, :, 1] + g[..., 1, None] * f[:, :, None, :, 0]
+        strain = strain.reshape(elements, points, 3, 3 * local)
+        right = np.matmul(tangent * self.volumes[..., None, None], strain).reshape(elements, points * 3, 3 * local)
+        result = np.matmul(strain.reshape(elements, points * 3, 3 * local).transpose(0, 2, 1), right)
+        weighted = stress * self.volumes[..., None]
+        pull = np.stack([g[..., 0] * weighted[..., None, 0] + g[..., 1] * weighted[..., None, 2],
+                         g[..., 0] * weighted[..., None, 2] + g[..., 1] * weighted[..., None, 1]], axis=-2)
+        flat = g.transpose(0, 1, 3, 2).reshape(elements, points * 2, local)
+        geometric = np.matmul(flat.transpose(0, 2, 1), pull.reshape(elements, points * 2, local))
+        blocks = result.reshape(elements, local, 3, local, 3)
+        for axis in range(3):
+            blocks[:, :, axis, :, axis] += geometric
+        return result
+
+    def _scatter(self, element_forces: Array) -> Array:
+        """Sum element vectors into nodal ones."""
+        nodes = self.connectivity.ravel()
+        count = len(self.reference)
+        parts = element_forces.reshape(-1, 3)
+        if np.iscomplexobj(parts):
+            return self._scatter(element_forces.real) + 1j * self._scatter(element_forces.imag)
+        return np.stack([np.bincount(nodes, parts[:, axis], count) for axis in range(3)], axis=1)
+
+    @cached_property
+    def _plate_elements(self) -> tuple[Array, Array]:
+        """Elements with plate nodes, and for each local node its row in ``plate_nodes`` or the row after the last."""
+        row = np.full(len(self.reference), len(self.plate_nodes))
+        row[self.plate_nodes] = np.arange(len(self.plate_nodes))
+        rows = row[self.connectivity]
+        touching = np.flatnonzero((rows < len(self.plate_nodes)).any(axis=1))
+        return touching, rows[touching]
+
+    def _plate_coupling(self, elements: Array, gradient: Array) -> tuple[Array, Array]:
+        """Tangent's columns for the plate's freedoms: rows of the free components, and the corner."""
+        touching, rows = self._plate_elements
+        freedoms = gradient.shape[2]
+        padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
+        local = padded[rows].reshape(len(touching), -1, freedoms)
+        product = np.matmul(elements[touching], local)
+        corner = np.einsum("eap,eaq->pq", local, product)
+        nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
+        flat = product.reshape(-1, freedoms)
+        border = np.stack([np.bincount(nodes, flat[:, p], self.reference.size) for p in range(freedoms)], axis=1)
+        return border[self.free.ravel()], corner
+
+    @cached_property
+    def _pattern(self) -> _Pattern:
+        return _Pattern.of(self.connectivity, self.free)
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Forces and tangent at one state.
+
+    ``forces`` (nodes, 3); ``plate`` the forces on the plate's allowed freedoms (p,); ``inner`` the tangent of the
+    free components (n, n); ``border`` (n, p) and ``corner`` (p, p) couple the plate.
+    """
+
+    forces: Array
+    plate: Array
+    inner: csc_matrix
+    border: Array
+    corner: Array
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """Where each entry of the element tangents goes in the sparse one; computed once per mesh."""
+
+    target: Array
+    entries: int
+    indices: Array
+    indptr: Array
+
+    @classmethod
+    def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> _Pattern:
+        """Node pairs first (nine times fewer than components), then their 3×3 blocks, fixed components dropped."""
+        nodes = len(free)
+        elements, local = connectivity.shape
+        pairs = connectivity[:, None, :].astype(np.int64) * nodes + connectivity[:, :, None]
+        unique, place = np.unique(pairs, return_inverse=True)
+        column, row = unique // nodes, unique % nodes
+        start = np.searchsorted(column, np.arange(nodes + 1))
+        degree = np.diff(start)
+        axis = np.arange(3)
+        # Position in the full matrix, column by column, rows ascending: block column, its component, block row, component.
+        base = 9 * start[column] + 3 * (np.arange(len(unique)) - start[column])
+        position = base[:, None, None] + 3 * degree[column][:, None, None] * axis + axis[:, None]
+        keep = free[row][:, :, None] & free[column][:, None, :]
+        number = np.cumsum(free.ravel()) - 1
+        compressed = np.full(9 * len(unique), -1)
+        kept_positions = np.sort(position[keep])
+        compressed[kept_positions] = np.arange(len(kept_positions))
+        full_row = np.empty(9 * len(unique), dtype=np.int64)
+        full_row[position] = number.reshape(nodes, 3)[row][:, :, None]
+        full_column = np.empty(9 * len(unique), dtype=np.int64)
+        full_column[position] = number.reshape(nodes, 3)[column][:, None, :]
+        target = compressed[position][place.reshape(elements, local, local)]
+        target = target.transpose(0, 1, 3, 2, 4).reshape(elements, 3 * local, 3 * local)
+        count = int(free.sum())
+        indptr = np.searchsorted(full_column[kept_positions], np.arange(count + 1))
+        target = np.where(target < 0, len(kept_positions), target).ravel()
+        return cls(target, len(kept_positions), full_row[kept_positions].astype(np.int32), indptr.astype(np.int32))
+
+    def assemble(self, elements: Array) -> csc_matrix:
+        """The sparse tangent of the free components."""
+        data = np.bincount(self.target, elements.ravel(), self.entries + 1)[:-1]
+        size = len(self.indptr) - 1
+        return csc_matrix((data, self.indices, self.indptr), shape=(size, size))
+
+
+def cauchy_green(f: Array) -> tuple[Array, Array, Array]:
+    """(C₁₁, C₂₂, C₁₂) of C = FᵀF for F of shape (..., 3, 2); complex-safe, without conjugation."""
+    a, b = f[..., 0], f[..., 1]
+    return (a * a).sum(-1), (b * b).sum(-1), (a * b).sum(-1)

@@ -1,0 +1,195 @@
+"""Equilibria under load and voltage: adaptive ramps, and what lies at their end when there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from fem.model import Model
+from fem.newton import NewtonSettings, Solution, State, Unknown, extrapolate, newton
+
+Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
+
+
+@dataclass(frozen=True)
+class PathSettings:
+    """Steps of a ramp.
+
+    ``first``: first step as a share of the ramp; ``shortest``: share below which the ramp is followed by the heave
+    instead; ``lift``: step of the heave relative to the heave reached; ``reach``: heave, relative to the frame's
+    half extent, at which a search for equilibrium ends.
+    """
+
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    first: float = 1.0
+    shortest: float = 0.02
+    lift: float = 0.08
+    reach: float = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a search for an equilibrium ended.
+
+    ``solution`` is the equilibrium, or the last one before the ramp ended. With status "no_equilibrium" the film
+    pulled in: ``limit`` is the largest U² [V²] (or force [N]) that has an equilibrium on this path.
+    """
+
+    status: Status
+    solution: Solution
+    advice: str = ""
+    limit: float | None = None
+
+    @property
+    def state(self) -> State:
+        """The state of the solution."""
+        return self.solution.state
+
+
+def equilibrium(model: Model, force: float, voltage: float, spring: float = 0.0, start: Solution | None = None,
+                settings: PathSettings = PathSettings()) -> Outcome:
+    """The equilibrium under a force on the plate and a voltage across the film.
+
+    Parameters
+    ----------
+    force
+        On the plate along the load [N].
+    voltage
+        Across the film [V].
+    spring
+        Stiffness of a linear spring against the heave [N/m].
+    start
+        A converged solution to start from; by default the flat mounted film, loaded first and then charged.
+
+    Returns
+    -------
+    Outcome
+        "equilibrium" is stable under force and voltage and connected to the start without passing a limit point.
+    """
+    solution = start or newton(model, State.mounted(model), "heave", spring, settings.newton)
+    outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
+    if start is None and outcome.status == "equilibrium":
+        outcome = ramp(model, outcome.solution, "force", force, spring, settings)
+    for unknown, target in (("force", force), ("voltage", voltage**2)):
+        if outcome.status == "equilibrium":
+            outcome = ramp(model, outcome.solution, unknown, target, spring, settings)  # type: ignore[arg-type]
+    return outcome
+
+
+def voltage_path(model: Model, force: float, voltages: list[float], spring: float = 0.0,
+                 settings: PathSettings = PathSettings()) -> Iterator[Outcome]:
+    """Equilibria at ascending voltages [V] under one force, each started from the one before.
+
+    After the first that has none, the rest have none either and are not searched again.
+    """
+    outcome: Outcome | None = None
+    for voltage in voltages:
+        if outcome is None:
+            outcome = equilibrium(model, force, voltage, spring, settings=settings)
+        elif outcome.status == "equilibrium":
+            outcome = equilibrium(model, force, voltage, spring, outcome.solution, settings)
+        yield outcome
+
+
+def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
+         settings: PathSettings = PathSettings()) -> Outcome:
+    """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
+    outcome = Outcome("equilibrium", start or newton(model, State.mounted(model), "force", 0.0, settings.newton))
+    if voltage**2 != outcome.state.voltage_squared:
+        charged = newton(model, replace(outcome.state, voltage_squared=voltage**2), "force", 0.0, settings.newton)
+        outcome = Outcome("equilibrium" if charged.converged else "not_converged", charged, charged.advice)
+    origin = outcome.state.plate.heave
+    done, step = 0.0, 1.0
+    while outcome.status == "equilibrium" and done < 1 and heave != origin:
+        share = min(1.0, done + step)
+        trial = newton(model, extrapolate(model, outcome.solution, heave=origin + share * (heave - origin)),
+                       "force", 0.0, settings.newton)
+        if trial.converged:
+            outcome, done, step = Outcome("equilibrium", trial), share, 2 * step
+        elif (step := step / 2) < settings.shortest:
+            outcome = Outcome("not_converged", outcome.solution, trial.advice)
+    return outcome
+
+
+def ramp(model: Model, start: Solution, name: Unknown, target: float, spring: float, settings: PathSettings) -> Outcome:
+    """Change the force [N] or U² [V²] to a target in steps as long as Newton converges to a stable state."""
+    origin = start.state.force if name == "force" else start.state.voltage_squared
+    solution, done, step, advice = start, 0.0, settings.first, ""
+    while done < 1 and target != origin:
+        share = min(1.0, done + step)
+        value = origin + share * (target - origin)
+        trial = newton(model, _predicted(model, solution, name, value), "heave", spring, settings.newton)
+        if trial.converged and trial.stable:
+            solution, done, step = trial, share, 2 * step
+            continue
+        advice = trial.advice or "the state found is unstable"
+        step /= 2
+        if step < settings.shortest:
+            return _follow_heave(model, solution, name, target, spring, settings, advice)
+    return Outcome("equilibrium", solution)
+
+
+def _predicted(model: Model, solution: Solution, name: Unknown, value: float) -> State:
+    if name == "force":
+        return extrapolate(model, solution, force=value)
+    return extrapolate(model, solution, voltage_squared=value)
+
+
+def _follow_heave(model: Model, start: Solution, name: Unknown, target: float, spring: float,
+                  settings: PathSettings, advice: str) -> Outcome:
+    """Raise the heave and solve for the force or U², which passes limit points without trouble.
+
+    Ends where the target is reached, where the path turns back (pull-in), or where nothing converges any more.
+    """
+    state = start.state
+    history = [(state.plate.heave, _value(state, name))]
+    last = newton(model, state, name, spring, settings.newton)
+    stable = start
+    lift = settings.lift * max(state.plate.heave, 0.02 * model.size)
+    shortest = lift / 256
+    while last.converged and lift > shortest and last.state.plate.heave < settings.reach * model.size:
+        trial = newton(model, extrapolate(model, last, heave=last.state.plate.heave + lift), name, spring,
+                       settings.newton)
+        if not trial.converged:
+            lift, advice = lift / 2, trial.advice
+            continue
+        value = _value(trial.state, name)
+        if value >= target:
+            share = (target - history[-1][1]) / (value - history[-1][1])
+            guess = extrapolate(model, last, heave=last.state.plate.heave + share * lift)
+            found = newton(model, _set(guess, name, target), "heave", spring, settings.newton)
+            return Outcome("equilibrium" if found.converged else "not_converged", found, found.advice)
+        if value < history[-1][1]:
+            if lift > settings.lift * 0.1 * trial.state.plate.heave:
+                lift /= 2
+                continue
+            limit = _parabola_top([*history, (trial.state.plate.heave, value)])
+            return Outcome("no_equilibrium", stable, f"the film pulls in before the {_WORD[name]} is reached", limit)
+        history.append((trial.state.plate.heave, value))
+        last = trial
+        if trial.stable:
+            stable = trial
+    return Outcome("not_converged", stable, advice or "the path could not be followed")
+
+
+_WORD = {"force": "load", "voltage": "voltage"}
+
+
+def _value(state: State, name: Unknown) -> float:
+    return state.force if name == "force" else state.voltage_squared
+
+
+def _set(state: State, name: Unknown, value: float) -> State:
+    return replace(state, force=value) if name == "force" else replace(state, voltage_squared=value)
+
+
+def _parabola_top(history: list[tuple[float, float]]) -> float:
+    """Largest value of the parabola through the last three points."""
+    if len(history) < 3:
+        return max(value for _, value in history)
+    x, y = np.array(history[-3:]).T
+    a, b, c = np.polyfit(x - x[1], y, 2)
+    return float(c - b * b / (4 * a))

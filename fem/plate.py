@@ -1,0 +1,70 @@
+"""The rigid plate: its motion and what the nodes on its edge inherit from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the load.
+FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
+HEAVE = FREEDOMS.index("z")
+
+_AXES = np.eye(3)
+
+
+@dataclass(frozen=True)
+class PlateMotion:
+    """Where the plate is: translation of its centre [m] and rotation matrix about it."""
+
+    translation: Array
+    rotation: Array
+
+    @classmethod
+    def rest(cls) -> PlateMotion:
+        """The mounted position."""
+        return cls(np.zeros(3), np.eye(3))
+
+    @property
+    def heave(self) -> float:
+        """Deflection along the load [m]."""
+        return float(self.translation[HEAVE])
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the plate's normal and the load [rad]."""
+        return float(np.arccos(np.clip(self.rotation[2, 2], -1, 1)))
+
+    def moved(self, step: Array) -> PlateMotion:
+        """After a small motion in the six freedoms; rotations compose, so none is singular."""
+        turn = Rotation.from_rotvec(step[3:]).as_matrix()
+        return PlateMotion(self.translation + step[:3], turn @ self.rotation)
+
+    def raised_to(self, heave: float) -> PlateMotion:
+        """The same with another heave [m]."""
+        translation = self.translation.copy()
+        translation[HEAVE] = heave
+        return PlateMotion(translation, self.rotation)
+
+    def positions(self, centre: Array, arms: Array) -> Array:
+        """Positions of plate points with given arms from the centre, shape (n, 3)."""
+        return centre + self.translation + arms @ self.rotation.T
+
+    def gradient(self, arms: Array) -> Array:
+        """Derivative of the positions by the six freedoms, shape (n, 3, 6)."""
+        result = np.zeros((len(arms), 3, 6))
+        result[:, :, :3] = np.eye(3)
+        result[:, :, 3:] = np.cross(_AXES[:, None], arms @ self.rotation.T).transpose(1, 2, 0)
+        return result
+
+    def curvature(self, arms: Array, forces: Array) -> Array:
+        """Σ forces · second derivative of the positions, shape (6, 6): ½ (a × (b × r) + b × (a × r))."""
+        r = arms @ self.rotation.T
+        moment = np.einsum("ni,nj->ij", forces, r)
+        result = np.zeros((6, 6))
+        result[3:, 3:] = (moment + moment.T) / 2 - np.eye(3) * np.trace(moment)
+        return result

@@ -1,0 +1,72 @@
+"""What surrounds the specimen: gravity, extra mass, spring, amplifier and displacement sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from geometry.errors import InputError
+from geometry.tables import ANY, FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+
+_GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
+_SAG: Rule = (lambda x: x > 0, "must be positive; inf for none")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The test rig of design §4, in SI; the defaults are an ideal one."""
+
+    gravity: float = 9.80665
+    unaccounted_mass: float = 0.0
+    spring: float = 0.0
+    amplifier_gain: float = 0.0
+    sag_voltage: float = inf
+    sensor_gain: float = 0.0
+    sensor_zero: float = 0.0
+
+    @classmethod
+    def from_table(cls, table: Table) -> Rig:
+        """Read the keys of rig.toml, all optional."""
+        rig = cls(
+            gravity=table.quantity("gravity", "acceleration", "9.80665 m/s^2", POSITIVE),
+            unaccounted_mass=table.quantity("unaccounted_mass", "mass", "0 g", FINITE),
+            spring=table.quantity("spring", "stiffness per length", "0 N/m", NON_NEGATIVE),
+            amplifier_gain=table.number("amplifier_gain", 0.0, _GAIN),
+            sag_voltage=table.quantity("sag_voltage", "voltage", "inf kV", _SAG),
+            sensor_gain=table.number("sensor_gain", 0.0, _GAIN),
+            sensor_zero=table.quantity("sensor_zero", "length", "0 um", ANY),
+        )
+        table.done()
+        return rig
+
+    @classmethod
+    def read(cls, file: Path | str) -> Rig:
+        """The rig of a TOML file."""
+        return cls.from_table(Table.read(file))
+
+    def force(self, mass: float) -> float:
+        """Dead weight on the plate [N] of a nominal mass [kg]."""
+        return (mass + self.unaccounted_mass) * self.gravity
+
+    def film_voltage(self, voltage: float) -> float:
+        """What the film sees [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²).
+
+        Examples
+        --------
+        >>> Rig(sag_voltage=7000.0).film_voltage(7000.0)
+        3500.0
+        """
+        return (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
+
+    def reading(self, deflection: float) -> float:
+        """What the sensor shows [m] of a deflection."""
+        return (1 + self.sensor_gain) * deflection + self.sensor_zero
+
+
+def checked_load(mass: float, voltage: float) -> None:
+    """Refuse loads design §6 has no meaning for."""
+    if not 0 <= mass < inf:
+        raise InputError("must not be negative", key="--mass", given=f"{mass} kg")
+    if not 0 <= voltage < inf:
+        raise InputError("must not be negative", key="--voltage", given=f"{voltage} V")

@@ -1,0 +1,39 @@
+"""The one exception a user's input can raise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(ValueError):
+    """Input that cannot be used, said in one line: which file, which key, what was given, what is allowed.
+
+    Parameters
+    ----------
+    allowed
+        The rule the input breaks, as a sentence fragment ("must be a positive length").
+    file
+        The file it stands in, if any.
+    key
+        Dotted path of the key inside the file ("membrane.thickness").
+    given
+        The offending value as the user wrote it.
+
+    Examples
+    --------
+    >>> str(InputError("must be a positive length", file="a.toml", key="plate.radius", given="-1 cm"))
+    "a.toml: plate.radius: given '-1 cm': must be a positive length"
+    """
+
+    def __init__(
+        self, allowed: str, *, file: Path | str | None = None, key: str | None = None, given: object = None
+    ) -> None:
+        self.allowed, self.file, self.key, self.given = allowed, file, key, given
+        parts = [str(part) for part in (file, key) if part is not None]
+        if given is not None:
+            parts.append(f"given {given!r}")
+        super().__init__(": ".join([*parts, allowed]))
+
+    def located(self, *, file: Path | str | None = None, key: str | None = None) -> InputError:
+        """A copy that also names where the value stood; what is already named is kept."""
+        return InputError(self.allowed, file=self.file or file, key=self.key or key, given=self.given)

@@ -1,0 +1,173 @@
+"""From meshio to scikit-fem: tagged triangle meshes with curved elements of order 1 to 4, and their mirror images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import meshio
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from skfem.assembly import Dofs
+
+Ints = NDArray[np.int64]
+
+ELEMENTS: dict[int, type[skfem.Element]] = {
+    1: skfem.ElementTriP1, 2: skfem.ElementTriP2, 3: skfem.ElementTriP3, 4: skfem.ElementTriP4}
+_CELLS = {"triangle": 1, "triangle6": 2, "triangle10": 3, "triangle15": 4}
+
+
+@dataclass(repr=False)
+class CurvedTriangles(skfem.MeshTri2):
+    """Isoparametric triangles of any order scikit-fem has an element for; vertices ascend in every triangle."""
+
+    @property
+    def order(self) -> int:
+        """Polynomial order of the geometry."""
+        return int(self.elem.maxdeg)
+
+
+def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int, nodes: NDArray[np.float64]
+                ) -> CurvedTriangles:
+    """A scikit-fem mesh from element-wise node positions.
+
+    Parameters
+    ----------
+    vertices
+        Shape (2, n).
+    triangles
+        Vertex numbers, ascending in each column, shape (3, elements).
+    nodes
+        Positions of scikit-fem's local degrees of freedom of every element, shape (2, local, elements).
+    """
+    element = ELEMENTS[order]
+    dofs = Dofs(skfem.MeshTri1(vertices, triangles, validate=False), element()).element_dofs
+    doflocs = np.empty((2, int(dofs.max()) + 1))
+    doflocs[:, dofs] = nodes
+    return CurvedTriangles(doflocs, triangles, elem=element, validate=False)
+
+
+def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
+    """The scikit-fem mesh of a meshio mesh with cell sets: lines become boundaries, triangles subdomains."""
+    kind = next(cell.type for cell in source.cells if cell.type in _CELLS)
+    order = _CELLS[kind]
+    cells = source.cells_dict[kind]
+    used, corners = np.unique(cells[:, :3], return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    rank = np.argsort(corners, axis=1)
+    triangles = np.take_along_axis(corners, rank, axis=1).T
+    local = _local_numbers(order)[tuple(rank.T)]
+    nodes = np.take_along_axis(cells, local, axis=1)
+    mesh = curved_mesh(source.points[used, :2].T, triangles, order, source.points[nodes, :2].transpose(2, 1, 0))
+    new = np.full(len(source.points), -1)
+    new[used] = np.arange(len(used))
+    boundaries, subdomains = {}, {}
+    for name, sets in source.cell_sets_dict.items():
+        for cell_type, members in sets.items():
+            if cell_type == kind:
+                subdomains[name] = members
+            elif len(members):
+                boundaries[name] = facets_of(mesh, new[source.cells_dict[cell_type][members, :2]])
+    subdomains = {name: members for name, members in subdomains.items() if len(members)}
+    return mesh.with_boundaries(boundaries).with_subdomains(subdomains)
+
+
+def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
+    """Numbers of the facets with the given end vertices, shape (edges, 2)."""
+    key = mesh.facets[0].astype(np.int64) * mesh.nvertices + mesh.facets[1]
+    order = np.argsort(key)
+    low, high = np.sort(edges, axis=1).T
+    return order[np.searchsorted(key, low * mesh.nvertices + high, sorter=order)]
+
+
+@dataclass(frozen=True)
+class Unfolding:
+    """A mirrored mesh: ``mesh``, and for each of its nodes the ``origin`` node and the ``signs`` of x and y."""
+
+    mesh: CurvedTriangles
+    origin: Ints
+    signs: NDArray[np.float64]
+
+
+def unfold(mesh: CurvedTriangles, planes: frozenset[str]) -> Unfolding:
+    """Mirror a part that was meshed for symmetry into the whole film.
+
+    ``signs`` has shape (2, nodes): a nodal vector field of the whole is that of the part at ``origin``, its x and
+    y components times ``signs``.
+    """
+    result = Unfolding(mesh, np.arange(mesh.doflocs.shape[1]), np.ones((2, mesh.doflocs.shape[1])))
+    for plane in sorted(planes):
+        result = _mirror(result, "xy".index(plane))
+    return result
+
+
+def _mirror(part: Unfolding, axis: int) -> Unfolding:
+    mesh = part.mesh
+    count = mesh.nvertices
+    corner_points = mesh.doflocs[:, :count]
+    on_plane = np.abs(corner_points[axis]) < 1e-12 * np.abs(corner_points).max()
+    image = np.where(on_plane, np.arange(count), -1)
+    image[~on_plane] = count + np.arange(np.count_nonzero(~on_plane))
+    flip = np.ones((2, 1))
+    flip[axis] = -1
+    vertices = np.hstack([corner_points, (flip * corner_points)[:, ~on_plane]])
+    # The new vertices ascend with the old ones only away from the plane, so the image triangles are sorted anew.
+    corners = image[mesh.t]
+    rank = np.argsort(corners, axis=0)
+    local = _skfem_local(mesh.order)[tuple(rank)]
+    old = mesh.dofs.element_dofs
+    image_old = np.take_along_axis(old, local.T, axis=0)
+    triangles = np.hstack([mesh.t, np.take_along_axis(corners, rank, axis=0)])
+    nodes = np.concatenate([mesh.doflocs[:, old], flip[:, :, None] * mesh.doflocs[:, image_old]], axis=2)
+    whole = curved_mesh(vertices, triangles, mesh.order, nodes)
+    dofs = whole.dofs.element_dofs
+    origin = np.empty(whole.doflocs.shape[1], dtype=np.int64)
+    signs = np.empty((2, whole.doflocs.shape[1]))
+    half = mesh.t.shape[1]
+    origin[dofs[:, half:]] = part.origin[image_old]
+    signs[:, dofs[:, half:]] = (flip * part.signs)[:, image_old]
+    origin[dofs[:, :half]] = part.origin[old]
+    signs[:, dofs[:, :half]] = part.signs[:, old]
+    subdomains = {name: np.concatenate([cells, cells + half]) for name, cells in (mesh.subdomains or {}).items()}
+    boundaries = {}
+    for name, facets in (mesh.boundaries or {}).items():
+        ends = mesh.facets[:, facets]
+        boundaries[name] = np.unique(facets_of(whole, np.hstack([ends, image[ends]]).T))
+    return Unfolding(whole.with_boundaries(boundaries).with_subdomains(subdomains), origin, signs)
+
+
+def _barycentric(order: int) -> Ints:
+    """Integer barycentric coordinates of scikit-fem's local degrees of freedom, shape (local, 3)."""
+    xy = np.rint(ELEMENTS[order].doflocs * order).astype(np.int64)
+    return np.column_stack([order - xy.sum(axis=1), xy])
+
+
+def _gmsh_barycentric(order: int) -> Ints:
+    """The same in gmsh's order: vertices, edges 01, 12, 20 in their direction, then the inner triangle."""
+    if order == 0:
+        return np.zeros((1, 3), dtype=np.int64)
+    corners = order * np.eye(3, dtype=np.int64)
+    edges = [corners[i] + step * (corners[j] - corners[i]) // order
+             for i, j in ((0, 1), (1, 2), (2, 0)) for step in range(1, order)]
+    inner = _gmsh_barycentric(order - 3) + 1 if order >= 3 else np.empty((0, 3), dtype=np.int64)
+    return np.vstack([corners, *edges, inner])
+
+
+def _permuted(source: Ints, target: Ints) -> Ints:
+    """table[rank] for the six vertex orders: positions in ``source`` of the ``target`` points."""
+    key = {tuple(point): number for number, point in enumerate(source)}
+    table = np.zeros((3, 3, 3, len(target)), dtype=np.int64)
+    for a, b, c in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
+        for number, point in enumerate(target):
+            moved = [0, 0, 0]
+            moved[a], moved[b], moved[c] = point
+            table[a, b, c, number] = key[tuple(moved)]
+    return table
+
+
+def _local_numbers(order: int) -> Ints:
+    return _permuted(_gmsh_barycentric(order), _barycentric(order))
+
+
+def _skfem_local(order: int) -> Ints:
+    return _permuted(_barycentric(order), _barycentric(order))

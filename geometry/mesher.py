@@ -1,0 +1,193 @@
+"""The only module that touches gmsh: a specimen's film as a tagged, curved, graded triangle mesh.
+
+gmsh keeps one global state per process, and its options survive ``clear()``; so every mesh gets its own
+``initialize``/``finalize``.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from geometry import cad
+from geometry.errors import InputError
+from geometry.outlines import METRE
+from geometry.specimen import Specimen
+
+_CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"), 4: ("line5", "triangle15")}
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """How finely the film is meshed.
+
+    ``order`` of the curved elements, ``around_plate`` elements around the whole plate; away from the plate the
+    element size grows by ``growth`` metres per metre and never exceeds ``across`` of the local gap between
+    plate and frame, nor what puts ``around_plate`` elements around a circle of the edge's own curvature.
+    """
+
+    order: int = 4
+    around_plate: int = 12
+    growth: float = 0.6
+    across: float = 0.7
+
+    def __post_init__(self) -> None:
+        """Refuse settings no mesh can have."""
+        if self.order not in _CELL:
+            raise InputError(f"must be one of {', '.join(map(str, _CELL))}", key="order", given=self.order)
+        if self.around_plate < 4 or not 0 < self.growth <= 2 or not 0 < self.across <= 2:
+            raise InputError("must be: around_plate ≥ 4, growth and across in (0, 2]", given=str(self))
+
+    def refined(self, factor: float) -> MeshSettings:
+        """Elements smaller by ``factor`` everywhere.
+
+        Examples
+        --------
+        >>> MeshSettings(around_plate=16, growth=0.4).refined(2)
+        MeshSettings(order=4, around_plate=32, growth=0.2, across=0.25)
+        """
+        return MeshSettings(
+            self.order, round(self.around_plate * factor), self.growth / factor, self.across / factor)
+
+
+def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
+    """Mesh the flat mounted film.
+
+    Parameters
+    ----------
+    planes
+        Coordinates about whose zero the result will be mirrored; only the positive part is meshed.
+
+    Returns
+    -------
+    meshio.Mesh
+        Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``, ``plate``,
+        ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and ``bare``.
+    """
+    with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", settings.around_plate)
+        step = Path(folder) / "film.step"
+        cad.write_step(cad.membrane_faces(specimen, planes), step)
+        gmsh.model.occ.importShapes(str(step))
+        surfaces = gmsh.model.occ.getEntities(2)
+        if len(surfaces) > 1:
+            gmsh.model.occ.fragment(surfaces[:1], surfaces[1:])
+        gmsh.model.occ.synchronize()
+        groups = _curve_groups(gmsh, specimen) | _surface_groups(gmsh, specimen)
+        _size_field(gmsh, specimen, settings, groups)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(settings.order)
+        return _to_meshio(gmsh, groups, settings.order)
+
+
+@contextmanager
+def _session() -> Iterator[Any]:
+    import gmsh
+
+    if gmsh.isInitialized():
+        raise RuntimeError("gmsh is already in use in this process; finalize it before meshing with tympan")
+    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        gmsh.model.add("film")
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
+    """Curves by where they lie: on the frame, on the plate, on an axis through the plate's centre."""
+    groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [], "axis_y": []}
+    tolerance = 1e-6 * max(specimen.frame.semi_axes)
+    for dim, tag in gmsh.model.getEntities(1):
+        start, end = gmsh.model.getParametrizationBounds(dim, tag)
+        xyz = np.array(gmsh.model.getValue(dim, tag, np.linspace(start[0], end[0], 7)))
+        x, y = xyz.reshape(-1, 3)[:, :2].T / METRE
+        places = {
+            "frame": specimen.frame.level(x, y),
+            "plate": specimen.plate.level(x, y),
+            "axis_x": y - specimen.plate.offset[1],
+            "axis_y": x - specimen.plate.offset[0],
+        }
+        for name, distance in places.items():
+            if np.all(np.abs(distance) < tolerance):
+                groups[name].append((dim, tag))
+                break
+    return groups
+
+
+def _surface_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
+    """Surfaces under the electrode and outside it, by their bounding curves' distance from frame and plate."""
+    groups: dict[str, list[tuple[int, int]]] = {"covered": [], "bare": []}
+    electrode = specimen.electrode
+    tolerance = 1e-6 * max(specimen.frame.semi_axes)
+    for dim, tag in gmsh.model.getEntities(2):
+        bare = False
+        for _, curve in gmsh.model.getBoundary([(dim, tag)], oriented=False):
+            start, end = gmsh.model.getParametrizationBounds(1, curve)
+            middle = np.array(gmsh.model.getValue(1, curve, [(start[0] + end[0]) / 2])) / METRE
+            on_frame = abs(float(specimen.frame.level(middle[0], middle[1]))) < tolerance
+            on_plate = abs(float(specimen.plate.level(middle[0], middle[1]))) < tolerance
+            bare |= (on_frame and electrode.margin_frame > 0) or (on_plate and electrode.margin_plate > 0)
+        groups["bare" if bare else "covered"].append((dim, tag))
+    return groups
+
+
+def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
+                groups: dict[str, list[tuple[int, int]]]) -> None:
+    """h = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
+
+    In a band outside the electrode also h ≤ 3 widths, lest a curved edge reach across the band.
+    """
+    edge = specimen.plate.outline.points(720)
+    perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
+    field = gmsh.model.mesh.field
+    for number, name in ((1, "plate"), (2, "frame")):
+        field.add("Distance", number)
+        field.setNumbers(number, "CurvesList", [tag for _, tag in groups[name]])
+        field.setNumber(number, "Sampling", 100)
+    field.add("MathEval", 3)
+    field.setString(3, "F", f"{perimeter / settings.around_plate!r} + {settings.growth!r}*F1")
+    field.add("MathEval", 4)
+    field.setString(4, "F", f"{settings.across!r}*(F1 + F2)")
+    fields = [3, 4]
+    margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate) if width > 0]
+    if margins:
+        field.add("Constant", 5)
+        field.setNumber(5, "VIn", 3 * min(margins) * METRE)
+        field.setNumbers(5, "SurfacesList", [tag for _, tag in groups["bare"]])
+        fields.append(5)
+    field.add("Min", 6)
+    field.setNumbers(6, "FieldsList", fields)
+    field.setAsBackgroundMesh(6)
+
+
+def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) -> meshio.Mesh:
+    """The tagged mesh in memory, points renumbered from zero, in metres."""
+    tags, xyz, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    line, triangle = _CELL[order]
+    cells: list[tuple[str, np.ndarray]] = []
+    names: list[str] = []
+    for name, entities in groups.items():
+        for dim, tag in entities:
+            _, _, nodes = gmsh.model.mesh.getElements(dim, tag)
+            kind, width = (line, order + 1) if dim == 1 else (triangle, (order + 1) * (order + 2) // 2)
+            cells.append((kind, number[nodes[0].astype(np.int64)].reshape(-1, width)))
+            names.append(name)
+    sets = {
+        name: [np.arange(len(data)) if owner == name else np.array([], dtype=np.int64)
+               for owner, (_, data) in zip(names, cells, strict=True)]
+        for name in groups
+    }
+    return meshio.Mesh(xyz.reshape(-1, 3)[:, :2] / METRE, cells, cell_sets=sets)

@@ -1,0 +1,137 @@
+"""Closed outlines of frames and plates: one class per shape, registered once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.tables import POSITIVE, Table
+
+if TYPE_CHECKING:
+    import cadquery as cq
+
+Array = NDArray[np.float64]
+METRE = 1e3  #: cadquery's model unit is the millimetre
+
+
+class Outline(Protocol):
+    """A closed curve around the origin, symmetric about both axes unless it says otherwise."""
+
+    shape: ClassVar[str]
+
+    @property
+    def semi_axes(self) -> tuple[float, float]:
+        """Half extent along x and along y [m]."""
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes (``"x"``, ``"y"``) whose coordinate may change sign without changing the curve."""
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Negative inside, zero on the curve, positive outside; near the curve, about the distance [m]."""
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m]."""
+
+    def wire(self, offset: tuple[float, float]) -> cq.Wire:
+        """The curve as a CAD wire in the plane z = 0 [mm], its centre at ``offset`` [m]."""
+
+
+REGISTRY: dict[str, Callable[[Table], Outline]] = {}
+Shape = TypeVar("Shape", bound="Circle | Ellipse")
+
+
+def register(cls: type[Shape]) -> type[Shape]:
+    """Make a shape known to specimen files under its ``shape`` name."""
+    REGISTRY[cls.shape] = cls.from_table
+    return cls
+
+
+def millimetres(*metres: float) -> tuple[float, ...]:
+    """Metres as CAD millimetres, rounded to the femtometre so that equal sizes in any unit give equal CAD."""
+    return tuple(round(metre * METRE, 12) for metre in metres)
+
+
+@register
+@dataclass(frozen=True)
+class Circle:
+    """A circle of given radius [m]."""
+
+    shape: ClassVar[str] = "circle"
+    radius: float
+
+    @classmethod
+    def from_table(cls, table: Table) -> Circle:
+        """Read ``radius``."""
+        return cls(table.quantity("radius", "length", rule=POSITIVE))
+
+    @property
+    def semi_axes(self) -> tuple[float, float]:
+        """Half extent along x and along y [m]."""
+        return self.radius, self.radius
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Both axes."""
+        return frozenset("xy")
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance to the circle [m]."""
+        return np.hypot(x, y) - self.radius
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m]."""
+        angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        return self.radius * np.array([np.cos(angle), np.sin(angle)])
+
+    def wire(self, offset: tuple[float, float]) -> cq.Wire:
+        """The circle as a CAD wire [mm]."""
+        import cadquery as cq
+
+        x, y, radius = millimetres(*offset, self.radius)
+        return cq.Wire.makeCircle(radius, cq.Vector(x, y, 0), cq.Vector(0, 0, 1))
+
+
+@register
+@dataclass(frozen=True)
+class Ellipse:
+    """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
+
+    shape: ClassVar[str] = "ellipse"
+    semi_axes: tuple[float, float]
+
+    @classmethod
+    def from_table(cls, table: Table) -> Ellipse:
+        """Read ``semi_axes``."""
+        x, y = table.quantities("semi_axes", "length", rule=POSITIVE, count=2)
+        return cls((x, y))
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Both axes."""
+        return frozenset("xy")
+
+    def level(self, x: Array, y: Array) -> Array:
+        """First-order distance (level function over its gradient) [m]."""
+        a, b = self.semi_axes
+        root = np.sqrt((x / a) ** 2 + (y / b) ** 2)
+        slope = np.sqrt((x / a**2) ** 2 + (y / b**2) ** 2) / np.maximum(root, 1e-300)
+        return (root - 1) / np.maximum(slope, 1 / max(a, b))
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m]."""
+        angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        a, b = self.semi_axes
+        return np.array([a * np.cos(angle), b * np.sin(angle)])
+
+    def wire(self, offset: tuple[float, float]) -> cq.Wire:
+        """The ellipse as a CAD wire [mm]."""
+        import cadquery as cq
+
+        x, y, a, b = millimetres(*offset, *self.semi_axes)
+        along = cq.Vector(1, 0, 0) if a >= b else cq.Vector(0, 1, 0)
+        return cq.Wire.makeEllipse(max(a, b), min(a, b), cq.Vector(x, y, 0), cq.Vector(0, 0, 1), along)

@@ -1,0 +1,161 @@
+"""One actuator: frame, plate, film, electrode; as dataclasses and as TOML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from geometry.outlines import REGISTRY as SHAPES
+from geometry.outlines import Outline
+from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+
+Stretch = NDArray[np.float64] | NDArray[np.complex128]
+
+
+class Material(Protocol):
+    """What a film can be made of: a strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂)."""
+
+    def derivatives(self, l1: Stretch, l2: Stretch) -> tuple[Stretch, ...]:
+        """W [J/m³] and W₁, W₂, W₁₁, W₁₂, W₂₂ at the principal stretches, each of their shape."""
+
+
+@dataclass(frozen=True)
+class Plate:
+    """The rigid plate; its edge clamps the film. ``offset`` of its centre from the frame's [m]."""
+
+    outline: Outline
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Negative inside the plate, zero at its edge [m]."""
+        return self.outline.level(x - self.offset[0], y - self.offset[1])
+
+
+@dataclass(frozen=True)
+class Film:
+    """The elastomer film before it is mounted, and how it is mounted.
+
+    ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it to the flat
+    mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂, J_p its mounted value.
+    """
+
+    thickness: float
+    prestretch: tuple[float, float]
+    material: Material
+    relative_permittivity: float
+    permittivity_exponent: float = 0.0
+
+    @property
+    def area_prestretch(self) -> float:
+        """J_p, mounted over virgin area."""
+        return self.prestretch[0] * self.prestretch[1]
+
+
+@dataclass(frozen=True)
+class Electrode:
+    """Uncovered bands along frame and plate [m] and a neo-Hookean stiffness per virgin volume [Pa]."""
+
+    margin_frame: float = 0.0
+    margin_plate: float = 0.0
+    stiffness: float = 0.0
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """One actuator, all sizes in SI."""
+
+    name: str
+    frame: Outline
+    plate: Plate
+    membrane: Film
+    electrode: Electrode = field(default_factory=Electrode)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be built."""
+        edge = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
+        gap = -float(np.max(self.frame.level(*edge)))
+        if gap <= 0:
+            raise InputError(
+                "the plate must lie inside the frame: it reaches "
+                f"{-gap * 1e3:.4g} mm beyond it", key="plate", given=f"offset {self.plate.offset} m")
+        bands = self.electrode.margin_frame + self.electrode.margin_plate
+        if bands >= gap:
+            raise InputError(f"the margins must leave an electrode: their sum must stay below the gap of "
+                             f"{gap * 1e3:.4g} mm between plate and frame",
+                             key="electrode", given=f"{bands * 1e3:.4g} mm")
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes whose coordinate may change sign without changing the specimen."""
+        centred = {axis for axis, offset in zip("xy", self.plate.offset, strict=True) if offset == 0}
+        return self.frame.mirror_planes & self.plate.outline.mirror_planes & centred
+
+    def with_material(self, material: Material) -> Specimen:
+        """A copy whose film is made of another material."""
+        return replace(self, membrane=replace(self.membrane, material=material))
+
+
+_STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
+_PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
+
+
+def specimen_from_table(table: Table, read_material: Callable[[Table, str], Material]) -> Specimen:
+    """A specimen from the keys of design §4.
+
+    Parameters
+    ----------
+    read_material
+        Turns the key ``material`` of the given table into a material; the caller knows the laws.
+    """
+    name = table.text("name")
+    frame = _outline(table.table("frame"))
+    plate_table = table.table("plate")
+    offset = plate_table.quantities("offset", "length", ("0 mm", "0 mm"), FINITE, 2)
+    plate = Plate(_outline(plate_table), (offset[0], offset[1]))
+    film = _film(table.table("membrane"), read_material)
+    electrode = _electrode(table.table("electrode", {}))
+    table.done()
+    try:
+        return Specimen(name, frame, plate, film, electrode)
+    except InputError as error:
+        raise error.located(file=table.file) from None
+
+
+def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material]) -> Specimen:
+    """The specimen of a TOML file."""
+    return specimen_from_table(Table.read(file), read_material)
+
+
+def _outline(table: Table) -> Outline:
+    outline = table.choice("shape", SHAPES)(table)
+    table.done()
+    return outline
+
+
+def _film(table: Table, read_material: Callable[[Table, str], Material]) -> Film:
+    stretch = table.numbers("prestretch", rule=_STRETCH, count=2)
+    film = Film(
+        thickness=table.quantity("thickness", "length", rule=POSITIVE),
+        prestretch=(stretch[0], stretch[1]),
+        material=read_material(table, "material"),
+        relative_permittivity=table.number("relative_permittivity", rule=_PERMITTIVITY),
+        permittivity_exponent=table.number("permittivity_exponent", 0.0, FINITE),
+    )
+    table.done()
+    return film
+
+
+def _electrode(table: Table) -> Electrode:
+    electrode = Electrode(
+        margin_frame=table.quantity("margin_frame", "length", "0 mm", NON_NEGATIVE),
+        margin_plate=table.quantity("margin_plate", "length", "0 mm", NON_NEGATIVE),
+        stiffness=table.quantity("stiffness", "stress", "0 kPa", NON_NEGATIVE),
+    )
+    table.done()
+    return electrode

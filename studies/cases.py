@@ -1,0 +1,148 @@
+"""One specimen at one load and one voltage: from CAD to numbers."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fem.fields import Fields, capacitance, cell_fields
+from fem.laws import STRETCH_RANGE
+from fem.model import Model
+from fem.paths import Outcome, PathSettings, Status, equilibrium
+from fem.rig import Rig, checked_load
+from geometry.mesh import ELEMENTS, from_meshio
+from geometry.mesher import MeshSettings, mesh_film
+from geometry.specimen import Specimen
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How cases are computed: mesh, path, and whether mirror symmetry may be used."""
+
+    mesh: MeshSettings = field(default_factory=MeshSettings)
+    path: PathSettings = field(default_factory=PathSettings)
+    symmetry: bool = True
+
+
+@dataclass(frozen=True)
+class Case:
+    """A specimen on a rig under a nominal mass [kg] and voltage [V]."""
+
+    specimen: Specimen
+    mass: float
+    voltage: float
+    rig: Rig = field(default_factory=Rig)
+
+    def __post_init__(self) -> None:
+        """Refuse negative loads."""
+        checked_load(self.mass, self.voltage)
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
+
+    ``reading_m`` is what the rig's sensor shows of the deflection.
+    """
+
+    specimen: str
+    mass_kg: float
+    voltage_V: float
+    status: Status
+    deflection_m: float | None
+    reading_m: float | None
+    reaction_N: float | None
+    capacitance_F: float | None
+    max_stretch: float | None
+    max_true_stress_Pa: float | None
+    max_field_V_per_m: float | None
+    tilt_rad: float | None
+    energy_J: float | None
+    dofs: int
+    wall_s: float
+    warnings: tuple[str, ...]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {**asdict(self), "warnings": list(self.warnings)}
+
+
+@lru_cache(maxsize=32)
+def build_model(specimen: Specimen, settings: Settings) -> Model:
+    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
+    planes = specimen.mirror_planes if settings.symmetry else frozenset()
+    return Model(specimen, from_meshio(mesh_film(specimen, settings.mesh, planes)), planes)
+
+
+def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
+    """The model of a case and its equilibrium, or why there is none."""
+    model = build_model(case.specimen, settings)
+    rig = case.rig
+    outcome = equilibrium(model, rig.force(case.mass), rig.film_voltage(case.voltage), rig.spring,
+                          settings=settings.path)
+    return model, outcome
+
+
+def solve(case: Case, settings: Settings) -> CaseResult:
+    """Solve one case."""
+    began = time.perf_counter()
+    model, outcome = find(case, settings)
+    return summarise(case, model, outcome, time.perf_counter() - began)
+
+
+def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseResult:
+    """The numbers of a case that was solved."""
+    state = outcome.state
+    common = {"specimen": case.specimen.name, "mass_kg": case.mass, "voltage_V": case.voltage,
+              "status": outcome.status, "dofs": model.unknowns}
+    if outcome.status != "equilibrium":
+        numbers = dict.fromkeys(("deflection_m", "reading_m", "reaction_N", "capacitance_F", "max_stretch",
+                                 "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "energy_J"))
+        return CaseResult(**common, **numbers, wall_s=wall, warnings=(_why(outcome),))  # type: ignore[arg-type]
+    forces = model.forces(state.positions, state.voltage_squared)
+    fields = node_fields(model, outcome)
+    return CaseResult(
+        **common,  # type: ignore[arg-type]
+        deflection_m=state.plate.heave,
+        reading_m=case.rig.reading(state.plate.heave),
+        reaction_N=float(forces[model.plate_nodes, 2].sum()) * model.mirrored,
+        capacitance_F=capacitance(model, state),
+        max_stretch=float(fields.stretch_1.max()),
+        max_true_stress_Pa=float(fields.stress_1.max()),
+        max_field_V_per_m=float(fields.electric_field.max()),
+        tilt_rad=state.plate.tilt,
+        energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
+        wall_s=wall,
+        warnings=tuple(field_warnings(fields)),
+    )
+
+
+def node_fields(model: Model, outcome: Outcome) -> Fields:
+    """Fields at the nodes of every element of the model's mesh."""
+    return cell_fields(model, outcome.state, ELEMENTS[model.mesh.order].doflocs.T)
+
+
+def field_warnings(fields: Fields) -> list[str]:
+    """What a reader of these fields must know before trusting them."""
+    warnings = []
+    slack = fields.stress_2 <= 0
+    if slack.any():
+        x, y, _ = fields.position[np.argmin(fields.stress_2)] * 1e3
+        warnings.append(f"the film loses tension and will wrinkle: smallest principal stress "
+                        f"{fields.stress_2.min() / 1e3:.3g} kPa at x {x:.1f} mm, y {y:.1f} mm")
+    if fields.stretch_1.max() > STRETCH_RANGE[1]:
+        warnings.append(f"the largest stretch {fields.stretch_1.max():.2f} is beyond {STRETCH_RANGE[1]}, "
+                        "the range materials are checked for")
+    return warnings
+
+
+def _why(outcome: Outcome) -> str:
+    if outcome.limit is None:
+        return outcome.advice
+    if outcome.advice.endswith("voltage is reached"):
+        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it"
+    return f"the film pulls in at {outcome.limit:.4g} N on the plate"
