@@ -119,7 +119,8 @@ def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any
     stress = np.stack([g1 + g2 + over * half, g1 + g2 - over * half, over * shear], axis=-1) * scale
     if not tangent:
         return Density(w, stress, None)
-    n1, n2 = half / np.where(equal, 1.0, radius), shear / np.where(equal, 1.0, radius)
+    safe = np.where(radius == 0, 1.0, radius)
+    n1, n2 = half / safe, shear / safe
     mm, mb, bb = g11 + 2 * g12 + g22, g11 - g22, bend - over
     md, ms = mb * n1, mb * n2
     dd, ss, ds = over + bb * n1 * n1, over + bb * n2 * n2, bb * n1 * n2

@@ -119,7 +119,7 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
                             quadrature=(points, np.ones(points.shape[1])))
     nodes = model.connectivity[cells]
-    shapes = np.stack([np.broadcast_to(shape[0].value, basis.dx.shape) for shape in basis.basis])
+    shapes = np.stack([np.broadcast_to(np.asarray(shape[0]), basis.dx.shape) for shape in basis.basis])
     slopes = np.stack([shape[0].grad for shape in basis.basis])
     reference = np.einsum("lep,elc->epc", shapes, model.reference[nodes]).reshape(-1, 3)
     current = np.einsum("lep,elc->epc", shapes, state.positions[nodes]).reshape(-1, 3)

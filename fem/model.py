@@ -182,15 +182,15 @@ class Model:
         left = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
         return np.matmul(left, piola.transpose(0, 1, 3, 2).reshape(elements, points * 2, 3))
 
-    def _element_tangents(self, f: Array, stress: Array, tangent: Array) -> Array:
+    def _element_tangents(self, f: Array, stress: Array, tangent: Any) -> Array:
         """Shape (elements, 3 local, 3 local), node-major."""
         g = self.gradients
         elements, points, local, _ = g.shape
-        strain = np.empty((elements, points, 3, local, 3))
-        strain[:, :, 0] = g[..., 0, None] * f[:, :, None, :, 0]
-        strain[:, :, 1] = g[..., 1, None] * f[:, :, None, :, 1]
-        strain[:, :, 2] = g[..., 0, None] * f[:, :, None, :, 1] + g[..., 1, None] * f[:, :, None, :, 0]
-        strain = strain.reshape(elements, points, 3, 3 * local)
+        by_node = np.empty((elements, points, 3, local, 3))
+        by_node[:, :, 0] = g[..., 0, None] * f[:, :, None, :, 0]
+        by_node[:, :, 1] = g[..., 1, None] * f[:, :, None, :, 1]
+        by_node[:, :, 2] = g[..., 0, None] * f[:, :, None, :, 1] + g[..., 1, None] * f[:, :, None, :, 0]
+        strain = by_node.reshape(elements, points, 3, 3 * local)
         right = np.matmul(tangent * self.volumes[..., None, None], strain).reshape(elements, points * 3, 3 * local)
         result = np.matmul(strain.reshape(elements, points * 3, 3 * local).transpose(0, 2, 1), right)
         weighted = stress * self.volumes[..., None]
@@ -274,7 +274,7 @@ class _Pattern:
         start = np.searchsorted(column, np.arange(nodes + 1))
         degree = np.diff(start)
         axis = np.arange(3)
-        # Position in the full matrix, column by column, rows ascending: block column, its component, block row, component.
+        # Position in the full matrix, column by column with rows ascending.
         base = 9 * start[column] + 3 * (np.arange(len(unique)) - start[column])
         position = base[:, None, None] + 3 * degree[column][:, None, None] * axis + axis[:, None]
         keep = free[row][:, :, None] & free[column][:, None, :]

@@ -96,8 +96,8 @@ class Tangent:
     @property
     def negative(self) -> int:
         """Number of negative eigenvalues of the tangent, by Sylvester's law from the factors' pivots."""
-        pivots = self._lu.U.diagonal()
-        return int(np.count_nonzero(pivots < 0)) + int(np.count_nonzero(np.linalg.eigvalsh(_symmetric(self._schur)) < 0))
+        of_plate = np.linalg.eigvalsh((self._schur + self._schur.T) / 2)
+        return int(np.count_nonzero(self._lu.U.diagonal() < 0) + np.count_nonzero(of_plate < 0))
 
     def parameter(self, state: State, name: Unknown) -> tuple[Array, Array]:
         """Derivative of the residual (free components, plate) by the force or by U²."""
@@ -211,10 +211,6 @@ def _heave_predictor(model: Model, state: State, tangent: Tangent, heave: float)
 def _factorise(matrix: csc_matrix):  # type: ignore[no-untyped-def]
     """LDLᵀ in all but name: symmetric ordering, no pivoting off the diagonal."""
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def _symmetric(matrix: Array) -> Array:
-    return (matrix + matrix.T) / 2
 
 
 def _consistent(model: Model, state: State) -> State:

@@ -1,1 +1,1 @@
-"""."""
+"""Specimens: outlines, plate, film, their files, CAD and meshes."""

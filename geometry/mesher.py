@@ -17,8 +17,8 @@ import meshio
 import numpy as np
 
 from geometry import cad
-from geometry.errors import InputError
-from geometry.outlines import METRE
+from geometry.cad import METRE
+from geometry.errors import InputError, missing_library
 from geometry.specimen import Specimen
 
 _CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"), 4: ("line5", "triangle15")}
@@ -89,8 +89,10 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
 
 @contextmanager
 def _session() -> Iterator[Any]:
-    import gmsh
-
+    try:
+        import gmsh
+    except OSError as error:
+        raise missing_library(error) from None
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing with tympan")
     gmsh.initialize(interruptible=False, readConfigFiles=False)
@@ -144,7 +146,7 @@ def _surface_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, 
 
 def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
-    """h = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
+    """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
 
     In a band outside the electrode also h ≤ 3 widths, lest a curved edge reach across the band.
     """

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.tables import POSITIVE, Table
 
-if TYPE_CHECKING:
-    import cadquery as cq
-
 Array = NDArray[np.float64]
-METRE = 1e3  #: cadquery's model unit is the millimetre
+
+
+@dataclass(frozen=True)
+class FullEllipse:
+    """A drawing primitive: a whole ellipse around the origin with semi-axes along x and y [m]."""
+
+    semi_axes: tuple[float, float]
 
 
 class Outline(Protocol):
@@ -37,8 +40,8 @@ class Outline(Protocol):
     def points(self, count: int) -> Array:
         """Points on the curve, shape (2, count) [m]."""
 
-    def wire(self, offset: tuple[float, float]) -> cq.Wire:
-        """The curve as a CAD wire in the plane z = 0 [mm], its centre at ``offset`` [m]."""
+    def primitives(self) -> tuple[FullEllipse, ...]:
+        """The curve as pieces that CAD can draw exactly, in order around it."""
 
 
 REGISTRY: dict[str, Callable[[Table], Outline]] = {}
@@ -49,11 +52,6 @@ def register(cls: type[Shape]) -> type[Shape]:
     """Make a shape known to specimen files under its ``shape`` name."""
     REGISTRY[cls.shape] = cls.from_table
     return cls
-
-
-def millimetres(*metres: float) -> tuple[float, ...]:
-    """Metres as CAD millimetres, rounded to the femtometre so that equal sizes in any unit give equal CAD."""
-    return tuple(round(metre * METRE, 12) for metre in metres)
 
 
 @register
@@ -88,12 +86,9 @@ class Circle:
         angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
         return self.radius * np.array([np.cos(angle), np.sin(angle)])
 
-    def wire(self, offset: tuple[float, float]) -> cq.Wire:
-        """The circle as a CAD wire [mm]."""
-        import cadquery as cq
-
-        x, y, radius = millimetres(*offset, self.radius)
-        return cq.Wire.makeCircle(radius, cq.Vector(x, y, 0), cq.Vector(0, 0, 1))
+    def primitives(self) -> tuple[FullEllipse, ...]:
+        """One circle."""
+        return (FullEllipse(self.semi_axes),)
 
 
 @register
@@ -128,10 +123,6 @@ class Ellipse:
         a, b = self.semi_axes
         return np.array([a * np.cos(angle), b * np.sin(angle)])
 
-    def wire(self, offset: tuple[float, float]) -> cq.Wire:
-        """The ellipse as a CAD wire [mm]."""
-        import cadquery as cq
-
-        x, y, a, b = millimetres(*offset, *self.semi_axes)
-        along = cq.Vector(1, 0, 0) if a >= b else cq.Vector(0, 1, 0)
-        return cq.Wire.makeEllipse(max(a, b), min(a, b), cq.Vector(x, y, 0), cq.Vector(0, 0, 1), along)
+    def primitives(self) -> tuple[FullEllipse, ...]:
+        """One ellipse."""
+        return (FullEllipse(self.semi_axes),)

@@ -1,1 +1,1 @@
-"""."""
+"""Cases, studies, and the weights α of the lumped model."""

@@ -23,7 +23,7 @@ class ConeCircle:
 
     @property
     def plate_radius(self) -> float:
-        """r [m], of the circle with the plate's semi-axes' product."""
+        """R [m], of the circle with the plate's semi-axes' product."""
         return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
 
     def force(self, deflection: float, voltage: float) -> float:

@@ -93,7 +93,8 @@ def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:
     >>> points.shape, triangles.shape
     ((2, 6), (4, 3))
     """
-    number, points = {}, []
+    number: dict[tuple[int, int], int] = {}
+    points: list[tuple[float, float]] = []
     for j in range(parts + 1):
         for i in range(parts + 1 - j):
             number[i, j] = len(points)

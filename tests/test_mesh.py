@@ -1,0 +1,100 @@
+"""Meshes: exact areas, tags by place, mirror images, and gmsh left as it was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gmsh
+import numpy as np
+import pytest
+import skfem
+from conftest import circular, elliptical, skewed
+
+from geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
+from geometry.mesher import MeshSettings, mesh_film
+from geometry.outlines import Circle
+from geometry.specimen import Electrode, Plate
+
+SPECIMENS = {
+    "circle": circular(),
+    "large ellipse": elliptical(75e-3),
+    "upright ellipse": replace(elliptical(30e-3)),
+    "off centre": replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (12e-3, 0.0))),
+    "skewed": skewed(),
+}
+
+
+def area(mesh: skfem.Mesh, cells: object = None) -> float:
+    basis = skfem.CellBasis(mesh, mesh.elem(), elements=cells, intorder=8)
+    return float(basis.dx.sum())
+
+
+@pytest.mark.parametrize("order", sorted(ELEMENTS))
+@pytest.mark.parametrize("name", SPECIMENS)
+def test_area_and_boundaries(name: str, order: int) -> None:
+    specimen = SPECIMENS[name]
+    planes = specimen.mirror_planes
+    part = from_meshio(mesh_film(specimen, MeshSettings(order), planes))
+    mesh = unfold(part, planes).mesh
+    exact = np.pi * (np.prod(specimen.frame.semi_axes) - 0.01**2)
+    tolerance = {1: 8e-2, 2: 1e-3, 3: 2e-4, 4: 2e-6}[order]
+    assert area(mesh) == pytest.approx(exact, rel=tolerance)
+    # One orientation inside every element: none folds over.
+    determinants = skfem.CellBasis(mesh, mesh.elem(), intorder=8).mapping.detDF(
+        skfem.CellBasis(mesh, mesh.elem(), intorder=8).X)
+    assert np.all(np.sign(determinants) == np.sign(determinants[:, :1]))
+    basis = skfem.CellBasis(mesh, mesh.elem(), intorder=2)
+    for boundary, level in (("frame", specimen.frame.level), ("plate", specimen.plate.level)):
+        x, y = basis.doflocs[:, basis.get_dofs(mesh.boundaries[boundary]).flatten()]
+        assert len(x) > 8
+        assert np.abs(level(x, y)).max() < 1e-8
+    outside = np.concatenate([mesh.boundaries["frame"], mesh.boundaries["plate"]])
+    assert np.array_equal(np.sort(outside), np.sort(mesh.boundary_facets()))
+    for axis, coordinate in (("axis_x", 1), ("axis_y", 0)):
+        nodes = basis.doflocs[:, basis.get_dofs(mesh.boundaries[axis]).flatten()]
+        assert np.abs(nodes[coordinate] - specimen.plate.offset[coordinate]).max() < 1e-9
+
+
+def test_electrode_margins_have_their_areas() -> None:
+    specimen = replace(circular(), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
+    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+    assert 4 * area(mesh, mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2), rel=1e-6)
+    assert 4 * area(mesh, mesh.subdomains["bare"]) == pytest.approx(
+        np.pi * (45e-3**2 - 42e-3**2 + 12e-3**2 - 10e-3**2), rel=1e-6)
+
+
+def test_mirrored_mesh_is_symmetric_and_knows_its_origin() -> None:
+    part = from_meshio(mesh_film(elliptical(60e-3), MeshSettings(), frozenset("xy")))
+    whole = unfold(part, frozenset("xy"))
+    assert whole.mesh.nelements == 4 * part.nelements
+    assert np.allclose(whole.mesh.doflocs, whole.signs * part.doflocs[:, whole.origin], atol=1e-15)
+    assert area(whole.mesh) == pytest.approx(4 * area(part), rel=1e-13)
+
+
+def test_half_meshes_for_plates_off_centre_along_one_axis() -> None:
+    specimen = SPECIMENS["off centre"]
+    assert specimen.mirror_planes == {"y"}
+    part = from_meshio(mesh_film(specimen, MeshSettings(), specimen.mirror_planes))
+    assert part.doflocs[1].min() > -1e-12
+
+
+def test_facets_are_found_by_their_ends() -> None:
+    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    numbers = np.array([5, 0, 17])
+    assert np.array_equal(facets_of(mesh, mesh.facets[::-1, numbers].T), numbers)
+
+
+def test_gmsh_is_finalised_and_its_options_do_not_leak() -> None:
+    first = mesh_film(circular(), MeshSettings(), frozenset("xy"))
+    assert not gmsh.isInitialized()
+    mesh_film(circular(), MeshSettings(order=2, around_plate=40), frozenset())
+    again = mesh_film(circular(), MeshSettings(), frozenset("xy"))
+    assert np.array_equal(first.points, again.points)
+
+
+def test_elements_shrink_towards_the_plate() -> None:
+    mesh = from_meshio(mesh_film(elliptical(75e-3), MeshSettings(), frozenset("xy")))
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    size = np.sqrt(skfem.CellBasis(mesh, mesh.elem(), intorder=4).dx.sum(axis=1))
+    near = np.hypot(*centres) < 0.016
+    assert size[near].mean() < 0.5 * size[~near].mean()

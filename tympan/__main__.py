@@ -1,0 +1,5 @@
+"""``python -m tympan``."""
+
+from tympan.cli import main
+
+raise SystemExit(main())

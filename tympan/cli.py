@@ -1,0 +1,240 @@
+"""The ``tympan`` command. Nothing heavy is imported before a command needs it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fem.rig import Rig
+
+_MESH = "elements around the plate; more are slower and more accurate (default: %(default)s)"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
+    options = _parser().parse_args(arguments)
+    from geometry.errors import InputError, MissingLibrary
+
+    try:
+        options.run(options)
+    except InputError as error:
+        print(f"tympan: {error}", file=sys.stderr)
+        return 2
+    except MissingLibrary as error:
+        print(f"tympan: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("tympan: interrupted", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="tympan", description="Shape studies of dielectric-elastomer membrane actuators.",
+        epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV".')
+    parser.add_argument("--version", action=_Version)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _study(commands)
+    _solve(commands)
+    _alpha(commands)
+    _report(commands)
+    _export(commands)
+    _materials(commands)
+    return parser
+
+
+class _Version(argparse.Action):
+    """``--version`` without asking the package metadata on every start."""
+
+    def __init__(self, option_strings: list[str], dest: str, **_: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="show the version and exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib.metadata import version
+
+        print(f"tympan {version('tympan')}")
+        parser.exit()
+
+
+def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], words: str
+             ) -> argparse.ArgumentParser:
+    described = words[0].upper() + words[1:] + "."
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=words, description=described)
+    parser.set_defaults(run=run)
+    return parser
+
+
+def _study(commands: Any) -> None:
+    parser = _command(commands, "study", _run_study,
+                      "solve specimens, draw their stress, derive α, write a report; by default of the paper's three")
+    parser.add_argument("file", nargs="?", type=Path, metavar="STUDY.toml", help="which specimens and loads")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out"), metavar="DIR", help="default: %(default)s")
+
+
+def _run_study(options: argparse.Namespace) -> None:
+    from studies import study as job
+    from tympan.progress import bar
+
+    study = job.read_study(options.file) if options.file else job.default_study()
+    with bar(job.steps(study) + 1) as progress:
+        job.run(study, options.output, progress)
+        progress("report")
+        from reports.html import build
+
+        report = build(options.output)
+    print(report)
+
+
+def _solve(commands: Any) -> None:
+    parser = _command(commands, "solve", _run_solve, "one specimen under one load and voltage")
+    _specimen(parser)
+    parser.add_argument("--mass", required=True, help='on the plate, such as "17.9 g"')
+    parser.add_argument("--voltage", default="0 kV", help='across the film, such as "3.5 kV" (default: %(default)s)')
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="also store the fields (VTU) and the numbers")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    _mesh(parser)
+
+
+def _run_solve(options: argparse.Namespace) -> None:
+    import time
+
+    from fem.fields import whole
+    from fem.library import load_specimen
+    from studies import cases, store
+
+    specimen = load_specimen(options.specimen)
+    case = cases.Case(specimen, _quantity(options.mass, "mass", "--mass"),
+                      _quantity(options.voltage, "voltage", "--voltage"), _rig(options.rig))
+    began = time.perf_counter()
+    model, outcome = cases.find(case, _settings(options))
+    result = cases.summarise(case, model, outcome, time.perf_counter() - began)
+    if options.output is not None:
+        if outcome.status == "equilibrium":
+            store.write_fields(options.output / f"{specimen.name}.vtu", *whole(model, outcome.state))
+        store.write_json(options.output / f"{specimen.name}.json", result.json())
+    _show(result.json(), options.json)
+
+
+def _alpha(commands: Any) -> None:
+    parser = _command(commands, "alpha", _run_alpha, "weights of the circular actuators that stand for a shape")
+    _specimen(parser)
+    parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
+    parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
+                        help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    _mesh(parser)
+
+
+def _run_alpha(options: argparse.Namespace) -> None:
+    from fem.library import load_specimen
+    from geometry.errors import InputError
+    from studies.alpha import alpha
+    from tympan.progress import bar
+
+    if options.circles != 2:
+        raise InputError("must be 2: mixtures of other numbers of circles are not available yet",
+                         key="--circles", given=options.circles)
+    specimen = load_specimen(options.specimen)
+    with bar(2) as progress:
+        result = alpha(specimen, _settings(options), rig=_rig(options.rig), progress=progress)
+    _show(result.json(options.basis), options.json)
+
+
+def _report(commands: Any) -> None:
+    parser = _command(commands, "report", _run_report, "rebuild a run's figures and report from what it stored")
+    parser.add_argument("folder", type=Path, metavar="DIR")
+
+
+def _run_report(options: argparse.Namespace) -> None:
+    from reports.html import build
+
+    print(build(options.folder))
+
+
+def _export(commands: Any) -> None:
+    parser = _command(commands, "export", _run_export, "frame, plate and film as STEP, their outlines as DXF, the mesh")
+    _specimen(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    _mesh(parser)
+
+
+def _run_export(options: argparse.Namespace) -> None:
+    from fem.library import load_specimen
+    from studies.export import export
+
+    for file in export(load_specimen(options.specimen), _settings(options).mesh, options.output):
+        print(file)
+
+
+def _materials(commands: Any) -> None:
+    parser = _command(commands, "materials", _run_materials, "list the material library with sources")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _run_materials(options: argparse.Namespace) -> None:
+    from dataclasses import asdict
+
+    from fem.library import MATERIALS
+
+    if options.json:
+        print(json.dumps({name: asdict(entry) for name, entry in MATERIALS.items()}, ensure_ascii=False))
+        return
+    for name, entry in MATERIALS.items():
+        print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")
+
+
+def _specimen(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("specimen", type=Path, metavar="SPECIMEN.toml")
+
+
+def _mesh(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--refine", type=float, default=1.0, metavar="X",
+                        help="divide every element size by X (default: %(default)s)")
+
+
+def _settings(options: argparse.Namespace) -> Any:
+    from geometry.errors import InputError
+    from geometry.mesher import MeshSettings
+    from studies.cases import Settings
+
+    if not 0.5 <= options.refine <= 20:
+        raise InputError("must be from 0.5 to 20", key="--refine", given=options.refine)
+    return Settings(mesh=MeshSettings().refined(options.refine))
+
+
+def _quantity(text: str, dimension: str, option: str) -> float:
+    from geometry.errors import InputError
+    from geometry.units import quantity
+
+    try:
+        return quantity(text, dimension)
+    except InputError as error:
+        raise error.located(key=option) from None
+
+
+def _rig(file: Path | None) -> Rig:
+    from fem.rig import Rig
+
+    return Rig() if file is None else Rig.read(file)
+
+
+def _show(result: dict[str, Any], as_json: bool) -> None:
+    """One JSON object, or one line per entry."""
+    if as_json:
+        print(json.dumps(result, ensure_ascii=False))
+        return
+    width = max(map(len, result))
+    for key, value in result.items():
+        for item in value if key == "warnings" else [value]:
+            print(f"{key:<{width}}  {item:.6g}" if isinstance(item, float) else f"{key:<{width}}  {item}")
