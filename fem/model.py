@@ -11,7 +11,7 @@ import skfem
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from fem.density import FilmDensity
+from fem.density import FilmDensity, maxwell, plane_stress
 from fem.plate import FREEDOMS, PlateMotion
 from geometry.mesh import CurvedTriangles
 from geometry.specimen import Specimen
@@ -150,10 +150,9 @@ class Model:
     def voltage_forces(self, positions: Array) -> Array:
         """Derivative of the forces by U² [N/V²], shape (nodes, 3); they are linear in it."""
         f = self.deformation(positions)
-        c = cauchy_green(f)
-        one = self.density(1.0)(c, tangent=False).stress
-        none = self.density(0.0)(c, tangent=False).stress
-        return self._scatter(self._element_forces(f, one - none))
+        unit = (maxwell(self.specimen, self.covered),)
+        stress = plane_stress(unit, cauchy_green(f), self.specimen.membrane.prestretch, tangent=False).stress
+        return self._scatter(self._element_forces(f, stress))
 
     def linearised(self, positions: Array, plate: PlateMotion, voltage_squared: float) -> Linearised:
         """Forces and tangent with the plate's freedoms as border."""

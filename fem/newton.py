@@ -65,8 +65,11 @@ class Solution:
 
     @property
     def stable(self) -> bool:
-        """Whether the potential has a minimum here under the given force and voltage."""
-        return self.tangent is not None and self.tangent.negative == 0
+        """Whether the plate returns when pushed, the film following, under the given force and voltage.
+
+        A film that has lost tension may still wrinkle by itself: see :attr:`Tangent.wrinkling`.
+        """
+        return self.tangent is not None and self.tangent.plate_stable
 
 
 class Tangent:
@@ -94,10 +97,19 @@ class Tangent:
             self._bordered[:, self._row] = plate - part.border.T @ response
 
     @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues of the tangent, by Sylvester's law from the factors' pivots."""
-        of_plate = np.linalg.eigvalsh((self._schur + self._schur.T) / 2)
-        return int(np.count_nonzero(self._lu.U.diagonal() < 0) + np.count_nonzero(of_plate < 0))
+    def plate_stable(self) -> bool:
+        """Whether the stiffness of the plate's freedoms, the film condensed out, is positive definite."""
+        return bool(np.linalg.eigvalsh((self._schur + self._schur.T) / 2)[0] > 0)
+
+    @property
+    def heave_stiffness(self) -> float:
+        """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
+        return float(self.model.mirrored / np.linalg.inv(self._schur)[self._row, self._row])
+
+    @property
+    def wrinkling(self) -> int:
+        """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
+        return int(np.count_nonzero(self._lu.U.diagonal() < 0))
 
     def parameter(self, state: State, name: Unknown) -> tuple[Array, Array]:
         """Derivative of the residual (free components, plate) by the force or by U²."""

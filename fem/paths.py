@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
 
 from fem.model import Model
 from fem.newton import NewtonSettings, Solution, State, Unknown, extrapolate, newton
@@ -25,7 +26,7 @@ class PathSettings:
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     first: float = 1.0
-    shortest: float = 0.02
+    shortest: float = 2e-4
     lift: float = 0.08
     reach: float = 1.5
 
@@ -117,19 +118,42 @@ def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | Non
 def ramp(model: Model, start: Solution, name: Unknown, target: float, spring: float, settings: PathSettings) -> Outcome:
     """Change the force [N] or U² [V²] to a target in steps as long as Newton converges to a stable state."""
     origin = start.state.force if name == "force" else start.state.voltage_squared
-    solution, done, step, advice = start, 0.0, settings.first, ""
+    solution, done, step = start, 0.0, settings.first
+    history = [_stiffness(start, name)]
     while done < 1 and target != origin:
         share = min(1.0, done + step)
         value = origin + share * (target - origin)
         trial = newton(model, _predicted(model, solution, name, value), "heave", spring, settings.newton)
         if trial.converged and trial.stable:
             solution, done, step = trial, share, 2 * step
-            continue
-        advice = trial.advice or "the state found is unstable"
-        step /= 2
-        if step < settings.shortest:
-            return _follow_heave(model, solution, name, target, spring, settings, advice)
+            history.append(_stiffness(trial, name))
+        elif (step := step / 2) < settings.shortest:
+            stalled = _stalled(Outcome("not_converged", solution, trial.advice), history, name, target)
+            if stalled.status == "no_equilibrium":
+                return stalled
+            return _follow_heave(model, solution, name, target, spring, settings)
     return Outcome("equilibrium", solution)
+
+
+def _stiffness(solution: Solution, name: Unknown) -> tuple[float, float]:
+    assert solution.tangent is not None
+    return _value(solution.state, name), solution.tangent.heave_stiffness
+
+
+def _stalled(outcome: Outcome, history: list[tuple[float, float]], name: Unknown, target: float) -> Outcome:
+    """Tell pull-in from mere failure at the end of a ramp whose steps have become tiny.
+
+    Near a limit point the square of the heave's stiffness falls linearly to zero with the force or U². If it has
+    fallen to less than half and vanishes before the target, the film pulls in where it vanishes. This needs no state
+    beyond the limit, where a film that has lost tension may have none that can be computed.
+    """
+    if len(history) < 2 or not history[-1][1] < 0.5 * history[0][1]:
+        return outcome
+    (v0, k0), (v1, k1) = history[-2:]
+    limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2) if k0 > k1 else np.inf
+    if limit >= target:
+        return outcome
+    return Outcome("no_equilibrium", outcome.solution, f"the film pulls in before the {_WORD[name]} is reached", limit)
 
 
 def _predicted(model: Model, solution: Solution, name: Unknown, value: float) -> State:
@@ -139,12 +163,12 @@ def _predicted(model: Model, solution: Solution, name: Unknown, value: float) ->
 
 
 def _follow_heave(model: Model, start: Solution, name: Unknown, target: float, spring: float,
-                  settings: PathSettings, advice: str) -> Outcome:
+                  settings: PathSettings) -> Outcome:
     """Raise the heave and solve for the force or U², which passes limit points without trouble.
 
     Ends where the target is reached, where the path turns back (pull-in), or where nothing converges any more.
     """
-    state = start.state
+    state, advice = start.state, "the path could not be followed"
     history = [(state.plate.heave, _value(state, name))]
     last = newton(model, state, name, spring, settings.newton)
     stable = start
@@ -158,10 +182,7 @@ def _follow_heave(model: Model, start: Solution, name: Unknown, target: float, s
             continue
         value = _value(trial.state, name)
         if value >= target:
-            share = (target - history[-1][1]) / (value - history[-1][1])
-            guess = extrapolate(model, last, heave=last.state.plate.heave + share * lift)
-            found = newton(model, _set(guess, name, target), "heave", spring, settings.newton)
-            return Outcome("equilibrium" if found.converged else "not_converged", found, found.advice)
+            return _between(model, last, trial, name, target, spring, settings)
         if value < history[-1][1]:
             if lift > settings.lift * 0.1 * trial.state.plate.heave:
                 lift /= 2
@@ -172,7 +193,27 @@ def _follow_heave(model: Model, start: Solution, name: Unknown, target: float, s
         last = trial
         if trial.stable:
             stable = trial
-    return Outcome("not_converged", stable, advice or "the path could not be followed")
+    return Outcome("not_converged", stable, advice)
+
+
+def _between(model: Model, below: Solution, above: Solution, name: Unknown, target: float, spring: float,
+             settings: PathSettings) -> Outcome:
+    """The equilibrium at a force or U² that two solutions bracket.
+
+    The heave is sought first, with the force or U² free: near a limit point that is well conditioned and this is not.
+    """
+
+    def miss(heave: float) -> float:
+        nearest = newton(model, extrapolate(model, below, heave=heave), name, spring, settings.newton)
+        return _value(nearest.state, name) / target - 1
+
+    ends = below.state.plate.heave, above.state.plate.heave
+    heave = float(brentq(miss, *ends, xtol=1e-9 * model.size, rtol=1e-12, maxiter=50))
+    near = newton(model, extrapolate(model, below, heave=heave), name, spring, settings.newton)
+    found = newton(model, _set(near.state, name, target), "heave", spring, settings.newton)
+    if found.converged and found.stable:
+        return Outcome("equilibrium", found)
+    return Outcome("not_converged", below, found.advice or "the state found is unstable")
 
 
 _WORD = {"force": "load", "voltage": "voltage"}

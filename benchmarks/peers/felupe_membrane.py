@@ -39,7 +39,7 @@ class PrestretchedMembrane:
         return [self.linear * f - self.squeeze / det * dual, statevars]
 
     def hessian(self, x: list[Array]) -> list[Array]:
-        """Derivative of the stress; with G = F C^-1: d(G/det C) = (dF C^-1 - G dF^T G - ... ) / det C."""
+        """Derivative of the stress with respect to F, by G = F C^-1 and the projector on the normal I - G F^T."""
         f = x[0]
         inverse, det = self._metric(f)
         dual = np.einsum("iJ...,JK...->iK...", f, inverse)
@@ -65,9 +65,7 @@ def solve(annulus: Annulus) -> Solution:
     mesh = fem.Mesh(annulus.points, annulus.cells, "quad9")
     region = fem.RegionBiQuadraticQuad(mesh)
     field = fem.FieldContainer([fem.Field(region, dim=3)])
-    membrane = fem.SolidBody(
-        PrestretchedMembrane(PROBLEM.mu, PROBLEM.mounted_thickness, PROBLEM.prestretch), field
-    )
+    membrane = fem.SolidBody(PrestretchedMembrane(PROBLEM.mu, PROBLEM.mounted_thickness, PROBLEM.prestretch), field)
     values = np.zeros((mesh.npoints, 3))
     values[annulus.inner, 2] = PROBLEM.travel
     fixed = np.zeros((mesh.npoints, 3), dtype=bool)
@@ -86,5 +84,4 @@ def solve(annulus: Annulus) -> Solution:
 
 
 if __name__ == "__main__":
-    notes = f"{symmetric_lu.NAME}"
-    main(Peer("FElupe", fem.__version__, "membrane Q2 quads", notes), prepare, solve)
+    main(Peer("FElupe", fem.__version__, "membrane Q2 quads", symmetric_lu.NAME), prepare, solve)

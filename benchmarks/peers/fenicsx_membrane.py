@@ -92,4 +92,6 @@ def _assemble(vector: PETSc.Vec, form: fem.FormMetaClass) -> None:
 
 
 if __name__ == "__main__":
-    main(Peer("FEniCSx", dolfinx.__version__, "membrane P2 triangles", "CHOLMOD; compiled forms cached"), prepare, solve)
+    main(
+        Peer("FEniCSx", dolfinx.__version__, "membrane P2 triangles", "CHOLMOD; compiled forms cached"), prepare, solve
+    )

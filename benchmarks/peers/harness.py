@@ -43,7 +43,7 @@ class Row:
     version: str
     method: str
     unknowns: int
-    force_N: float  # noqa: N815
+    force_N: float
     relative_error: float
     seconds: float
     notes: str

@@ -11,7 +11,7 @@ except ImportError:
 from netgen.geom2d import SplineGeometry
 
 ORDER = 4
-TOLERANCE = 1e-7  # of the squared energy norm of a step; what is left after that step is its square
+TOLERANCE = 1e-10  # of the squared energy norm of a step; the step after it would be of that square
 
 
 def prepare(level: int) -> ngs.Mesh:

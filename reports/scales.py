@@ -1,0 +1,173 @@
+"""Numbers behind the pictures: colour limits, ticks, exaggeration, sizes on paper, digits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import floor, inf, isfinite, log10
+
+from matplotlib.ticker import MaxNLocator
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A linear axis or colour scale from ``low`` to ``high`` with round ticks ``step`` apart, in one unit."""
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+
+    @property
+    def step(self) -> float:
+        """Distance between ticks."""
+        return self.ticks[1] - self.ticks[0]
+
+    @property
+    def decimals(self) -> int:
+        """Decimals that tell the ticks apart exactly."""
+        return next(count for count in range(20) if abs(round(self.step, count) - self.step) < 1e-6 * self.step)
+
+    @property
+    def from_zero(self) -> bool:
+        """Whether lengths on this scale may be compared."""
+        return self.low == 0
+
+    def text(self, value: float, more: int = 0) -> str:
+        """A value with the decimals of the ticks and ``more``."""
+        return f"{value:.{self.decimals + more}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def scale(low: float, high: float, intervals: int = 5) -> Scale:
+    """A scale that just covers the values from ``low`` to ``high``, ending on half ticks.
+
+    It starts at zero if the smallest value is less than a quarter of the largest. Equal values get a scale of a
+    thousandth of their size, so that rounding errors do not fill it.
+
+    Examples
+    --------
+    >>> scale(96.53, 98.68)
+    Scale(low=96.5, high=99.0, ticks=(96.5, 97.0, 97.5, 98.0, 98.5, 99.0))
+    >>> scale(3.0, 41.0).low
+    0.0
+    """
+    if 0 <= low < high / 4:
+        low = 0.0
+    least = max(abs(low), abs(high)) * 1e-3 or 1.0
+    if high - low < least:
+        low, high = (low + high - least) / 2, (low + high + least) / 2
+    locator = MaxNLocator(intervals, steps=[1, 2, 2.5, 5, 10])
+    step = float(locator.tick_values(low, high)[1] - locator.tick_values(low, high)[0])
+    half = step / 2
+    # A value on a half tick up to rounding needs no further one.
+    first, last = floor(low / half + 1e-9), -floor(-high / half + 1e-9)
+    ticks = tuple(round(index * step, 12) for index in range(-(-first // 2), last // 2 + 1))
+    return Scale(round(first * half, 12), round(last * half, 12), ticks)
+
+
+def exaggeration(deflections: Sequence[float], sizes: Sequence[float], slope: float) -> int:
+    """How many times deeper than it is the film is drawn, the same for all.
+
+    The deepest comes to at most an eighth of its own film's short diameter, and no wall gets so steep that it hides
+    what lies behind it; deep films are drawn as they are.
+
+    Parameters
+    ----------
+    deflections, sizes
+        Deflection and short diameter of each film, in one unit.
+    slope
+        Steepest slope of all films.
+
+    Examples
+    --------
+    >>> exaggeration([2.18, 2.42], [90, 90], 0.14), exaggeration([15], [90], 0.9)
+    (4, 1)
+    """
+    room = min((size / 8 / abs(depth) for depth, size in zip(deflections, sizes, strict=True) if depth), default=1.0)
+    bound = min(room, 0.8 / slope if slope > 0 else inf)
+    return max(times for times in (1, 2, 3, 4, 5, 8, 10, 20, 50, 100) if times == 1 or times <= bound)
+
+
+def rows_of(count: int, most: int = 3) -> list[range]:
+    """Indices of ``count`` things in rows of at most ``most``, as even as can be.
+
+    Examples
+    --------
+    >>> [list(row) for row in rows_of(5)]
+    [[0, 1, 2], [3, 4]]
+    """
+    rows = -(-count // most)
+    longest = -(-count // rows)
+    return [range(start, min(start + longest, count)) for start in range(0, count, longest)]
+
+
+def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least: float, most: float) -> float:
+    """Millimetres on paper for one millimetre of film, the same for all films of all rows.
+
+    Parameters
+    ----------
+    rows
+        Widths of the films in each row [mm].
+    width, gap
+        Of the page, and between two columns [mm].
+    least, most
+        No column is narrower than ``least`` and no film wider than ``most`` on paper [mm].
+    """
+    bound = most / max(max(row) for row in rows)
+    for row in rows:
+        low, high = 0.0, bound
+        for _ in range(60):
+            middle = (low + high) / 2
+            fits = sum(column_widths(row, middle, least)) + gap * (len(row) - 1) <= width
+            low, high = (middle, high) if fits else (low, middle)
+        bound = min(bound, high)
+    return bound
+
+
+def column_widths(films: Sequence[float], paper: float, least: float) -> list[float]:
+    """Widths on paper [mm] of the columns for films of these widths [mm] at a scale."""
+    return [max(film * paper, least) for film in films]
+
+
+def bar_length(width: float) -> float:
+    """A round length near a sixth of the widest film, for the scale bar.
+
+    Examples
+    --------
+    >>> bar_length(150.0), bar_length(20.0)
+    (20.0, 2.0)
+    """
+    decade = 10 ** floor(log10(width / 6))
+    return max(factor * decade for factor in (1.0, 2.0, 5.0) if factor * decade <= width / 6 * (1 + 1e-9))
+
+
+def digits(value: float | None, count: int = 3) -> str:
+    """A number with ``count`` significant digits, never in powers of ten if it is between 0.0001 and a million.
+
+    Examples
+    --------
+    >>> digits(2.17595), digits(0.17554, 4), digits(1234.5), digits(0.0), digits(None), digits(3e-9)
+    ('2.18', '0.1755', '1234', '0', '—', '3.00e−9')
+    """
+    if value is None or not isfinite(value):
+        return "\N{EM DASH}"
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e6:
+        mantissa, power = f"{value:.{count - 1}e}".split("e")
+        return f"{mantissa}e{int(power)}".replace("-", "\N{MINUS SIGN}")
+    decimals = max(0, count - 1 - floor(log10(abs(value))))
+    return f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent with two significant digits; what is less than a millionth is called that.
+
+    Examples
+    --------
+    >>> percent(0.0278), percent(2.66e-5), percent(4e-10), percent(0.5704), percent(None)
+    ('2.8\u202f%', '0.0027\u202f%', '< 0.0001\u202f%', '57\u202f%', '—')
+    """
+    if share is None or not isfinite(share):
+        return "\N{EM DASH}"
+    number = "< 0.0001" if 0 < abs(share) < 1e-6 else digits(share * 100, 2)
+    return f"{number}\N{NARROW NO-BREAK SPACE}%"

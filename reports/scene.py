@@ -1,0 +1,210 @@
+"""Pictures of deformed films: pyvista, off screen, in parallel projection, so that millimetres are the same in all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import ceil, cos, floor, radians, sin
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkLogger
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+from reports.scales import Scale
+from reports.stored import Array, Film, Stored
+
+
+_MOUNTED = ("across", "back")
+
+
+class DrawingError(RuntimeError):
+    """This computer cannot draw three-dimensional pictures."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How all films of a figure are looked at.
+
+    ``elevation`` [degrees] above the frame's plane, ``times`` the deflection is exaggerated, ``resolution`` [pixels
+    per mm of film], ``line`` width of the outlines [pixels], and the colours' name and scale [kPa].
+    """
+
+    times: float
+    resolution: float
+    line: float
+    colours: str
+    scale: Scale
+    net: float
+    short: str
+    long: str
+    elevation: float = 52.0
+
+    @property
+    def towards(self) -> Array:
+        """Unit vector from the film to the eye."""
+        tilt = radians(self.elevation)
+        return np.array([0.0, -cos(tilt), sin(tilt)])
+
+    def place(self, points: Array, turned: bool) -> Array:
+        """Points [mm] with their long axis across the picture and the load, exaggerated, downwards."""
+        x, y, z = points.T
+        across, back = (y, -x) if turned else (x, y)
+        return np.column_stack([across, back, -self.times * z])
+
+    def project(self, placed: Array) -> Array:
+        """Across and up in the picture [mm], shape (n, 2)."""
+        tilt = radians(self.elevation)
+        return np.column_stack([placed[:, 0], placed[:, 1] * sin(tilt) + placed[:, 2] * cos(tilt)])
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Pixels and the (left, right, bottom, top) they cover in the plane of the picture [mm], the frame's centre 0."""
+
+    pixels: NDArray[np.uint8]
+    extent: tuple[float, float, float, float]
+
+
+def picture(specimen: Stored, view: View) -> Picture:
+    """The deformed film in colours of its largest true stress, the rigid plate at its depth, outlines and axes.
+
+    Raises
+    ------
+    DrawingError
+        When there is no OpenGL to draw with.
+    """
+    turned = specimen.semi_axes[1] > specimen.semi_axes[0]
+    surface = film_surface(specimen.film, view, turned)
+    extent, size = frame(view.project(np.asarray(surface.points)), view.resolution)
+    with _plotter(size) as plotter:
+        plotter.add_mesh(surface, scalars="stress", cmap=view.colours, clim=(view.scale.low, view.scale.high),
+                         lighting=False, show_scalar_bar=False, n_colors=1024)
+        _add_lines(plotter, surface, view)
+        for rim in outlines(surface)[1:]:
+            _add_plate(plotter, rim, view)
+        _aim(plotter, extent, view)
+        pixels = plotter.screenshot(return_img=True)
+    return Picture(np.ascontiguousarray(pixels[..., :3]), extent)
+
+
+def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
+    """The film as placed in the picture, elements joined where they meet, with its stress [kPa] at the points."""
+    faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
+    surface = pv.PolyData(film.points, faces)
+    surface["stress"] = film.stress
+    # Shared edges are computed from both sides and differ by rounding only.
+    joined = surface.clean(tolerance=1e-7 * float(np.ptp(film.points, axis=0).max()), absolute=True)
+    for name, coordinate in zip(_MOUNTED, view.place(np.asarray(joined.points), turned).T[:2], strict=True):
+        joined[name] = coordinate
+    joined.points = view.place(np.asarray(joined.points), turned)
+    return joined
+
+
+def outlines(surface: pv.PolyData) -> list[Array]:
+    """Closed boundaries of the film as ordered points, shape (n, 3), the longest first: the frame, then the plate."""
+    edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False,
+                                          non_manifold_edges=False, clear_data=True)
+    strips = edges.strip(join=True, max_length=100_000)
+    loops = [np.asarray(strips.points)[cell.point_ids] for cell in strips.cell]
+    return sorted(loops, key=_length, reverse=True)
+
+
+def frame(projected: Array, resolution: float, margin: float = 0.01
+          ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
+    """Extent [mm] and pixels of a picture that holds the points, with whole pixels of exactly 1/resolution mm."""
+    low, high = projected.min(0), projected.max(0)
+    room = margin * float((high - low).max())
+    width, height = (ceil((span + 2 * room) * resolution) for span in high - low)
+    (x, y), half = (low + high) / 2, np.array([width, height]) / resolution / 2
+    return (x - half[0], x + half[0], y - half[1], y + half[1]), (width, height)
+
+
+def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
+    """A square net drawn on the film, the two axes through the plate, and the frame's and the plate's edge."""
+    edges = outlines(surface)
+    centre = edges[-1].mean(0)
+    for coordinate, colour in enumerate((view.short, view.long)):
+        net = surface.contour(_net(surface, coordinate, view.net), scalars=_MOUNTED[coordinate])
+        _add_line(plotter, net, "white", 0.5 * view.line, view, opacity=0.35)
+        normal = "xy"[coordinate]
+        _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, view)
+    for loop in edges:
+        _add_line(plotter, pv.lines_from_points(loop), "black", view.line, view)
+
+
+def _net(surface: pv.PolyData, coordinate: int, spacing: float) -> list[float]:
+    low, high = surface.get_data_range(_MOUNTED[coordinate])
+    return (spacing * np.arange(ceil(low / spacing), floor(high / spacing) + 1)).tolist()
+
+
+def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float, view: View, opacity: float = 1.0
+              ) -> None:
+    """A line slightly before the film it lies on, or the two would show through each other."""
+    if line.n_points:
+        shifted = line.translate(0.002 * line.length * view.towards)
+        plotter.add_mesh(shifted, color=colour, line_width=width, opacity=opacity, lighting=False)
+
+
+def _add_plate(plotter: pv.Plotter, rim: Array, view: View) -> None:
+    """A flat grey face within the rim."""
+    corners = rim[:-1] if np.allclose(rim[0], rim[-1]) else rim
+    face = pv.PolyData(corners, np.concatenate([[len(corners)], np.arange(len(corners))])).triangulate()
+    plotter.add_mesh(face, color="#d5d7da", lighting=False)
+
+
+def _aim(plotter: pv.Plotter, extent: tuple[float, float, float, float], view: View) -> None:
+    left, right, bottom, top = extent
+    tilt, far = radians(view.elevation), 10 * max(right - left, top - bottom)
+    up = np.array([0.0, sin(tilt), cos(tilt)])
+    centre = np.array([(left + right) / 2, 0, 0]) + (bottom + top) / 2 * up
+    camera = plotter.camera
+    camera.parallel_projection = True
+    camera.focal_point = tuple(centre)
+    camera.position = tuple(centre + far * np.array([0.0, -cos(tilt), sin(tilt)]))
+    camera.up = tuple(up)
+    camera.parallel_scale = (top - bottom) / 2
+    camera.clipping_range = (far / 10, 2 * far)
+
+
+@contextmanager
+def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
+    """An off-screen plotter on white, closed in the end."""
+    with _quiet():
+        _check_opengl()
+        plotter = pv.Plotter(off_screen=True, window_size=list(size), theme=pv.themes.DocumentTheme())
+        try:
+            plotter.set_background("white")
+            plotter.enable_anti_aliasing("msaa", multi_samples=8)
+            yield plotter
+        finally:
+            plotter.close()
+
+
+def _check_opengl() -> None:
+    """VTK ends the whole process when it draws without OpenGL, so ask it first."""
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    window.Initialize()
+    there = window.GetInitialized()
+    window.Finalize()
+    if not there:
+        raise DrawingError("cannot draw the membranes: VTK finds no OpenGL to draw with; on Debian and Ubuntu install "
+                           "libegl1, libgl1 and libgl1-mesa-dri, or libosmesa6")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """VTK reports every kind of window it tries before it finds one that works; only the last one matters."""
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    try:
+        yield
+    finally:
+        vtkLogger.SetStderrVerbosity(before)
+
+
+def _length(loop: Array) -> float:
+    return float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum())

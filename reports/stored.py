@@ -1,0 +1,313 @@
+"""A finished study read back from disk, checked, in the units of the pictures: mm, kPa, kV."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from meshio import vtu
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from geometry.tables import NON_NEGATIVE, POSITIVE, Table
+from studies.alpha import AlphaResult, Basis, Weights
+from studies.cases import CaseResult
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Values along one line of the film: ``distance`` and ``deflection`` [mm], largest true stress [kPa]."""
+
+    distance: Array
+    deflection: Array
+    stress: Array
+
+    def side(self, sign: int) -> Line:
+        """The half at positive or negative distance, as distance from the plate's edge outwards."""
+        outward = self.distance * sign
+        order = np.flatnonzero(outward > 0)[np.argsort(outward[outward > 0], kind="stable")]
+        return Line(outward[order] - outward[order].min(initial=np.inf), self.deflection[order], self.stress[order])
+
+    @property
+    def sides(self) -> tuple[Line, ...]:
+        """Both halves, or one if the other repeats it."""
+        right, left = self.side(1), self.side(-1)
+        same = len(right.stress) == len(left.stress) and np.allclose(right.distance, left.distance, atol=1e-6)
+        # A hundredth of the curve's own height is less than the width of the line that draws it.
+        if same and np.allclose(right.stress, left.stress, rtol=0, atol=0.01 * np.ptp(self.stress)):
+            return (right,)
+        return right, left
+
+    @property
+    def at_plate(self) -> float:
+        """The larger of the stresses at the two points of the plate's edge [kPa]."""
+        return max(float(side.stress[0]) for side in self.sides)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Deflection [mm] against voltage [kV] under one mass [g]; the deflection is NaN where ``status`` has none."""
+
+    mass: float
+    voltage: Array
+    status: tuple[str, ...]
+    deflection: Array
+
+    @property
+    def found(self) -> NDArray[np.bool_]:
+        """Where there is an equilibrium."""
+        return np.array([status == "equilibrium" for status in self.status])
+
+    @property
+    def pull_in(self) -> tuple[float, float] | None:
+        """Last voltage with an equilibrium (NaN if none) and the first without [kV]; None where all have one."""
+        lost = [index for index, status in enumerate(self.status) if status == "no_equilibrium"]
+        if not lost:
+            return None
+        before = np.flatnonzero(self.found[:lost[0]])
+        return (float(self.voltage[before[-1]]) if len(before) else np.nan), float(self.voltage[lost[0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """The deformed film: ``points`` [mm], shape (n, 3), z along the load; triangles; largest true stress [kPa]."""
+
+    points: Array
+    triangles: NDArray[np.int64]
+    stress: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """One specimen of the study: ``semi_axes`` along x and y [mm], its results, lines and curves."""
+
+    name: str
+    semi_axes: tuple[float, float]
+    material: str
+    source: str
+    result: CaseResult
+    deflection: float  #: [mm]
+    film: Film
+    along_x: Line
+    along_y: Line
+    around_plate: Line
+    curves: tuple[Curve, ...]
+
+    @property
+    def round(self) -> bool:
+        """Whether neither axis is the longer one."""
+        a, b = self.semi_axes
+        return abs(a - b) <= 1e-9 * max(a, b)
+
+    @property
+    def short(self) -> Line:
+        """Along the short axis; along y where neither is shorter."""
+        return self.along_x if self.semi_axes[0] < self.semi_axes[1] and not self.round else self.along_y
+
+    @property
+    def long(self) -> Line:
+        """Along the long axis; along x where neither is longer."""
+        return self.along_y if self.short is self.along_x else self.along_x
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished study: ``mass`` [g] and ``voltage`` [kV] of the picture, and ``record`` as stored."""
+
+    name: str
+    version: str
+    finished: str
+    mass: float
+    voltage: float
+    specimens: tuple[Stored, ...]
+    alphas: tuple[AlphaResult, ...]
+    record: Mapping[str, Any]
+
+    @cached_property
+    def stress_range(self) -> tuple[float, float]:
+        """Smallest and largest of the largest true stresses of all films [kPa]."""
+        low = min(float(item.film.stress.min()) for item in self.specimens)
+        return low, max(float(item.film.stress.max()) for item in self.specimens)
+
+
+def read_run(folder: Path) -> Run:
+    """Everything a study stored under ``folder``.
+
+    Raises
+    ------
+    InputError
+        When a file is missing or is not what the study writes, naming the file and what is wrong.
+    """
+    file, weights = folder / "study.json", folder / "alpha.json"
+    record = _json(file)
+    if not isinstance(record, dict):
+        raise InputError("must hold an object", file=file)
+    table = Table(file, record)
+    rows = _objects(file, "specimens", table.value("specimens"))
+    if not rows:
+        raise table.error("specimens", "must not be empty")
+    for key in ("rig", "settings", "alpha_settings", "libraries"):
+        table.table(key)
+    table.text("python")
+    return Run(
+        table.text("name"), table.text("version"), table.text("finished"), table.number("mass_kg", rule=NON_NEGATIVE) * 1e3,
+        table.number("voltage_V", rule=NON_NEGATIVE) / 1e3,
+        tuple(_specimen(row, folder) for row in rows), tuple(map(_alpha, _objects(weights, "", _json(weights)))), record)
+
+
+def _specimen(table: Table, folder: Path) -> Stored:
+    name = table.text("name")
+    if Path(name).name != name:
+        raise table.error("name", "must be a file name", name)
+    a, b = table.numbers("semi_axes_m", rule=POSITIVE, count=2)
+    results = table.table("result")
+    lines = _lines(folder / "lines" / f"{name}.csv")
+    return Stored(
+        name, (a * 1e3, b * 1e3), table.text("material"), table.text("source"), _result(results),
+        results.number("deflection_m") * 1e3, _film(folder / "fields" / f"{name}.vtu"), *lines,
+        _curves(folder / "curves" / f"{name}.csv"))
+
+
+def _result(table: Table) -> CaseResult:
+    values = {item.name: table.value(item.name) for item in fields(CaseResult)}
+    for key, value in values.items():
+        if key not in ("specimen", "status", "warnings") and value is not None:
+            table.number(key)
+    table.text("status")
+    values["warnings"] = _texts(table, "warnings")
+    return CaseResult(**values)
+
+
+def _film(file: Path) -> Film:
+    if not file.is_file():
+        raise InputError("is missing: run the study again", file=file)
+    try:
+        # The reader itself, since meshio.read ends the whole process on a file it cannot read.
+        mesh = vtu.read(file)
+        points, stress = np.asarray(mesh.points, float), np.asarray(mesh.point_data["stress_1"], float)
+        triangles = np.asarray(mesh.cells_dict["triangle"])
+        if stress.shape != points.shape[:1] or not len(triangles) or triangles.max() >= len(points):
+            raise ValueError("arrays do not belong together")
+    except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
+        raise InputError(f"is not a film of a study: {type(error).__name__}: {error}", file=file) from None
+    if not (np.isfinite(points).all() and np.isfinite(stress).all()):
+        raise InputError("holds values that are not finite", file=file, key="stress_1")
+    return Film(points * 1e3, triangles, stress / 1e3)
+
+
+def _lines(file: Path) -> tuple[Line, Line, Line]:
+    rows = _rows(file, ("line", "distance_mm", "deflection_mm", "stress_1_kPa"))
+    return _line(file, rows, "x"), _line(file, rows, "y"), _line(file, rows, "plate")
+
+
+def _line(file: Path, rows: Sequence[Mapping[str, str]], name: str) -> Line:
+    chosen = [(number, row) for number, row in enumerate(rows, 2) if row["line"] == name]
+    columns = [np.array([_number(file, number, key, row[key]) for number, row in chosen])
+               for key in ("distance_mm", "deflection_mm", "stress_1_kPa")]
+    line = Line(*columns)
+    if not chosen or name != "plate" and not (line.distance.min() < 0 < line.distance.max()):
+        raise InputError(f"must have rows of the line {name!r} on both sides of the plate", file=file, key="line")
+    return line
+
+
+def _curves(file: Path) -> tuple[Curve, ...]:
+    rows: dict[float, list[tuple[float, str, float]]] = {}
+    for number, row in enumerate(_rows(file, ("mass_g", "voltage_kV", "status", "deflection_mm")), 2):
+        mass, voltage = (_number(file, number, key, row[key]) for key in ("mass_g", "voltage_kV"))
+        there = row["status"] == "equilibrium"
+        deflection = _number(file, number, "deflection_mm", row["deflection_mm"]) if there else np.nan
+        rows.setdefault(mass, []).append((voltage, row["status"], deflection))
+    return tuple(_curve(mass, points) for mass, points in rows.items())
+
+
+def _curve(mass: float, points: Sequence[tuple[float, str, float]]) -> Curve:
+    voltage, status, deflection = zip(*points, strict=True)
+    return Curve(mass, np.array(voltage), tuple(status), np.array(deflection))
+
+
+def _alpha(table: Table) -> AlphaResult:
+    bases, from_fields = table.table("bases"), table.table("from_fields")
+    circles = table.numbers("circles", rule=POSITIVE)
+    return AlphaResult(
+        table.text("specimen"), circles,
+        {name: _weights(bases.table(name), len(circles)) for name in get_args(Basis)},
+        table.number("cone_scale"), _weights(from_fields, len(circles)),
+        tuple((pair[0], pair[1]) for pair in _pairs(from_fields, "range")), _texts(table, "warnings"))
+
+
+def _pairs(table: Table, key: str) -> list[tuple[float, ...]]:
+    """A list of pairs of numbers, each checked as a row of its own."""
+    rows = table.value(key)
+    if not isinstance(rows, list):
+        raise table.error(key, "must be a list of pairs", rows)
+    return [Table(table.file, {f"{index}": row}, table.path(key)).numbers(f"{index}", count=2)
+            for index, row in enumerate(rows)]
+
+
+def _weights(table: Table, circles: int) -> Weights:
+    held_out = None if table.value("held_out_error") is None else table.number("held_out_error")
+    return Weights(table.numbers("alpha", count=circles), table.number("fit_error"), held_out)
+
+
+def _json(file: Path) -> Any:
+    try:
+        return json.loads(_text(file))
+    except json.JSONDecodeError as error:
+        raise InputError(f"is not valid JSON: {error}", file=file) from None
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError("is missing: run the study again", file=file) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+
+
+def _rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    reader = csv.DictReader(_text(file).splitlines())
+    missing = [column for column in columns if column not in (reader.fieldnames or ())]
+    if missing:
+        raise InputError("column is missing", file=file, key=missing[0])
+    rows = list(reader)
+    for number, row in enumerate(rows, 2):
+        if any(row[column] is None for column in columns):
+            raise InputError(f"line {number} is cut short", file=file)
+    if not rows:
+        raise InputError("has no rows", file=file)
+    return rows
+
+
+def _number(file: Path, line: int, key: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = np.nan
+    if not np.isfinite(number):
+        raise InputError(f"must be a finite number in line {line}", file=file, key=key, given=text)
+    return number
+
+
+def _objects(file: Path, key: str, items: object) -> list[Table]:
+    """The objects of a list, each a table of its own."""
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise InputError("must be a list of objects", file=file, key=key or None)
+    return [Table(file, item, f"{key}[{index}]") for index, item in enumerate(items)]
+
+
+def _texts(table: Table, key: str) -> tuple[str, ...]:
+    items = table.value(key)
+    if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
+        raise table.error(key, "must be a list of texts", items)
+    return tuple(items)

@@ -1,0 +1,156 @@
+"""The results in plain sentences, made from the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from reports.scales import digits, percent
+from reports.stored import Curve, Run, Stored
+from studies.alpha import AlphaResult
+
+#: Differences below this share of a stress are the discretisation's, not the shape's.
+NOISE = 2e-4
+
+
+def summary(run: Run) -> str:
+    """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
+    sentences = [deflections(run), stress_at_plate(run.specimens, run.stress_range[0]), strokes(run), weights(run.alphas)]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def deflections(run: Run) -> str:
+    """How far each plate sinks, and how much farther than that of the reference."""
+    first = reference(run.specimens)
+    each = listed([f"{digits(item.deflection)} mm ({item.name})" for item in run.specimens])
+    sentence = f"Under {run.mass:g} g at {run.voltage:g} kV the plate sinks {each}."
+    others = [item for item in run.specimens if item is not first]
+    if not others or not first.deflection:
+        return sentence
+    ratios = listed([f"{item.name} {more(item.deflection / first.deflection)}" for item in others])
+    return f"{sentence} At this equal load, compared with {first.name}, {ratios}."
+
+
+def reference(specimens: Sequence[Stored]) -> Stored:
+    """What the others are compared with: the first round one, or else the first."""
+    return next((item for item in specimens if item.round), specimens[0])
+
+
+def more(ratio: float) -> str:
+    """A ratio as a difference in words.
+
+    Examples
+    --------
+    >>> more(1.0756), more(0.9), more(1.0)
+    ('sinks 7.6\u202f% more', 'sinks 10\u202f% less', 'sinks as much')
+    """
+    if abs(ratio - 1) < 5e-4:
+        return "sinks as much"
+    return f"sinks {percent(abs(ratio - 1))} {'more' if ratio > 1 else 'less'}"
+
+
+def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
+    """On which axis the stress at the plate is larger, and by how much; ``least`` stress of all films [kPa]."""
+    alike = [item for item in specimens if same(item.short.at_plate, item.long.at_plate)]
+    parts = []
+    for axis, sign in (("short", 1), ("long", -1)):
+        chosen = [item for item in specimens if item not in alike
+                  and sign * (item.short.at_plate - item.long.at_plate) > 0]
+        if chosen:
+            parts.append(f"At the plate the largest true stress is larger on the {axis} axis: "
+                         f"{listed([_difference(item) for item in chosen])}. {_above(chosen, least)}".strip())
+    if alike:
+        each = listed([f"{digits(item.long.at_plate, 4)} kPa in {item.name}" for item in alike])
+        parts.append(f"It is the same on both axes where no axis stands out: {each}.")
+    return " ".join(parts)
+
+
+def _difference(specimen: Stored) -> str:
+    high, low = _ends(specimen)
+    return f"by {digits(high - low, 2)} kPa in {specimen.name} ({digits(high, 4)} against {digits(low, 4)} kPa)"
+
+
+def _above(specimens: Sequence[Stored], least: float) -> str:
+    """The difference as a share of what the load adds, where the film is stressed without it."""
+    ends = [_ends(item) for item in specimens]
+    if least < max(high for high, _ in ends) / 2 or any(same(low, least) for _, low in ends):
+        return ""
+    shares = listed([percent((high - least) / (low - least) - 1) for high, low in ends])
+    return (f"The prestretch alone makes most of this stress; counted from the smallest in these films, "
+            f"{digits(least, 4)} kPa, the difference is {shares}.")
+
+
+def _ends(specimen: Stored) -> tuple[float, float]:
+    """The larger and the smaller stress at the plate on the two axes [kPa]."""
+    pair = specimen.short.at_plate, specimen.long.at_plate
+    return max(pair), min(pair)
+
+
+def same(one: float, other: float) -> bool:
+    """Whether two stresses differ by no more than the discretisation makes them."""
+    return abs(one - other) <= NOISE * max(abs(one), abs(other))
+
+
+def strokes(run: Run) -> str:
+    """How far the voltage moves each plate under the picture's mass, or the lightest of the curves."""
+    there = sorted({curve.mass for item in run.specimens for curve in item.curves})
+    if not there:
+        return ""
+    mass = run.mass if run.mass in there else there[0]
+    each = [stroke(item.name, curve) for item in run.specimens for curve in item.curves if curve.mass == mass]
+    return f"Raising the voltage under {mass:g} g moves the plate {listed(each)}."
+
+
+def stroke(name: str, curve: Curve) -> str:
+    """Travel of one plate between the first and the last voltage with an equilibrium."""
+    if not curve.found.any():
+        return f"nowhere it could rest ({name})"
+    voltage, deflection = curve.voltage[curve.found], curve.deflection[curve.found]
+    end = "; beyond, the film pulls in" if curve.pull_in else ""
+    return f"{digits(float(deflection[-1] - deflection[0]))} mm up to {voltage[-1]:g} kV ({name}{end})"
+
+
+def weights(alphas: Sequence[AlphaResult]) -> str:
+    """Which mixture of circles each elongated shape behaves as."""
+    each = [f"{item.specimen} like {_mixture(item)}" for item in alphas if len(item.circles) > 1]
+    errors = [item.by_basis["membrane"].fit_error for item in alphas if len(item.circles) > 1]
+    if not each:
+        return ""
+    return f"In the lumped model {listed(each)}, with force errors of at most {percent(max(errors))}."
+
+
+def _mixture(item: AlphaResult) -> str:
+    parts = zip(item.by_basis["membrane"].alpha, item.circles, strict=True)
+    return " and ".join(f"{weight:.2f} of the {radius * 1e3:g} mm circle" for weight, radius in parts)
+
+
+def warnings(run: Run) -> list[str]:
+    """Every warning stored, and every point of the curves without a result, each with its specimen."""
+    return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
+            *(text for item in run.specimens for text in _gaps(item)),
+            *(f"{item.specimen}, α: {text}" for item in run.alphas if len(item.circles) > 1 for text in item.warnings)]
+
+
+def _gaps(specimen: Stored) -> Iterator[str]:
+    for curve in specimen.curves:
+        lost = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
+                if status not in ("equilibrium", "no_equilibrium")]
+        if lost:
+            yield (f"{specimen.name}: the curve for {curve.mass:g} g has no result at "
+                   f"{', '.join(f'{voltage:g}' for voltage in lost)} kV (not converged)")
+        if curve.pull_in is not None:
+            below, above = curve.pull_in
+            first = "at no voltage tried" if np.isnan(below) else f"only up to between {below:g} and {above:g} kV"
+            yield f"{specimen.name}: under {curve.mass:g} g there is an equilibrium {first}; beyond, the film pulls in"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Parts with commas and a final "and".
+
+    Examples
+    --------
+    >>> listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])
+    ('a', 'a and b', 'a, b and c')
+    """
+    return " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)
