@@ -63,8 +63,8 @@ def interpreter(script: Script, peer_python: str) -> str | None:
 def run(script: Script, peer_python: str, levels: int, repeat: int) -> Outcome:
     """Run one peer script to its end; rows printed before a failure are kept."""
     python = interpreter(script, peer_python)
-    if python is None:
-        return Outcome(script, (), "needs the system's python3")
+    if python is None or shutil.which(python) is None:
+        return Outcome(script, (), f"no such Python: {python or '/usr/bin/python3'}")
     command = [python, str(script.path), "--levels", str(levels), "--repeat", str(repeat)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     rows = tuple(Row(**json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{"))
@@ -107,6 +107,17 @@ def own_rows(repeat: int) -> list[Row]:
     return rows(repeat)
 
 
+def own_aims(ours: list[Row], repeat: int) -> str:
+    """What tympan does besides, and its aims against what was measured in this run."""
+    from benchmarks.tympan_rows import aims, extras
+
+    others = extras(repeat)
+    lines = (f"{aim.words:<52} aim {aim.limit * 1e3:5.0f} ms   measured {aim.seconds * 1e3:6.1f} ms   "
+             f"{'met' if aim.seconds <= aim.limit else f'missed by {aim.seconds / aim.limit - 1:.0%}'}"
+             for aim in aims(ours, others))
+    return table(others, []) + "\n\n" + "\n".join(lines)
+
+
 def report(ours: list[Row], outcomes: list[Outcome]) -> str:
     """The table, the notes of each package and the packages that did not run."""
     rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
@@ -135,6 +146,8 @@ def main() -> None:
         print(f"{script.name} ...", file=sys.stderr, flush=True)
         outcomes.append(run(script, options.peer_python, options.levels, options.repeat))
     print(report(ours, outcomes))
+    if ours:
+        print("\n" + own_aims(ours, options.repeat))
     if options.output:
         rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
         missing = {outcome.script.name: outcome.problem for outcome in outcomes if outcome.problem}

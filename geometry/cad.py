@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.errors import InputError, missing_library
+from geometry.errors import InputError
 from geometry.outlines import FullEllipse, Outline
 from geometry.specimen import Specimen
+from geometry.system import missing_library
 
 try:
     import cadquery as cq

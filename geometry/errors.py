@@ -37,33 +37,3 @@ class InputError(ValueError):
     def located(self, *, file: Path | str | None = None, key: str | None = None) -> InputError:
         """A copy that also names where the value stood; what is already named is kept."""
         return InputError(self.allowed, file=self.file or file, key=self.key or key, given=self.given)
-
-
-class MissingLibrary(RuntimeError):
-    """A shared library of the operating system that gmsh, OpenCASCADE or VTK needs is not installed."""
-
-
-#: Debian packages of the shared libraries that gmsh, OpenCASCADE and VTK load.
-_DEBIAN = {
-    "libGL.so.1": "libgl1", "libGLU.so.1": "libglu1-mesa", "libEGL.so.1": "libegl1", "libX11.so.6": "libx11-6",
-    "libXrender.so.1": "libxrender1", "libXcursor.so.1": "libxcursor1", "libXft.so.2": "libxft2",
-    "libXinerama.so.1": "libxinerama1", "libXfixes.so.3": "libxfixes3", "libXext.so.6": "libxext6",
-    "libSM.so.6": "libsm6", "libICE.so.6": "libice6", "libfontconfig.so.1": "libfontconfig1",
-    "libgomp.so.1": "libgomp1", "libXi.so.6": "libxi6", "libxcb.so.1": "libxcb1",
-}
-
-
-def missing_library(error: OSError | ImportError) -> MissingLibrary:
-    """What to install when loading a shared library failed.
-
-    Examples
-    --------
-    >>> print(missing_library(OSError("libGLU.so.1: cannot open shared object file: No such file or directory")))
-    the system library libGLU.so.1 is missing: install the Debian package libglu1-mesa (or your system's counterpart)
-    """
-    name = str(error).split(":")[0].strip()
-    package = _DEBIAN.get(name)
-    if package is None:
-        return MissingLibrary(f"a system library cannot be loaded: {error}")
-    return MissingLibrary(f"the system library {name} is missing: install the Debian package {package} "
-                          "(or your system's counterpart)")

@@ -18,8 +18,9 @@ import numpy as np
 
 from geometry import cad
 from geometry.cad import METRE
-from geometry.errors import InputError, missing_library
+from geometry.errors import InputError
 from geometry.specimen import Specimen
+from geometry.system import missing_library
 
 _CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"), 4: ("line5", "triangle15")}
 
@@ -50,7 +51,7 @@ class MeshSettings:
 
         Examples
         --------
-        >>> MeshSettings(around_plate=16, growth=0.4).refined(2)
+        >>> MeshSettings(around_plate=16, growth=0.4, across=0.5).refined(2)
         MeshSettings(order=4, around_plate=32, growth=0.2, across=0.25)
         """
         return MeshSettings(

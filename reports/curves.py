@@ -25,6 +25,7 @@ def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
 
 def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """The same for a study already read."""
+    style.check(formats)
     with style.look():
         return style.save(compose(run), folder, "curves", formats)
 

@@ -27,7 +27,7 @@ from reports.scene import Picture, View, picture
 from reports.stored import Run, Stored, read_run
 
 _LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
-_TITLE, _BAR, _PANEL, _AXIS = 9.5, 19.0, 38.0, 10.0  # heights [mm]
+_TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
 _LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02  # narrowest column and widest film [mm], and room for the film's outline
 
 
@@ -61,6 +61,7 @@ def draw(folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[P
 
 def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
     """The same for a study already read."""
+    style.check(formats)
     design = plan(run.specimens, run.stress_range)
     pictures = [picture(specimen, design.view) for specimen in run.specimens]
     with style.look():
@@ -87,7 +88,7 @@ def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
 def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
-    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR)
+    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR + (len(heights) - 1) * _SPACE)
     top = 0.0
     for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
         lefts = _lefts(columns)
@@ -97,7 +98,7 @@ def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
         top += _TITLE + height
         if row[0] == 0:
             _explain(figure, run, design, top)
-            top += _BAR
+        top += _BAR if row[0] == 0 else _SPACE
         for left, width, index in zip(lefts, columns, row, strict=True):
             axes = style.place(figure, left, top, width, _PANEL)
             _panel(axes, run.specimens[index], design, width * design.reach)
@@ -115,10 +116,10 @@ def end_values(specimen: Stored, scale: Scale) -> list[tuple[str, float, str]]:
     """What is written at the plate: text, stress [kPa] and colour; one entry where the axes do not differ."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
-    if texts[0] == texts[1]:
-        return [(f"{texts[0]} on both axes", (short + long) / 2, "black")]
-    return [(f"{texts[0]} on the short axis", short, style.SHORT_TEXT),
-            (f"{texts[1]} on the long axis", long, style.LONG_TEXT)]
+    if specimen.alike or texts[0] == texts[1]:
+        return [(f"{scale.text((short + long) / 2, more=1)} on both axes", (short + long) / 2, "black")]
+    ends = zip(texts, specimen.axes, (short, long), (style.SHORT_TEXT, style.LONG_TEXT), strict=True)
+    return [(f"{text} on the {axis} axis", value, colour) for text, axis, value, colour in ends]
 
 
 def spread(positions: Sequence[float], least: float) -> list[float]:
@@ -170,21 +171,22 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     shown = figure.colorbar(colours, cax=style.place(figure, left, top + 3.0, wide, 2.6), orientation="horizontal",
                             ticks=view.scale.ticks)
     shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])
-    shown.outline.set_linewidth(0.5)  # type: ignore[operator]
+    shown.outline.set_linewidth(0.5)
     shown.set_label(stress_label(view.scale), labelpad=2)
     right = style.WIDTH - _RIGHT - 32.0
     _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.voltage:g} kV")
-    for row, (text, colour, dashes) in enumerate((("short axis", style.SHORT, "-"), ("long axis", style.LONG, "--"))):
+    names = next((item.axes for item in run.specimens if not item.round), run.specimens[0].axes)
+    for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"), strict=True)):
         down = top + 8.3 + 3.6 * row
         sample = style.place(figure, right, down - 0.5, 8.0, 1.0)
         sample.set_axis_off()
         sample.plot([0, 1], [0, 0], dashes, color=colour, clip_on=False)
-        _write(figure, right + 9.5, down, text, va="center")
+        _write(figure, right + 9.5, down, f"{name} axis", va="center")
 
 
 def stress_label(scale: Scale) -> str:
     """What the colours and the curves show, and where they start."""
-    start = "" if scale.from_zero else f"; scales start at {scale.text(scale.low)}, not 0"
+    start = "" if scale.from_zero else f"; scales start at {scale.start}, not 0"
     return f"largest principal true stress (kPa{start})"
 
 
@@ -193,14 +195,15 @@ def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
     limits = design.view.scale
     for line, colour, dashes in ((specimen.short, style.SHORT, "-"), (specimen.long, style.LONG, (0, (3.2, 1.6)))):
         for side in line.sides:
-            axes.plot(side.distance, side.stress, linestyle=dashes, color=colour)  # type: ignore[arg-type]
+            axes.plot(side.distance, side.stress, linestyle=dashes, color=colour)
         axes.plot(0, line.at_plate, "o", color=colour, markersize=3, clip_on=False, zorder=3)
     axes.set(xlim=(-0.02 * reach, reach), ylim=(limits.low, limits.high))
     axes.set_yticks(limits.ticks, [limits.text(tick) for tick in limits.ticks])
     values = end_values(specimen, limits)
     places = spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
     for (text, _, colour), place in zip(values, places, strict=True):
-        axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center", color=colour)
+        axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center", color=colour,
+                      bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6})
 
 
 def _write(figure: Figure, left: float, top: float, text: str, **how: str) -> None:

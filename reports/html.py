@@ -87,7 +87,7 @@ def embedded(file: Path) -> str:
 
 
 def result_row(specimen: Stored) -> tuple[str, ...]:
-    """Deflection [mm], reaction [N], capacitance [nF], largest stretch, stress [kPa], field [MV/m]; unknowns, seconds."""
+    """Deflection [mm], reaction [N], capacitance [nF], stretch, stress [kPa], field [MV/m], unknowns, time [s]."""
     result = specimen.result
     scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),
               (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3), (result.max_field_V_per_m, 1e-6))
@@ -97,7 +97,8 @@ def result_row(specimen: Stored) -> tuple[str, ...]:
 
 def alpha_rows(item: AlphaResult) -> list[AlphaRow]:
     """The four ways of finding α for one specimen."""
-    found: Mapping[str, Weights] = {**item.by_basis, "from_fields": item.from_fields}
+    found: dict[str, Weights] = {str(basis): weights for basis, weights in item.by_basis.items()}
+    found["from_fields"] = item.from_fields
     return [AlphaRow(name, meaning, tuple(f"{weight:.4f}" for weight in found[key].alpha),
                      percent(found[key].fit_error), percent(found[key].held_out_error))
             for key, name, meaning in _BASES]

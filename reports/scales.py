@@ -32,6 +32,11 @@ class Scale:
         """Whether lengths on this scale may be compared."""
         return self.low == 0
 
+    @property
+    def start(self) -> str:
+        """The low end as text, exactly."""
+        return self.text(self.low, more=0 if self.low == self.ticks[0] else 1)
+
     def text(self, value: float, more: int = 0) -> str:
         """A value with the decimals of the ticks and ``more``."""
         return f"{value:.{self.decimals + more}f}".replace("-", "\N{MINUS SIGN}")
@@ -46,7 +51,7 @@ def scale(low: float, high: float, intervals: int = 5) -> Scale:
     Examples
     --------
     >>> scale(96.53, 98.68)
-    Scale(low=96.5, high=99.0, ticks=(96.5, 97.0, 97.5, 98.0, 98.5, 99.0))
+    Scale(low=96.5, high=98.75, ticks=(96.5, 97.0, 97.5, 98.0, 98.5))
     >>> scale(3.0, 41.0).low
     0.0
     """
@@ -145,17 +150,18 @@ def digits(value: float | None, count: int = 3) -> str:
 
     Examples
     --------
-    >>> digits(2.17595), digits(0.17554, 4), digits(1234.5), digits(0.0), digits(None), digits(3e-9)
-    ('2.18', '0.1755', '1234', '0', '—', '3.00e−9')
+    >>> digits(2.17595), digits(9.996), digits(1234.5), digits(0.0), digits(None), digits(3e-9)
+    ('2.18', '10.0', '1234', '0', '—', '3.00e−9')
     """
     if value is None or not isfinite(value):
         return "\N{EM DASH}"
     if value == 0:
         return "0"
+    # The power of ten after rounding: 9.996 has three digits in "10.0".
+    mantissa, power = f"{value:.{count - 1}e}".split("e")
     if not 1e-4 <= abs(value) < 1e6:
-        mantissa, power = f"{value:.{count - 1}e}".split("e")
         return f"{mantissa}e{int(power)}".replace("-", "\N{MINUS SIGN}")
-    decimals = max(0, count - 1 - floor(log10(abs(value))))
+    decimals = max(0, count - 1 - int(power))
     return f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
 
 

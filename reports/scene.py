@@ -16,7 +16,6 @@ from vtkmodules.vtkRenderingCore import vtkRenderWindow
 from reports.scales import Scale
 from reports.stored import Array, Film, Stored
 
-
 _MOUNTED = ("across", "back")
 
 
@@ -95,10 +94,10 @@ def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
     faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
     surface = pv.PolyData(film.points, faces)
     surface["stress"] = film.stress
+    for name, coordinate in zip(_MOUNTED, view.place(film.mounted, turned).T[:2], strict=True):
+        surface[name] = coordinate
     # Shared edges are computed from both sides and differ by rounding only.
     joined = surface.clean(tolerance=1e-7 * float(np.ptp(film.points, axis=0).max()), absolute=True)
-    for name, coordinate in zip(_MOUNTED, view.place(np.asarray(joined.points), turned).T[:2], strict=True):
-        joined[name] = coordinate
     joined.points = view.place(np.asarray(joined.points), turned)
     return joined
 
@@ -128,11 +127,11 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
         net = surface.contour(_net(surface, coordinate, view.net), scalars=_MOUNTED[coordinate])
-        _add_line(plotter, net, "white", 0.5 * view.line, view, opacity=0.35)
+        _add_line(plotter, net, "white", 0.5 * view.line, view.towards, opacity=0.35)
         normal = "xy"[coordinate]
-        _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, view)
+        _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, 2 * view.towards)
     for loop in edges:
-        _add_line(plotter, pv.lines_from_points(loop), "black", view.line, view)
+        _add_line(plotter, pv.lines_from_points(loop), "black", view.line, 3 * view.towards)
 
 
 def _net(surface: pv.PolyData, coordinate: int, spacing: float) -> list[float]:
@@ -140,11 +139,11 @@ def _net(surface: pv.PolyData, coordinate: int, spacing: float) -> list[float]:
     return (spacing * np.arange(ceil(low / spacing), floor(high / spacing) + 1)).tolist()
 
 
-def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float, view: View, opacity: float = 1.0
-              ) -> None:
+def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float, towards: Array,
+              opacity: float = 1.0) -> None:
     """A line slightly before the film it lies on, or the two would show through each other."""
     if line.n_points:
-        shifted = line.translate(0.002 * line.length * view.towards)
+        shifted = line.translate(0.001 * line.length * towards)
         plotter.add_mesh(shifted, color=colour, line_width=width, opacity=opacity, lighting=False)
 
 

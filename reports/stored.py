@@ -47,6 +47,12 @@ class Line:
         return right, left
 
     @property
+    def jump(self) -> float:
+        """Largest jump of the stress where two elements meet [kPa]: what the discretisation leaves open."""
+        meets = np.diff(self.distance) == 0
+        return float(np.abs(np.diff(self.stress))[meets].max(initial=0.0))
+
+    @property
     def at_plate(self) -> float:
         """The larger of the stresses at the two points of the plate's edge [kPa]."""
         return max(float(side.stress[0]) for side in self.sides)
@@ -78,9 +84,13 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """The deformed film: ``points`` [mm], shape (n, 3), z along the load; triangles; largest true stress [kPa]."""
+    """The deformed film: ``points`` [mm], shape (n, 3), z along the load; triangles; largest true stress [kPa].
+
+    ``mounted`` is where the points lay in the flat film [mm].
+    """
 
     points: Array
+    mounted: Array
     triangles: NDArray[np.int64]
     stress: Array
 
@@ -106,6 +116,17 @@ class Stored:
         """Whether neither axis is the longer one."""
         a, b = self.semi_axes
         return abs(a - b) <= 1e-9 * max(a, b)
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """What the short and the long axis are called."""
+        return ("y", "x") if self.round else ("short", "long")
+
+    @property
+    def alike(self) -> bool:
+        """Whether the stresses at the plate on the two axes differ by no more than the discretisation makes them."""
+        noise = max(self.along_x.jump, self.along_y.jump, 1e-6 * abs(self.long.at_plate))
+        return abs(self.short.at_plate - self.long.at_plate) <= noise
 
     @property
     def short(self) -> Line:
@@ -158,9 +179,10 @@ def read_run(folder: Path) -> Run:
         table.table(key)
     table.text("python")
     return Run(
-        table.text("name"), table.text("version"), table.text("finished"), table.number("mass_kg", rule=NON_NEGATIVE) * 1e3,
-        table.number("voltage_V", rule=NON_NEGATIVE) / 1e3,
-        tuple(_specimen(row, folder) for row in rows), tuple(map(_alpha, _objects(weights, "", _json(weights)))), record)
+        table.text("name"), table.text("version"), table.text("finished"),
+        table.number("mass_kg", rule=NON_NEGATIVE) * 1e3, table.number("voltage_V", rule=NON_NEGATIVE) / 1e3,
+        tuple(_specimen(row, folder) for row in rows),
+        tuple(map(_alpha, _objects(weights, "", _json(weights)))), record)
 
 
 def _specimen(table: Table, folder: Path) -> Stored:
@@ -192,15 +214,17 @@ def _film(file: Path) -> Film:
     try:
         # The reader itself, since meshio.read ends the whole process on a file it cannot read.
         mesh = vtu.read(file)
-        points, stress = np.asarray(mesh.points, float), np.asarray(mesh.point_data["stress_1"], float)
+        points, displacement, stress = (np.asarray(values, float) for values in (
+            mesh.points, mesh.point_data["displacement"], mesh.point_data["stress_1"]))
         triangles = np.asarray(mesh.cells_dict["triangle"])
+        mounted = points - displacement
         if stress.shape != points.shape[:1] or not len(triangles) or triangles.max() >= len(points):
             raise ValueError("arrays do not belong together")
     except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
         raise InputError(f"is not a film of a study: {type(error).__name__}: {error}", file=file) from None
-    if not (np.isfinite(points).all() and np.isfinite(stress).all()):
-        raise InputError("holds values that are not finite", file=file, key="stress_1")
-    return Film(points * 1e3, triangles, stress / 1e3)
+    if not all(np.isfinite(values).all() for values in (points, mounted, stress)):
+        raise InputError("holds values that are not finite", file=file)
+    return Film(points * 1e3, mounted * 1e3, triangles, stress / 1e3)
 
 
 def _lines(file: Path) -> tuple[Line, Line, Line]:
@@ -213,7 +237,7 @@ def _line(file: Path, rows: Sequence[Mapping[str, str]], name: str) -> Line:
     columns = [np.array([_number(file, number, key, row[key]) for number, row in chosen])
                for key in ("distance_mm", "deflection_mm", "stress_1_kPa")]
     line = Line(*columns)
-    if not chosen or name != "plate" and not (line.distance.min() < 0 < line.distance.max()):
+    if not chosen or (name != "plate" and not line.distance.min() < 0 < line.distance.max()):
         raise InputError(f"must have rows of the line {name!r} on both sides of the plate", file=file, key="line")
     return line
 
@@ -276,16 +300,17 @@ def _text(file: Path) -> str:
 
 
 def _rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    reader = csv.DictReader(_text(file).splitlines())
+    text = _text(file)
+    reader = csv.DictReader(text.splitlines())
     missing = [column for column in columns if column not in (reader.fieldnames or ())]
     if missing:
         raise InputError("column is missing", file=file, key=missing[0])
     rows = list(reader)
-    for number, row in enumerate(rows, 2):
-        if any(row[column] is None for column in columns):
-            raise InputError(f"line {number} is cut short", file=file)
     if not rows:
         raise InputError("has no rows", file=file)
+    short = [number for number, row in enumerate(rows, 2) if any(row[column] is None for column in columns)]
+    if short or not text.endswith("\n"):
+        raise InputError(f"is cut short in line {short[0] if short else len(rows) + 1}", file=file)
     return rows
 
 

@@ -50,11 +50,15 @@ def place(figure: Figure, left: float, top: float, width: float, height: float) 
     return figure.add_axes((left / across, 1 - (top + height) / down, width / across, height / down))
 
 
-def save(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Write the figure in each format; answers the files."""
+def check(formats: Sequence[str]) -> None:
+    """Refuse formats that cannot be written."""
     for kind in formats:
         if kind not in _FORMATS:
             raise InputError(f"must be one of {', '.join(_FORMATS)}", key="format", given=kind)
+
+
+def save(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
+    """Write the figure in each format; answers the files."""
     files = [folder / f"{name}.{kind}" for kind in formats]
     for file in files:
         date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})

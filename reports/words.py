@@ -10,14 +10,11 @@ from reports.scales import digits, percent
 from reports.stored import Curve, Run, Stored
 from studies.alpha import AlphaResult
 
-#: Differences below this share of a stress are the discretisation's, not the shape's.
-NOISE = 2e-4
-
 
 def summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
-    sentences = [deflections(run), stress_at_plate(run.specimens, run.stress_range[0]), strokes(run), weights(run.alphas)]
-    return " ".join(sentence for sentence in sentences if sentence)
+    stress = stress_at_plate(run.specimens, run.stress_range[0])
+    return " ".join(filter(None, (deflections(run), stress, strokes(run), weights(run.alphas))))
 
 
 def deflections(run: Run) -> str:
@@ -52,18 +49,19 @@ def more(ratio: float) -> str:
 
 def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
     """On which axis the stress at the plate is larger, and by how much; ``least`` stress of all films [kPa]."""
-    alike = [item for item in specimens if same(item.short.at_plate, item.long.at_plate)]
-    parts = []
-    for axis, sign in (("short", 1), ("long", -1)):
-        chosen = [item for item in specimens if item not in alike
-                  and sign * (item.short.at_plate - item.long.at_plate) > 0]
-        if chosen:
-            parts.append(f"At the plate the largest true stress is larger on the {axis} axis: "
-                         f"{listed([_difference(item) for item in chosen])}. {_above(chosen, least)}".strip())
+    parts, where = [], "The largest principal true stress at the plate"
+    for axis in dict.fromkeys(_larger(item) for item in specimens if not item.alike):
+        chosen = [item for item in specimens if not item.alike and _larger(item) == axis]
+        parts.append(f"{where} is higher on the {axis} axis {listed([_difference(item) for item in chosen])}. "
+                     f"{_above(chosen, least)}".strip())
+    alike = [f"{item.name} ({digits(item.long.at_plate, 4)} kPa)" for item in specimens if item.alike]
     if alike:
-        each = listed([f"{digits(item.long.at_plate, 4)} kPa in {item.name}" for item in alike])
-        parts.append(f"It is the same on both axes where no axis stands out: {each}.")
+        parts.append(f"{'It' if parts else where} is the same on both axes in {listed(alike)}.")
     return " ".join(parts)
+
+
+def _larger(specimen: Stored) -> str:
+    return specimen.axes[0] if specimen.short.at_plate > specimen.long.at_plate else specimen.axes[1]
 
 
 def _difference(specimen: Stored) -> str:
@@ -74,7 +72,7 @@ def _difference(specimen: Stored) -> str:
 def _above(specimens: Sequence[Stored], least: float) -> str:
     """The difference as a share of what the load adds, where the film is stressed without it."""
     ends = [_ends(item) for item in specimens]
-    if least < max(high for high, _ in ends) / 2 or any(same(low, least) for _, low in ends):
+    if least < max(high for high, _ in ends) / 2 or min(low for _, low in ends) <= least:
         return ""
     shares = listed([percent((high - least) / (low - least) - 1) for high, low in ends])
     return (f"The prestretch alone makes most of this stress; counted from the smallest in these films, "
@@ -87,42 +85,43 @@ def _ends(specimen: Stored) -> tuple[float, float]:
     return max(pair), min(pair)
 
 
-def same(one: float, other: float) -> bool:
-    """Whether two stresses differ by no more than the discretisation makes them."""
-    return abs(one - other) <= NOISE * max(abs(one), abs(other))
-
-
 def strokes(run: Run) -> str:
     """How far the voltage moves each plate under the picture's mass, or the lightest of the curves."""
     there = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not there:
         return ""
     mass = run.mass if run.mass in there else there[0]
-    each = [stroke(item.name, curve) for item in run.specimens for curve in item.curves if curve.mass == mass]
-    return f"Raising the voltage under {mass:g} g moves the plate {listed(each)}."
+    pairs = [(item.name, curve) for item in run.specimens for curve in item.curves if curve.mass == mass]
+    low = min(float(curve.voltage[0]) for _, curve in pairs)
+    high = max(float(curve.voltage[-1]) for _, curve in pairs)
+    return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by another "
+            f"{listed([stroke(name, curve) for name, curve in pairs])}.")
 
 
 def stroke(name: str, curve: Curve) -> str:
     """Travel of one plate between the first and the last voltage with an equilibrium."""
     if not curve.found.any():
-        return f"nowhere it could rest ({name})"
-    voltage, deflection = curve.voltage[curve.found], curve.deflection[curve.found]
-    end = "; beyond, the film pulls in" if curve.pull_in else ""
-    return f"{digits(float(deflection[-1] - deflection[0]))} mm up to {voltage[-1]:g} kV ({name}{end})"
+        return f"unknown distance ({name}: no equilibrium)"
+    travel = curve.deflection[curve.found][[0, -1]]
+    last = curve.voltage[curve.found][-1]
+    end = f", up to {last:g} kV: beyond, it pulls in" if curve.pull_in else ""
+    return f"{digits(float(np.diff(travel)[0]))} mm ({name}{end})"
 
 
 def weights(alphas: Sequence[AlphaResult]) -> str:
     """Which mixture of circles each elongated shape behaves as."""
-    each = [f"{item.specimen} like {_mixture(item)}" for item in alphas if len(item.circles) > 1]
-    errors = [item.by_basis["membrane"].fit_error for item in alphas if len(item.circles) > 1]
-    if not each:
+    found = [item for item in alphas if len(item.circles) > 1]
+    if not found:
         return ""
-    return f"In the lumped model {listed(each)}, with force errors of at most {percent(max(errors))}."
+    worst = percent(max(item.by_basis["membrane"].fit_error for item in found))
+    return (f"As a mixture of circular membranes, {', '.join(map(_mixture, found))}; "
+            f"the force is met within {worst.removeprefix('< ')}.")
 
 
 def _mixture(item: AlphaResult) -> str:
     parts = zip(item.by_basis["membrane"].alpha, item.circles, strict=True)
-    return " and ".join(f"{weight:.2f} of the {radius * 1e3:g} mm circle" for weight, radius in parts)
+    mixed = " + ".join(f"{weight:.2f} of radius {radius * 1e3:g} mm" for weight, radius in parts)
+    return f"{item.specimen} is {mixed}"
 
 
 def warnings(run: Run) -> list[str]:

@@ -102,7 +102,8 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
     if outcome.status != "equilibrium":
         numbers = dict.fromkeys(("deflection_m", "reading_m", "reaction_N", "capacitance_F", "max_stretch",
                                  "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "energy_J"))
-        return CaseResult(**common, **numbers, wall_s=wall, warnings=(_why(outcome),))  # type: ignore[arg-type]
+        return CaseResult(**common, **numbers, wall_s=wall,  # type: ignore[arg-type]
+                          warnings=(_why(outcome), *_last_state(model, outcome)))
     forces = model.forces(state.positions, state.voltage_squared)
     fields = node_fields(model, outcome)
     return CaseResult(
@@ -138,6 +139,11 @@ def field_warnings(fields: Fields) -> list[str]:
         warnings.append(f"the largest stretch {fields.stretch_1.max():.2f} is beyond {STRETCH_RANGE[1]}, "
                         "the range materials are checked for")
     return warnings
+
+
+def _last_state(model: Model, outcome: Outcome) -> list[str]:
+    """Warnings about the last state before the failure, said to be that."""
+    return [f"at the last equilibrium before that, {words}" for words in field_warnings(node_fields(model, outcome))]
 
 
 def _why(outcome: Outcome) -> str:

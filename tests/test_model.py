@@ -176,5 +176,6 @@ def test_voltage_energy_gives_the_charge() -> None:
     film = model(skewed(), refine=0.7, order=2)
     positions, plate = deformed(film)
     voltage, step = 2500.0, 1.0
-    charge = -(film.energy(positions, (voltage + step) ** 2) - film.energy(positions, (voltage - step) ** 2)) / (2 * step)
+    above, below = (film.energy(positions, (voltage + change) ** 2) for change in (step, -step))
+    charge = -(above - below) / (2 * step)
     assert charge == pytest.approx(capacitance(film, State(positions, plate)) * voltage, rel=1e-7)

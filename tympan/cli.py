@@ -18,7 +18,8 @@ _MESH = "elements around the plate; more are slower and more accurate (default: 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     options = _parser().parse_args(arguments)
-    from geometry.errors import InputError, MissingLibrary
+    from geometry.errors import InputError
+    from geometry.system import MissingLibrary
 
     try:
         options.run(options)

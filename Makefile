@@ -1,0 +1,29 @@
+# The two commands of the README. Both make their own environment in .venv from requirements.lock.
+
+PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
+  $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
+OUT ?= out
+
+.PHONY: study test benchmarks clean
+
+study: .venv/ready
+	.venv/bin/tympan study -o $(OUT)
+
+test: .venv/ready
+	.venv/bin/python -m pytest -n 2
+
+benchmarks: .venv/ready
+	.venv/bin/python -m benchmarks.reference_problem
+
+.venv/ready: requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
+	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
+	  { echo "$(PYTHON) cannot make environments: install the Debian package python3-venv"; exit 1; }
+	$(PYTHON) -m venv --clear .venv
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	@.venv/bin/python -m geometry.system
+	@touch $@
+
+clean:
+	rm -rf .venv out

@@ -1,0 +1,64 @@
+"""Shared libraries of the operating system that gmsh, OpenCASCADE and VTK load, and what to install when one lacks."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+
+#: Debian packages of the libraries.
+DEBIAN = {
+    "libGL.so.1": "libgl1",
+    "libGLU.so.1": "libglu1-mesa",
+    "libEGL.so.1": "libegl1",
+    "libX11.so.6": "libx11-6",
+    "libXcursor.so.1": "libxcursor1",
+    "libXext.so.6": "libxext6",
+    "libXfixes.so.3": "libxfixes3",
+    "libXft.so.2": "libxft2",
+    "libXinerama.so.1": "libxinerama1",
+    "libXrender.so.1": "libxrender1",
+    "libfontconfig.so.1": "libfontconfig1",
+    "libgomp.so.1": "libgomp1",
+}
+
+
+class MissingLibrary(RuntimeError):
+    """A shared library of the operating system is not installed; the message names the Debian package."""
+
+
+def missing_library(error: OSError | ImportError) -> MissingLibrary:
+    """What to install when loading a shared library failed.
+
+    Examples
+    --------
+    >>> print(missing_library(OSError("libGLU.so.1: cannot open shared object file: No such file or directory")))
+    the system library libGLU.so.1 is missing: install the Debian package libglu1-mesa (or your system's counterpart)
+    """
+    name = str(error).split(":")[0].strip()
+    if name not in DEBIAN:
+        return MissingLibrary(f"a system library cannot be loaded: {error}")
+    return MissingLibrary(f"the system library {name} is missing: install the Debian package {DEBIAN[name]} "
+                          "(or your system's counterpart)")
+
+
+def missing_packages(names: dict[str, str] = DEBIAN) -> list[str]:
+    """Debian packages of the libraries that cannot be loaded here; empty where there is nothing to load on demand.
+
+    Examples
+    --------
+    >>> missing_packages({"libnowhere.so.7": "libnowhere7"})
+    ['libnowhere7']
+    """
+    lacking = []
+    for name, package in names.items():
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            lacking.append(package)
+    return lacking
+
+
+if __name__ == "__main__":
+    packages = missing_packages() if sys.platform == "linux" else []
+    if packages:
+        sys.exit(f"tympan: system libraries are missing; on Debian: sudo apt-get install {' '.join(packages)}")
