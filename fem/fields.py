@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fem.density import maxwell, principal_stretches
 from fem.model import Model, cauchy_green
-from fem.newton import State
+from fem.state import State
 from geometry.mesh import unfold
 
 Array = NDArray[Any]

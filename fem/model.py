@@ -165,7 +165,7 @@ class Model:
         border, corner = self._plate_coupling(elements, gradient)
         allowed = np.ix_(self.plate_freedoms, self.plate_freedoms)
         corner = corner + plate.curvature(self.arms, forces[self.plate_nodes])[allowed]
-        return Linearised(forces, np.einsum("nip,ni->p", gradient, forces[self.plate_nodes]), inner, border, corner)
+        return Linearised(forces, inner, border, corner)
 
     def plate_forces(self, forces: Array, plate: PlateMotion) -> Array:
         """Nodal forces gathered on the plate's allowed freedoms [N, N m]."""
@@ -242,12 +242,11 @@ class Model:
 class Linearised:
     """Forces and tangent at one state.
 
-    ``forces`` (nodes, 3); ``plate`` the forces on the plate's allowed freedoms (p,); ``inner`` the tangent of the
-    free components (n, n); ``border`` (n, p) and ``corner`` (p, p) couple the plate.
+    ``forces`` (nodes, 3); ``inner`` the tangent of the free components (n, n); ``border`` (n, p) and ``corner`` (p, p)
+    couple the plate's allowed freedoms.
     """
 
     forces: Array
-    plate: Array
     inner: csc_matrix
     border: Array
     corner: Array

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fem.model import Model
-from fem.newton import NewtonSettings, Solution, State, Unknown, extrapolate, newton
+from fem.newton import NewtonSettings, Solution, extrapolate, newton
+from fem.state import State, Unknown
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 

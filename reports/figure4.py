@@ -53,7 +53,7 @@ def draw(folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[P
     ------
     InputError
         When something the study stores is missing or damaged.
-    DrawingError
+    MissingLibrary
         When this computer cannot draw in three dimensions.
     """
     return draw_run(read_run(folder), folder, formats)

@@ -56,7 +56,7 @@ def build(folder: Path) -> Path:
     ------
     InputError
         When something the study stores is missing or damaged.
-    DrawingError
+    MissingLibrary
         When this computer cannot draw in three dimensions.
     """
     run = read_run(folder)

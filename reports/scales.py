@@ -166,7 +166,7 @@ def digits(value: float | None, count: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share in per cent with two significant digits; what is less than a millionth is called that.
+    r"""A share in per cent with two significant digits; what is less than a millionth is called that.
 
     Examples
     --------

@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
+from geometry.system import MissingLibrary
 from reports.scales import Scale
 from reports.stored import Array, Film, Stored
 
 _MOUNTED = ("across", "back")
-
-
-class DrawingError(RuntimeError):
-    """This computer cannot draw three-dimensional pictures."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,7 @@ def picture(specimen: Stored, view: View) -> Picture:
 
     Raises
     ------
-    DrawingError
+    MissingLibrary
         When there is no OpenGL to draw with.
     """
     turned = specimen.semi_axes[1] > specimen.semi_axes[0]
@@ -190,8 +187,8 @@ def _check_opengl() -> None:
     there = window.GetInitialized()
     window.Finalize()
     if not there:
-        raise DrawingError("cannot draw the membranes: VTK finds no OpenGL to draw with; on Debian and Ubuntu install "
-                           "libegl1, libgl1 and libgl1-mesa-dri, or libosmesa6")
+        raise MissingLibrary("cannot draw the membranes: VTK finds no OpenGL; install the Debian packages libegl1, "
+                             "libgl1 and libgl1-mesa-dri (or your system's counterparts)")
 
 
 @contextmanager

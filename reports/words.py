@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -14,7 +15,18 @@ from studies.alpha import AlphaResult
 def summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
     stress = stress_at_plate(run.specimens, run.stress_range[0])
-    return " ".join(filter(None, (deflections(run), stress, strokes(run), weights(run.alphas))))
+    return tied(" ".join(filter(None, (deflections(run), stress, strokes(run), weights(run.alphas)))))
+
+
+def tied(text: str) -> str:
+    r"""The text with its numbers and units kept on one line.
+
+    Examples
+    --------
+    >>> tied("2.18 mm (a 2 by 3 thing)")
+    '2.18\xa0mm (a 2 by 3 thing)'
+    """
+    return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}", text)
 
 
 def deflections(run: Run) -> str:
@@ -35,12 +47,12 @@ def reference(specimens: Sequence[Stored]) -> Stored:
 
 
 def more(ratio: float) -> str:
-    """A ratio as a difference in words.
+    r"""A ratio as a difference in words.
 
     Examples
     --------
-    >>> more(1.0756), more(0.9), more(1.0)
-    ('sinks 7.6\u202f% more', 'sinks 10\u202f% less', 'sinks as much')
+    >>> more(1.0756), more(0.88), more(1.0)
+    ('sinks 7.6\u202f% more', 'sinks 12\u202f% less', 'sinks as much')
     """
     if abs(ratio - 1) < 5e-4:
         return "sinks as much"

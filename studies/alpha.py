@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from fem.fields import edge_fields, whole
 from fem.model import Model
-from fem.newton import Solution, State
+from fem.newton import Solution
 from fem.paths import held, voltage_path
 from fem.rig import Rig
+from fem.state import State
 from geometry.errors import InputError
 from geometry.outlines import Circle
 from geometry.specimen import Plate, Specimen

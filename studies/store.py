@@ -16,7 +16,7 @@ import numpy as np
 
 from fem.fields import Fields, cell_fields
 from fem.model import Model
-from fem.newton import State
+from fem.state import State
 from geometry.errors import InputError
 
 #: Fields of a VTU, in SI; ParaView shows the names.

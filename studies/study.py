@@ -16,9 +16,9 @@ import numpy as np
 from fem.fields import Fields, edge_fields, whole
 from fem.library import load_specimen
 from fem.model import Model
-from fem.newton import State
 from fem.paths import voltage_path
 from fem.rig import Rig
+from fem.state import State
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.tables import NON_NEGATIVE, Table

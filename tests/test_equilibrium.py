@@ -16,9 +16,10 @@ from fem.fields import edge_fields, whole
 from fem.laws import Ogden
 from fem.library import load_specimen
 from fem.model import Model
-from fem.newton import State, newton
+from fem.newton import newton
 from fem.paths import equilibrium, held, voltage_path
 from fem.rig import Rig
+from fem.state import State
 from geometry.mesh import curved_mesh
 from geometry.mesher import MeshSettings
 from studies.cases import Case, Settings, solve

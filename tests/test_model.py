@@ -65,7 +65,7 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
     free = 1e-3 * rng.normal(size=int(film.free.sum()))
     border = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
     at = film.energy(positions, VOLTAGE_SQUARED)
-    slope = part.forces[film.free] @ free + part.plate @ border
+    slope = part.forces[film.free] @ free + film.plate_forces(part.forces, plate) @ border
     bend = free @ (part.inner @ free) + 2 * free @ (part.border @ border) + border @ part.corner @ border
     errors = []
     for t in (0.04, 0.02, 0.01):
@@ -171,7 +171,7 @@ def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
 def test_voltage_energy_gives_the_charge() -> None:
     """Q = −∂Π/∂U = C U with the capacitance of the recovered fields."""
     from fem.fields import capacitance
-    from fem.newton import State
+    from fem.state import State
 
     film = model(skewed(), refine=0.7, order=2)
     positions, plate = deformed(film)

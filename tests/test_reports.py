@@ -18,6 +18,7 @@ from PIL import Image
 from geometry.errors import InputError
 from geometry.mesher import MeshSettings
 from geometry.outlines import Ellipse
+from geometry.system import MissingLibrary
 from reports import curves, figure4, html, scene, style, words
 from reports.scales import Scale, column_widths, exaggeration, paper_scale, percent, scale
 from reports.stored import Curve, Line, Run, read_run
@@ -176,7 +177,7 @@ def test_no_opengl_is_one_clear_message(stored: Run, monkeypatch: pytest.MonkeyP
             return lambda *_: False
 
     monkeypatch.setattr(scene, "vtkRenderWindow", Blind)
-    with pytest.raises(scene.DrawingError, match="libegl1"):
+    with pytest.raises(MissingLibrary, match="libegl1"):
         scene.picture(stored.specimens[0], figure4.plan(stored.specimens, stored.stress_range).view)
 
 
