@@ -18,7 +18,6 @@ from reports.scales import (
     bar_length,
     column_widths,
     digits,
-    exaggeration,
     paper_scale,
     rows_of,
     scale,
@@ -77,10 +76,8 @@ def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
     columns = tuple(tuple(column_widths(row, paper, _LEAST)) for row in films)
     flat = (width for row in columns for width in row)
     reach = max(_farthest(item) / width for item, width in zip(specimens, flat, strict=True))
-    times = exaggeration([item.deflection for item in specimens], [2 * min(item.semi_axes) for item in specimens],
-                         max(map(_steepest, specimens)))
     # Twice the pixels of the print: the average of four makes smooth edges.
-    view = View(times, 2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS, scale(*stress),
+    view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS, scale(*stress),
                 bar_length(max(widths)) / 2, style.SHORT, style.LONG)
     return Plan(tuple(rows), columns, paper, 1.03 * reach, view)
 
@@ -164,7 +161,7 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     bar.fill_between([0, 1], 0, 1, color="black", linewidth=0)
     bar.set(xlim=(0, 1), ylim=(0, 1))
     _write(figure, _LEFT, top + 5.5, f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
-           f"deflection drawn {view.times:g}\N{MULTIPLICATION SIGN}")
+           "deflection true to scale")
     wide = 70.0
     left = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
     colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
@@ -218,14 +215,3 @@ def _height(image: Picture) -> float:
 
 def _farthest(specimen: Stored) -> float:
     return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y) for side in line.sides)
-
-
-def _steepest(specimen: Stored) -> float:
-    """Steepest slope along the axes."""
-    slopes = [0.0]
-    for line in (specimen.along_x, specimen.along_y):
-        for side in line.sides:
-            run = np.diff(side.distance)
-            # Elements meet in two points at one place.
-            slopes += (np.abs(np.diff(side.deflection))[run > 0] / run[run > 0]).tolist()
-    return max(slopes)

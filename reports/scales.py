@@ -1,10 +1,10 @@
-"""Numbers behind the pictures: colour limits, ticks, exaggeration, sizes on paper, digits."""
+"""Numbers behind the pictures: colour limits, ticks, sizes on paper, digits."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, inf, isfinite, log10
+from math import floor, isfinite, log10
 
 from matplotlib.ticker import MaxNLocator
 
@@ -67,29 +67,6 @@ def scale(low: float, high: float, intervals: int = 5) -> Scale:
     first, last = floor(low / half + 1e-9), -floor(-high / half + 1e-9)
     ticks = tuple(round(index * step, 12) for index in range(-(-first // 2), last // 2 + 1))
     return Scale(round(first * half, 12), round(last * half, 12), ticks)
-
-
-def exaggeration(deflections: Sequence[float], sizes: Sequence[float], slope: float) -> int:
-    """How many times deeper than it is the film is drawn, the same for all.
-
-    The deepest comes to at most an eighth of its own film's short diameter, and no wall gets so steep that it hides
-    what lies behind it; deep films are drawn as they are.
-
-    Parameters
-    ----------
-    deflections, sizes
-        Deflection and short diameter of each film, in one unit.
-    slope
-        Steepest slope of all films.
-
-    Examples
-    --------
-    >>> exaggeration([2.18, 2.42], [90, 90], 0.14), exaggeration([15], [90], 0.9)
-    (4, 1)
-    """
-    room = min((size / 8 / abs(depth) for depth, size in zip(deflections, sizes, strict=True) if depth), default=1.0)
-    bound = min(room, 0.8 / slope if slope > 0 else inf)
-    return max(times for times in (1, 2, 3, 4, 5, 8, 10, 20, 50, 100) if times == 1 or times <= bound)
 
 
 def rows_of(count: int, most: int = 3) -> list[range]:

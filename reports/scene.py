@@ -24,11 +24,10 @@ _MOUNTED = ("across", "back")
 class View:
     """How all films of a figure are looked at.
 
-    ``elevation`` [degrees] above the frame's plane, ``times`` the deflection is exaggerated, ``resolution`` [pixels
-    per mm of film], ``line`` width of the outlines [pixels], and the colours' name and scale [kPa].
+    ``elevation`` [degrees] above the frame's plane, ``resolution`` [pixels per mm of film],
+    ``line`` width of the outlines [pixels], and the colours' name and scale [kPa].
     """
 
-    times: float
     resolution: float
     line: float
     colours: str
@@ -45,10 +44,10 @@ class View:
         return np.array([0.0, -cos(tilt), sin(tilt)])
 
     def place(self, points: Array, turned: bool) -> Array:
-        """Points [mm] with their long axis across the picture and the load, exaggerated, downwards."""
+        """Points [mm] with their long axis across the picture and the load downwards."""
         x, y, z = points.T
         across, back = (y, -x) if turned else (x, y)
-        return np.column_stack([across, back, -self.times * z])
+        return np.column_stack([across, back, -z])
 
     def project(self, placed: Array) -> Array:
         """Across and up in the picture [mm], shape (n, 2)."""
