@@ -71,14 +71,30 @@ def equilibrium(model: Model, force: float, voltage: float, spring: float = 0.0,
     Outcome
         "equilibrium" is stable under force and voltage and connected to the start without passing a limit point.
     """
-    solution = start or newton(model, State.mounted(model), "heave", spring, settings.newton)
+    solution = start or _first(model, spring, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
-    if start is None and outcome.status == "equilibrium":
-        outcome = ramp(model, outcome.solution, "force", force, spring, settings)
-    for unknown, target in (("force", force), ("voltage", voltage**2)):
+    targets: tuple[tuple[Unknown, float], ...] = (("force", force), ("voltage", voltage**2))
+    for unknown, target in targets:
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, unknown, target, spring, settings)  # type: ignore[arg-type]
+            outcome = ramp(model, outcome.solution, unknown, target, spring, settings)
     return outcome
+
+
+def _first(model: Model, spring: float, settings: PathSettings) -> Solution:
+    """The flat mounted film; or, where that is not taut, the film with the plate already pushed out.
+
+    An unstressed flat membrane has no stiffness across its plane, so its load path cannot start there.
+    """
+    flat = newton(model, State.mounted(model), "heave", spring, settings.newton)
+    if flat.converged and flat.stable and flat.tangent is not None and flat.tangent.wrinkling == 0:
+        return flat
+    x, y, _ = model.reference.T
+    to_frame, to_plate = np.abs(model.specimen.frame.level(x, y)), np.abs(model.specimen.plate.level(x, y))
+    heave = 0.2 * model.size
+    positions = model.reference.copy()
+    positions[:, 2] = heave * to_frame / (to_frame + to_plate)
+    pushed = State(positions, flat.state.plate.raised_to(heave))
+    return newton(model, pushed, "force", spring, settings.newton)
 
 
 def voltage_path(model: Model, force: float, voltages: list[float], spring: float = 0.0,

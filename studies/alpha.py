@@ -263,9 +263,10 @@ def _doubts(by_basis: dict[Basis, Weights], radii: tuple[float, ...]) -> list[st
     if len(radii) == 1:
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
     doubts = []
-    for basis, words in (("membrane", "membrane circles"), ("cone", "cones as in Eq. (5)"),
-                         ("cone_scaled", "cones scaled to the membrane")):
-        weights = by_basis[basis]  # type: ignore[index]
+    names: dict[Basis, str] = {"membrane": "membrane circles", "cone": "cones as in Eq. (5)",
+                               "cone_scaled": "cones scaled to the membrane"}
+    for basis, words in names.items():
+        weights = by_basis[basis]
         if min(weights.alpha) == 0 and weights.fit_error > 0.02:
             doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force error of "
                           f"{100 * weights.fit_error:.0f} %")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -42,7 +42,7 @@ class Case:
         checked_load(self.mass, self.voltage)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CaseResult:
     """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
 
@@ -53,15 +53,15 @@ class CaseResult:
     mass_kg: float
     voltage_V: float
     status: Status
-    deflection_m: float | None
-    reading_m: float | None
-    reaction_N: float | None
-    capacitance_F: float | None
-    max_stretch: float | None
-    max_true_stress_Pa: float | None
-    max_field_V_per_m: float | None
-    tilt_rad: float | None
-    energy_J: float | None
+    deflection_m: float | None = None
+    reading_m: float | None = None
+    reaction_N: float | None = None
+    capacitance_F: float | None = None
+    max_stretch: float | None = None
+    max_true_stress_Pa: float | None = None
+    max_field_V_per_m: float | None = None
+    tilt_rad: float | None = None
+    energy_J: float | None = None
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]
@@ -97,17 +97,14 @@ def solve(case: Case, settings: Settings) -> CaseResult:
 def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseResult:
     """The numbers of a case that was solved."""
     state = outcome.state
-    common = {"specimen": case.specimen.name, "mass_kg": case.mass, "voltage_V": case.voltage,
-              "status": outcome.status, "dofs": model.unknowns}
+    result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, status=outcome.status,
+                        dofs=model.unknowns, wall_s=wall, warnings=())
     if outcome.status != "equilibrium":
-        numbers = dict.fromkeys(("deflection_m", "reading_m", "reaction_N", "capacitance_F", "max_stretch",
-                                 "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "energy_J"))
-        return CaseResult(**common, **numbers, wall_s=wall,  # type: ignore[arg-type]
-                          warnings=(_why(outcome), *_last_state(model, outcome)))
+        return replace(result, warnings=(_why(outcome), *_last_state(model, outcome)))
     forces = model.forces(state.positions, state.voltage_squared)
     fields = node_fields(model, outcome)
-    return CaseResult(
-        **common,  # type: ignore[arg-type]
+    return replace(
+        result,
         deflection_m=state.plate.heave,
         reading_m=case.rig.reading(state.plate.heave),
         reaction_N=float(forces[model.plate_nodes, 2].sum()) * model.mirrored,
@@ -117,7 +114,6 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
         max_field_V_per_m=float(fields.electric_field.max()),
         tilt_rad=state.plate.tilt,
         energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
-        wall_s=wall,
         warnings=tuple(field_warnings(fields)),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import meshio
@@ -21,7 +22,7 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path) -> Iterator
     for name, part in parts.items():
         for suffix, write in (("step", cad.write_step), ("dxf", cad.write_dxf)):
             file = folder / f"{specimen.name}-{name}.{suffix}"
-            write_atomically(file, lambda path, part=part, write=write: write([part], path))  # type: ignore[misc]
+            write_atomically(file, partial(write, [part]))
             yield file
     mesh = mesh_film(specimen, replace(settings, order=2), frozenset())
     flat = meshio.Mesh(np.column_stack([mesh.points, np.zeros(len(mesh.points))]),

@@ -339,3 +339,12 @@ def test_mesh_settings_say_what_they_allow() -> None:
     with pytest.raises(InputError, match="1, 2, 3, 4"):
         MeshSettings(order=5)
     assert skewed().mirror_planes == frozenset()
+
+
+@pytest.mark.parametrize("prestretch", [1.0, 1.0001, 1.02])
+def test_films_that_are_not_taut_when_flat(prestretch) -> None:
+    """An unstressed flat membrane has no stiffness across its plane; its loaded shape is found all the same."""
+    outcome = equilibrium(model(circular(prestretch=(prestretch, prestretch))), 0.1755, 0.0)
+    assert outcome.status == "equilibrium"
+    exact = axisymmetric.solve_load(oracle(NEO_HOOKE, prestretch=prestretch), 0.1755)
+    assert outcome.state.plate.heave == pytest.approx(exact.deflection, rel=1e-4)
