@@ -99,37 +99,41 @@ def _first(model: Model, spring: float, settings: PathSettings) -> Solution:
 
 def voltage_path(model: Model, force: float, voltages: list[float], spring: float = 0.0,
                  settings: PathSettings = PathSettings()) -> Iterator[Outcome]:
-    """Equilibria at ascending voltages [V] under one force, each started from the one before.
+    """Equilibria at voltages [V] under one force, each started from the last one found.
 
-    After the first that has none, the rest have none either and are not searched again.
+    Voltages at or above one that has no equilibrium have none either and are not searched.
     """
     outcome: Outcome | None = None
+    start: Solution | None = None
+    failed = np.inf
     for voltage in voltages:
-        if outcome is None:
-            outcome = equilibrium(model, force, voltage, spring, settings=settings)
-        elif outcome.status == "equilibrium":
-            outcome = equilibrium(model, force, voltage, spring, outcome.solution, settings)
+        if outcome is None or voltage < failed:
+            outcome = equilibrium(model, force, voltage, spring, start, settings)
+            if outcome.status == "equilibrium":
+                start = outcome.solution
+            else:
+                failed = voltage
         yield outcome
 
 
 def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
-    outcome = Outcome("equilibrium", start or newton(model, State.mounted(model), "force", 0.0, settings.newton))
-    if voltage**2 != outcome.state.voltage_squared:
-        charged = newton(model, replace(outcome.state, voltage_squared=voltage**2), "force", 0.0, settings.newton)
-        outcome = Outcome("equilibrium" if charged.converged else "not_converged", charged, charged.advice)
-    origin = outcome.state.plate.heave
-    done, step = 0.0, 1.0
-    while outcome.status == "equilibrium" and done < 1 and heave != origin:
+    solution = start or newton(model, State.mounted(model), "force", 0.0, settings.newton)
+    origin, charge = solution.state.plate.heave, solution.state.voltage_squared
+    advice = solution.advice
+    done, step = (0.0, 1.0) if (heave, voltage**2) != (origin, charge) else (1.0, 0.0)
+    while solution.converged and done < 1:
         share = min(1.0, done + step)
-        trial = newton(model, extrapolate(model, outcome.solution, heave=origin + share * (heave - origin)),
-                       "force", 0.0, settings.newton)
+        guess = extrapolate(model, solution, heave=origin + share * (heave - origin))
+        guess = replace(guess, voltage_squared=charge + share * (voltage**2 - charge))
+        trial = newton(model, guess, "force", 0.0, settings.newton)
         if trial.converged:
-            outcome, done, step = Outcome("equilibrium", trial), share, 2 * step
+            solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:
-            outcome = Outcome("not_converged", outcome.solution, trial.advice)
-    return outcome
+            advice = trial.advice
+            break
+    return Outcome("equilibrium" if done == 1 else "not_converged", solution, advice)
 
 
 def ramp(model: Model, start: Solution, name: Unknown, target: float, spring: float, settings: PathSettings) -> Outcome:

@@ -198,7 +198,7 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
 @pytest.mark.parametrize("specimen", [circular(), elliptical(60e-3), elliptical(75e-3)], ids=lambda s: s.name)
 @pytest.mark.parametrize("voltage", [0.0, 5000.0])
 def test_quarter_and_full_models_agree(specimen, voltage) -> None:
-    heaves = [equilibrium(model(specimen, symmetry=symmetry, refine=2.0), 0.1755, voltage).state.plate.heave
+    heaves = [equilibrium(model(specimen, symmetry=symmetry), 0.1755, voltage).state.plate.heave
               for symmetry in (True, False)]
     assert heaves[0] == pytest.approx(heaves[1], rel=1e-6)
 
@@ -348,3 +348,17 @@ def test_films_that_are_not_taut_when_flat(prestretch) -> None:
     assert outcome.status == "equilibrium"
     exact = axisymmetric.solve_load(oracle(NEO_HOOKE, prestretch=prestretch), 0.1755)
     assert outcome.state.plate.heave == pytest.approx(exact.deflection, rel=1e-4)
+
+
+def test_a_voltage_path_skips_only_what_is_hopeless() -> None:
+    """A sagging amplifier brings the voltage back down: after a pull-in at 7 kV, 3 kV has an equilibrium again."""
+    film = model(circular(Ogden((15e3,), (2.0,))))
+    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G, [1000.0, 7000.0, 8000.0, 3000.0])]
+    assert statuses == ["equilibrium", "no_equilibrium", "no_equilibrium", "equilibrium"]
+
+
+def test_held_states_do_not_depend_on_where_they_start() -> None:
+    film = model(elliptical(60e-3))
+    start = held(film, 12e-3, 6000.0)
+    there, back = held(film, 3e-3, 1000.0), held(film, 3e-3, 1000.0, start.solution)
+    assert there.state.force == pytest.approx(back.state.force, rel=1e-9)
