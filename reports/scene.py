@@ -35,7 +35,7 @@ class View:
     net: float
     short: str
     long: str
-    elevation: float = 52.0
+    elevation: float = 66.0
 
     @property
     def towards(self) -> Array:
