@@ -34,6 +34,14 @@ class Model:
     mesh: CurvedTriangles
     planes: frozenset[str] = frozenset()
 
+    def with_specimen(self, specimen: Specimen) -> Model:
+        """The same mesh with another film or electrode of the same outlines; what depends on the mesh alone is kept."""
+        model = Model(specimen, self.mesh, self.planes)
+        kept = ("basis", "connectivity", "gradients", "covered", "reference", "centre", "plate_nodes", "arms", "free",
+                "plate_freedoms", "size", "_plate_elements", "_pattern")
+        vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
+        return model
+
     @cached_property
     def basis(self) -> skfem.CellBasis:
         """The scalar scikit-fem basis everything is integrated with."""
