@@ -73,6 +73,9 @@ def newton(model: Model, guess: State, unknown: Unknown = "heave", spring: float
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
         part = model.linearised(state.positions, state.plate, state.voltage_squared)
+        if not np.isfinite(part.forces).all():
+            return Solution(state, False, iteration, np.inf, None,
+                            "the film would be strained beyond what its material can reach: take smaller steps")
         residual = problem.residual(state, part.forces)
         balance = problem.balance(residual, part.forces)
         try:

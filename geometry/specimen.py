@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,18 @@ Stretch = NDArray[np.float64] | NDArray[np.complex128]
 
 
 class Material(Protocol):
-    """What a film can be made of: a strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂)."""
+    """What a film can be made of: a strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
+
+    ``law`` is the name in specimen files.
+    """
+
+    law: ClassVar[str]
 
     def derivatives(self, l1: Stretch, l2: Stretch) -> tuple[Stretch, ...]:
-        """W [J/m³] and W₁, W₂, W₁₁, W₁₂, W₂₂ at the principal stretches, each of their shape."""
+        """W [J/m³] and W₁, W₂, W₁₁, W₁₂, W₂₂ at the principal stretches, each of their shape.
+
+        Where the law cannot be stretched so far, W is +∞ and its derivatives are nan.
+        """
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,12 @@ class Specimen:
             raise InputError(f"the margins must leave an electrode: their sum must stay below the gap of "
                              f"{gap * 1e3:.4g} mm between plate and frame",
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
+        stretch = np.real(self.membrane.prestretch)
+        with np.errstate(all="ignore"):
+            energy = self.membrane.material.derivatives(*stretch)[0]
+        if np.isposinf(np.real(energy)):
+            raise InputError(f"must be a stretch the film can reach: {self.membrane.material} locks before it",
+                             key="membrane.prestretch", given=self.membrane.prestretch)
 
     @property
     def mirror_planes(self) -> frozenset[str]:

@@ -7,6 +7,7 @@ import pytest
 from conftest import NEO_HOOKE, ROOT5, circular, skewed
 from hypothesis import given
 from hypothesis import strategies as st
+from laws import SAMPLES
 
 from fem.density import FilmDensity, Maxwell, maxwell, plane_stress, principal_stretches
 from fem.laws import REGISTRY, Ogden, checked, inadmissible_stretch
@@ -20,6 +21,7 @@ LAWS = {
     "Ogden stiff": Ogden((30e3, 2e3), (1.3, 5.5)),
     "Maxwell": Maxwell(5e3, 2.0),
     "Maxwell, falling permittivity": Maxwell(5e3, 1.4),
+    **{name: sample.law for name, sample in SAMPLES.items()},
     **{name: entry.material for name, entry in MATERIALS.items()},
 }
 EQUAL = [(1.0, 1.0, 0.0), (1.0, 1.0 + 1e-16, 0.0), (1.0, 1.0 + 1e-9, 3e-10), (1.0, 1.0 + 1e-6, -2e-6),

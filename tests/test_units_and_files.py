@@ -39,6 +39,8 @@ alpha = [2, 4]
 margin_frame = "1 mm"
 """
 
+OGDEN = GOOD[GOOD.index('law = "ogden"') : GOOD.index("[electrode]")].rstrip()
+
 #: (what is replaced, by what, the key the message must name, a word of the rule it must state)
 BAD = [
     ('name = "good"', 'name = "good"\nnme = 1', "nme", "unknown key: did you mean 'name'"),
@@ -64,6 +66,16 @@ BAD = [
     ("alpha = [2, 4]", "alpha = [2]", "membrane.material.mu", "same length"),
     ("alpha = [2, 4]", "alpha = [2, 0]", "membrane.material.alpha", "zero"),
     ('law = "ogden"', 'law = "jelly"', "membrane.material.law", "ogden"),
+    (OGDEN, 'law = "neo_hooke"\nmu = "-1 kPa"', "membrane.material.mu", "given '-1 kPa': must be positive"),
+    (OGDEN, 'law = "neo_hooke"\nmu = "1 kPa"\nalpha = 2', "membrane.material.alpha", "unknown key"),
+    (OGDEN, 'law = "mooney_rivlin"\nc10 = "8 kPa"', "membrane.material.c01", "missing"),
+    (OGDEN, 'law = "mooney_rivlin"\nc10 = "8 kPa"\nc01 = "-1 kPa"', "membrane.material", "admissible"),
+    (OGDEN, 'law = "yeoh"\nc = []', "membrane.material.c", "list"),
+    (OGDEN, 'law = "yeoh"\nc = ["8 kPa", "-1 kPa"]', "membrane.material", "admissible"),
+    (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = 0', "membrane.material.j_lim", "positive"),
+    (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = "110 kPa"', "membrane.material.j_lim", "without a unit"),
+    (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = 6', "membrane.prestretch", "locks before it"),
+    (OGDEN, 'law = "arruda_boyce"\nmu = "18 kPa"\nlambda_lock = 1', "membrane.material.lambda_lock", "above 1"),
     ('margin_frame = "1 mm"', 'margin_frame = "40 mm"', "electrode", "margins"),
     ('margin_frame = "1 mm"', 'margin_frame = "-1 mm"', "electrode.margin_frame", "negative"),
     ("[membrane]", "[membrane", "", "not valid TOML"),

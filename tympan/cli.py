@@ -189,7 +189,8 @@ def _run_materials(options: argparse.Namespace) -> None:
     from fem.library import MATERIALS
 
     if options.json:
-        print(json.dumps({name: asdict(entry) for name, entry in MATERIALS.items()}, ensure_ascii=False))
+        listed = {name: asdict(entry) | {"law": entry.material.law} for name, entry in MATERIALS.items()}
+        print(json.dumps(listed, ensure_ascii=False))
         return
     for name, entry in MATERIALS.items():
         print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")

@@ -1,27 +1,13 @@
-"""Hyperelastic laws: a strain energy and its derivatives in the principal stretches, registered once."""
+"""Ogden's law."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
+from fem.laws.registry import register
 from geometry.errors import InputError
-from geometry.specimen import Material
 from geometry.tables import FINITE, Rule, Table
-
-REGISTRY: dict[str, Callable[[Table], Material]] = {}
-
-#: Stretches over which a material must be admissible: beyond them a film tears.
-STRETCH_RANGE = (0.5, 6.0)
-
-
-def register(cls: type[Any]) -> type[Any]:
-    """Make a law known to specimen files under its ``law`` name."""
-    REGISTRY[cls.law] = cls.from_table
-    return cls
 
 
 @register
@@ -92,35 +78,3 @@ class Ogden:
 
 
 _POWER: Rule = (lambda x: FINITE[0](x) and x != 0, "must not be zero")
-
-
-def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1]
-                         ) -> tuple[float, float] | None:
-    """The first stretches (λ₁, λ₂) in a range where the law softens against every intuition, or None.
-
-    Hill's inequality for incompressible solids: W must be convex in the logarithms of the stretches (Ogden,
-    *Non-Linear Elastic Deformations*, §6.2.7), so that true stress grows with stretch in every direction.
-    All three stretches stay within the range.
-    """
-    grid = np.geomspace(lowest, highest, 61)
-    l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
-    inside = (l1 >= l2) & (l1 * l2 >= 1 / highest) & (l1 * l2 <= highest**2)
-    l1, l2 = l1[inside], l2[inside]
-    _, w1, w2, w11, w12, w22 = (np.broadcast_to(value, l1.shape) for value in material.derivatives(l1, l2))
-    h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
-    bad = ~((h11 > 0) & (h22 > 0) & (h11 * h22 - h12**2 > 0))
-    if not bad.any():
-        return None
-    worst = np.argmin(np.where(bad, np.log(l1) ** 2 + np.log(l2) ** 2, np.inf))
-    return float(l1[worst]), float(l2[worst])
-
-
-def checked(material: Material) -> Material:
-    """The material itself, if it is admissible over :data:`STRETCH_RANGE`."""
-    stretch = inadmissible_stretch(material)
-    if stretch is not None:
-        raise InputError(
-            "is outside its admissible range: true stress must grow with stretch (Hill's inequality) for "
-            f"stretches from {STRETCH_RANGE[0]} to {STRETCH_RANGE[1]}, but it falls at "
-            f"({stretch[0]:.3g}, {stretch[1]:.3g})", given=str(material))
-    return material

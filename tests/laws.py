@@ -1,0 +1,85 @@
+"""One sample of every registered law, with an independent implementation of its energy.
+
+The references know W(I₁, I₂) and its slopes by the invariants, and Rivlin's formula for a film with free faces,
+λ₁ W₁ = 2 (λ₁² − λ₃²) (∂W/∂I₁ + λ₂² ∂W/∂I₂); nothing of fem.laws. Second derivatives are differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import axisymmetric
+import numpy as np
+
+from fem.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A law, its lines in a specimen file, its reference, and its true stress at λ₁ = λ₂ = √5 [Pa]."""
+
+    law: Any
+    lines: str
+    reference: axisymmetric.Material
+    stress: float
+
+
+def rivlin(energy: Callable[[Any, Any], Any], by_first: Callable[[Any], Any], by_second: float = 0.0
+           ) -> axisymmetric.EnergyFunction:
+    """A reference from W(I₁, I₂), ∂W/∂I₁ as a function of I₁, and a constant ∂W/∂I₂."""
+    def invariants(l1: Any, l2: Any) -> tuple[Any, Any]:
+        squares = l1**2, l2**2, (l1 * l2) ** -2.0
+        return sum(squares), squares[0] * squares[1] + squares[1] * squares[2] + squares[2] * squares[0]
+
+    def stress(l1: Any, l2: Any) -> Any:
+        return 2 * (l1**2 - (l1 * l2) ** -2.0) * (by_first(invariants(l1, l2)[0]) + l2**2 * by_second) / l1
+
+    return axisymmetric.EnergyFunction(
+        lambda l1, l2: energy(*invariants(l1, l2)), stress, lambda l1, l2: stress(l2, l1))
+
+
+def gent(mu: float, limit: float) -> axisymmetric.EnergyFunction:
+    """Gent (1996); nan where the logarithm has no value."""
+    def room(i1: Any) -> Any:
+        return np.where(i1 < limit + 3, limit + 3 - i1, np.nan)
+
+    return rivlin(lambda i1, _: mu * limit / 2 * (np.log(limit) - np.log(room(i1))),
+                  lambda i1: mu * limit / room(i1) / 2)
+
+
+def arruda_boyce(mu: float, links: float) -> axisymmetric.EnergyFunction:
+    """Arruda and Boyce (1993) with their N = links: the terms as printed."""
+    return rivlin(
+        lambda i1, _: mu * ((i1 - 3) / 2 + (i1**2 - 9) / (20 * links) + 11 * (i1**3 - 27) / (1050 * links**2)
+                            + 19 * (i1**4 - 81) / (7000 * links**3) + 519 * (i1**5 - 243) / (673750 * links**4)),
+        lambda i1: mu * (1 / 2 + i1 / (10 * links) + 11 * i1**2 / (350 * links**2) + 19 * i1**3 / (1750 * links**3)
+                         + 519 * i1**4 / (134750 * links**4)))
+
+
+SAMPLES = {
+    "ogden": Sample(
+        Ogden((16e3, 300.0), (1.7, 4.2)), 'mu = ["16 kPa", "0.3 kPa"]\nalpha = [1.7, 4.2]',
+        axisymmetric.Ogden((16e3, 300.0), (1.7, 4.2)),
+        16e3 * (5**0.85 - 5**-1.7) + 300 * (5**2.1 - 5**-4.2)),
+    "neo_hooke": Sample(
+        NeoHooke(20e3), 'mu = "20 kPa"',
+        rivlin(lambda i1, _: 10e3 * (i1 - 3), lambda i1: 10e3 + 0 * i1),
+        20e3 * 4.96),
+    "mooney_rivlin": Sample(
+        MooneyRivlin(8e3, 500.0), 'c10 = "8 kPa"\nc01 = "0.5 kPa"',
+        rivlin(lambda i1, i2: 8e3 * (i1 - 3) + 500 * (i2 - 3), lambda i1: 8e3 + 0 * i1, 500.0),
+        2 * 4.96 * (8e3 + 5 * 500)),
+    "yeoh": Sample(
+        Yeoh((9e3, -30.0, 1.5)), 'c = ["9 kPa", "-30 Pa", "1.5 Pa"]',
+        rivlin(lambda i1, _: 9e3 * (i1 - 3) - 30 * (i1 - 3) ** 2 + 1.5 * (i1 - 3) ** 3,
+               lambda i1: 9e3 - 60 * (i1 - 3) + 4.5 * (i1 - 3) ** 2),
+        2 * 4.96 * (9e3 - 60 * 7.04 + 4.5 * 7.04**2)),
+    "gent": Sample(
+        Gent(15e3, 40.0), 'mu = "15 kPa"\nj_lim = 40', gent(15e3, 40.0),
+        15e3 * 4.96 * 40 / (40 - 7.04)),
+    "arruda_boyce": Sample(
+        ArrudaBoyce(14e3, 4.0), 'mu = "14 kPa"\nlambda_lock = 4', arruda_boyce(14e3, 16.0),
+        14e3 * 4.96 * (1 + 10.04 / 80 + 11 * 10.04**2 / 44800 + 19 * 10.04**3 / 3584000 + 519 * 10.04**4 / 4415488000)),
+}
