@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -115,6 +116,7 @@ class Specimen:
         return replace(self, membrane=replace(self.membrane, material=material))
 
 
+_NAME = re.compile(r"\w[\w .+-]*")
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
@@ -128,6 +130,9 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
         Turns the key ``material`` of the given table into a material; the caller knows the laws.
     """
     name = table.text("name")
+    if not _NAME.fullmatch(name):
+        raise table.error("name", "must serve as a file name: letters, digits, blanks and _ . + - only, "
+                          "a letter or digit first", name)
     frame = _outline(table.table("frame"))
     plate_table = table.table("plate")
     offset = plate_table.quantities("offset", "length", ("0 mm", "0 mm"), FINITE, 2)

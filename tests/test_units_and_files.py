@@ -44,6 +44,8 @@ OGDEN = GOOD[GOOD.index('law = "ogden"') : GOOD.index("[electrode]")].rstrip()
 #: (what is replaced, by what, the key the message must name, a word of the rule it must state)
 BAD = [
     ('name = "good"', 'name = "good"\nnme = 1', "nme", "unknown key: did you mean 'name'"),
+    ('name = "good"', 'name = "../good"', "name", "file name"),
+    ('name = "good"', 'name = ""', "name", "non-empty"),
     ('radius = "1 cm"', "radius = 1", "plate.radius", "unit"),
     ('radius = "1 cm"', 'radius = "1"', "plate.radius", "unit"),
     ('radius = "1 cm"', 'radius = "1 kg"', "plate.radius", "wrong dimension"),
