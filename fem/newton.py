@@ -72,7 +72,8 @@ def newton(model: Model, guess: State, unknown: Unknown = "heave", spring: float
     damping, balance = 1.0, np.inf
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
-        part = model.linearised(state.positions, state.plate, state.voltage_squared)
+        with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
+            part = model.linearised(state.positions, state.plate, state.voltage_squared)
         if not np.isfinite(part.forces).all():
             return Solution(state, False, iteration, np.inf, None,
                             "the film would be strained beyond what its material can reach: take smaller steps")

@@ -20,9 +20,9 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 class PathSettings:
     """Steps of a ramp.
 
-    ``first``: first step as a share of the ramp; ``shortest``: share below which the ramp is followed by the heave
-    instead; ``lift``: step of the heave relative to the heave reached; ``reach``: heave, relative to the frame's
-    half extent, at which a search for equilibrium ends.
+    ``first``: first step as a share of the ramp; ``shortest``: step, relative to the load or U² reached, below which
+    the ramp is followed by the heave instead; ``lift``: step of the heave relative to the heave reached; ``reach``:
+    heave, relative to the frame's half extent, at which a search for equilibrium ends.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -139,16 +139,19 @@ def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | Non
 def ramp(model: Model, start: Solution, name: Unknown, target: float, spring: float, settings: PathSettings) -> Outcome:
     """Change the force [N] or U² [V²] to a target in steps as long as Newton converges to a stable state."""
     origin = start.state.force if name == "force" else start.state.voltage_squared
+    if target == origin:
+        return Outcome("equilibrium", start)
     solution, done, step = start, 0.0, settings.first
+    already = abs(origin / (target - origin))
     history = [_stiffness(start, name)]
-    while done < 1 and target != origin:
+    while done < 1:
         share = min(1.0, done + step)
         value = origin + share * (target - origin)
         trial = newton(model, _predicted(model, solution, name, value), "heave", spring, settings.newton)
         if trial.converged and trial.stable:
             solution, done, step = trial, share, 2 * step
             history.append(_stiffness(trial, name))
-        elif (step := step / 2) < settings.shortest:
+        elif (step := step / 2) < max(settings.shortest * (already + done), 1e-12):
             stalled = _stalled(Outcome("not_converged", solution, trial.advice), history, name, target)
             if stalled.status == "no_equilibrium":
                 return stalled
@@ -164,15 +167,15 @@ def _stiffness(solution: Solution, name: Unknown) -> tuple[float, float]:
 def _stalled(outcome: Outcome, history: list[tuple[float, float]], name: Unknown, target: float) -> Outcome:
     """Tell pull-in from mere failure at the end of a ramp whose steps have become tiny.
 
-    Near a limit point the square of the heave's stiffness falls linearly to zero with the force or U². If it has
-    fallen to less than half and vanishes before the target, the film pulls in where it vanishes. This needs no state
-    beyond the limit, where a film that has lost tension may have none that can be computed.
+    Near a limit point the square of the heave's stiffness falls linearly to zero with the force or U². If it vanishes
+    before the target, and has fallen to less than half or vanishes within 5 %, the film pulls in where it vanishes.
+    This needs no state beyond the limit, where a film that has lost tension may have none that can be computed.
     """
-    if len(history) < 2 or not history[-1][1] < 0.5 * history[0][1]:
+    if len(history) < 2 or history[-1][1] >= history[-2][1]:
         return outcome
     (v0, k0), (v1, k1) = history[-2:]
-    limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2) if k0 > k1 else np.inf
-    if limit >= target:
+    limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2)
+    if limit >= target or not (k1 < 0.5 * history[0][1] or limit < 1.05 * v1):
         return outcome
     return Outcome("no_equilibrium", outcome.solution, f"the film pulls in before the {_WORD[name]} is reached", limit)
 

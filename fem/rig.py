@@ -65,8 +65,8 @@ class Rig:
 
 
 def checked_load(mass: float, voltage: float) -> None:
-    """Refuse loads design §6 has no meaning for."""
-    if not 0 <= mass < inf:
-        raise InputError("must not be negative", key="--mass", given=f"{mass} kg")
-    if not 0 <= voltage < inf:
-        raise InputError("must not be negative", key="--voltage", given=f"{voltage} V")
+    """Refuse negative loads and those no film of this kind could bear: they are slips of a unit."""
+    if not 0 <= mass <= 100:
+        raise InputError("must be from 0 to 100 kg", key="--mass", given=f"{mass:g} kg")
+    if not 0 <= voltage <= 1e6:
+        raise InputError("must be from 0 to 1000 kV", key="--voltage", given=f"{voltage:g} V")

@@ -41,7 +41,8 @@ def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int, node
         Positions of scikit-fem's local degrees of freedom of every element, shape (2, local, elements).
     """
     element = ELEMENTS[order]
-    dofs = Dofs(skfem.MeshTri1(vertices, triangles, validate=False), element()).element_dofs
+    triangles = np.ascontiguousarray(triangles)
+    dofs = Dofs(skfem.MeshTri1(np.ascontiguousarray(vertices), triangles, validate=False), element()).element_dofs
     doflocs = np.empty((2, int(dofs.max()) + 1))
     doflocs[:, dofs] = nodes
     return CurvedTriangles(doflocs, triangles, elem=element, validate=False)

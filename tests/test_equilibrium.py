@@ -362,3 +362,19 @@ def test_held_states_do_not_depend_on_where_they_start() -> None:
     start = held(film, 12e-3, 6000.0)
     there, back = held(film, 3e-3, 1000.0), held(film, 3e-3, 1000.0, start.solution)
     assert there.state.force == pytest.approx(back.state.force, rel=1e-9)
+
+
+@pytest.mark.parametrize("kilovolt", [7.5, 20.0, 1000.0])
+def test_voltages_far_beyond_pull_in_have_no_equilibrium(kilovolt) -> None:
+    """However far: and the voltage said to be the limit stays within 1 % of the ODE's."""
+    material = Ogden((15e3,), (2.0,))
+    outcome = equilibrium(model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
+    assert outcome.status == "no_equilibrium"
+    exact = axisymmetric.pull_in_voltage(oracle(material), 17.9e-3 * G)
+    assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-2)
+
+
+def test_pull_in_is_seen_from_a_start_close_to_it() -> None:
+    film = model(circular(Ogden((15e3,), (2.0,))))
+    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G, [6780.0, 6815.0, 6850.0])]
+    assert statuses == ["equilibrium", "equilibrium", "no_equilibrium"]
