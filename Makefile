@@ -7,7 +7,7 @@ OUT ?= out
 .PHONY: study test benchmarks clean
 
 study: .venv/ready
-	.venv/bin/tympan study -o $(OUT)
+	.venv/bin/tympan study -o "$(OUT)"
 
 test: .venv/ready
 	.venv/bin/python -m pytest -n 2
@@ -19,10 +19,10 @@ benchmarks: .venv/ready
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
 	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
 	  { echo "$(PYTHON) cannot make environments: install the Debian package python3-venv"; exit 1; }
+	@$(PYTHON) -m geometry.system
 	$(PYTHON) -m venv --clear .venv
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
-	@.venv/bin/python -m geometry.system
 	@touch $@
 
 clean:

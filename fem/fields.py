@@ -13,7 +13,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.density import maxwell, principal_stretches
+from fem.density import FilmDensity, maxwell, principal_stretches
 from fem.model import Model, cauchy_green
 from fem.state import State
 from geometry.mesh import unfold
@@ -128,7 +128,7 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
 
     c = cauchy_green(f)
     l1, l2 = principal_stretches(c, film.prestretch)
-    density = type(model.density(0.0))(model.specimen, state.voltage_squared, covered)
+    density = FilmDensity(model.specimen, state.voltage_squared, covered)
     stress = density(c, tangent=False).stress
     inward = model.centre[:2] - reference[:, :2]
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)

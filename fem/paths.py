@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -171,13 +172,17 @@ def _stalled(outcome: Outcome, history: list[tuple[float, float]], name: Unknown
     before the target, and has fallen to less than half or vanishes within 5 %, the film pulls in where it vanishes.
     This needs no state beyond the limit, where a film that has lost tension may have none that can be computed.
     """
-    if len(history) < 2 or history[-1][1] >= history[-2][1]:
+    limits = []
+    # Several pairs: once the film has wrinkled its stiffness is erratic, and the states before tell more.
+    for (v0, k0), (v1, k1) in pairwise(history[-8:]):
+        if k1 < k0:
+            limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2)
+            if history[-1][0] <= limit < target and (k1 < 0.5 * history[0][1] or limit < 1.05 * v1):
+                limits.append((limit / v1, limit))
+    if not limits:
         return outcome
-    (v0, k0), (v1, k1) = history[-2:]
-    limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2)
-    if limit >= target or not (k1 < 0.5 * history[0][1] or limit < 1.05 * v1):
-        return outcome
-    return Outcome("no_equilibrium", outcome.solution, f"the film pulls in before the {_WORD[name]} is reached", limit)
+    words = f"the film pulls in before the {_WORD[name]} is reached"
+    return Outcome("no_equilibrium", outcome.solution, words, min(limits)[1])
 
 
 def _predicted(model: Model, solution: Solution, name: Unknown, value: float) -> State:
@@ -232,6 +237,8 @@ def _between(model: Model, below: Solution, above: Solution, name: Unknown, targ
         return _value(nearest.state, name) / target - 1
 
     ends = below.state.plate.heave, above.state.plate.heave
+    if not miss(ends[0]) <= 0 <= miss(ends[1]):
+        return Outcome("not_converged", below, "the path could not be followed to the load asked for")
     heave = float(brentq(miss, *ends, xtol=1e-9 * model.size, rtol=1e-12, maxiter=50))
     near = newton(model, extrapolate(model, below, heave=heave), name, spring, settings.newton)
     found = newton(model, _set(near.state, name, target), "heave", spring, settings.newton)

@@ -7,10 +7,10 @@ from math import inf
 from pathlib import Path
 
 from geometry.errors import InputError
-from geometry.tables import ANY, FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
-_SAG: Rule = (lambda x: x > 0, "must be positive; inf for none")
+_SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Rig:
             amplifier_gain=table.number("amplifier_gain", 0.0, _GAIN),
             sag_voltage=table.quantity("sag_voltage", "voltage", "inf kV", _SAG),
             sensor_gain=table.number("sensor_gain", 0.0, _GAIN),
-            sensor_zero=table.quantity("sensor_zero", "length", "0 um", ANY),
+            sensor_zero=table.quantity("sensor_zero", "length", "0 um", FINITE),
         )
         table.done()
         return rig

@@ -83,8 +83,12 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
         gmsh.model.occ.synchronize()
         groups = _curve_groups(gmsh, specimen) | _surface_groups(gmsh, specimen)
         _size_field(gmsh, specimen, settings, groups)
-        gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(settings.order)
+        try:
+            gmsh.model.mesh.generate(2)
+            gmsh.model.mesh.setOrder(settings.order)
+        except Exception as error:  # gmsh raises nothing more specific
+            raise InputError(f"cannot be meshed: {error}", key="frame, plate, electrode",
+                             given=specimen.name) from None
         return _to_meshio(gmsh, groups, settings.order)
 
 
@@ -149,7 +153,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
 
-    In a band outside the electrode also h ≤ 3 widths, lest a curved edge reach across the band.
+    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band.
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -164,14 +168,15 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     field.setString(4, "F", f"{settings.across!r}*(F1 + F2)")
     fields = [3, 4]
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate) if width > 0]
-    if margins:
-        field.add("Constant", 5)
-        field.setNumber(5, "VIn", 3 * min(margins) * METRE)
-        field.setNumbers(5, "SurfacesList", [tag for _, tag in groups["bare"]])
-        fields.append(5)
-    field.add("Min", 6)
-    field.setNumbers(6, "FieldsList", fields)
-    field.setAsBackgroundMesh(6)
+    widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)} if margins else {}
+    for number, (name, width) in enumerate(widths.items(), start=5):
+        field.add("Constant", number)
+        field.setNumber(number, "VIn", 3 * width * METRE)
+        field.setNumbers(number, "SurfacesList", [tag for _, tag in groups[name]])
+        fields.append(number)
+    field.add("Min", 9)
+    field.setNumbers(9, "FieldsList", fields)
+    field.setAsBackgroundMesh(9)
 
 
 def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) -> meshio.Mesh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -87,17 +87,24 @@ class Specimen:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built."""
-        edge = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
-        gap = -float(np.max(self.frame.level(*edge)))
+        gap = self.gap
         if gap <= 0:
             raise InputError(
                 "the plate must lie inside the frame: it reaches "
                 f"{-gap * 1e3:.4g} mm beyond it", key="plate", given=f"offset {self.plate.offset} m")
+        if gap < 1e-3 * max(self.frame.semi_axes):
+            raise InputError("the plate must leave a gap of at least a thousandth of the frame's half extent",
+                             key="plate", given=f"a gap of {gap * 1e3:.4g} mm")
         bands = self.electrode.margin_frame + self.electrode.margin_plate
-        if bands >= gap:
-            raise InputError(f"the margins must leave an electrode: their sum must stay below the gap of "
+        if bands > 0.98 * gap:
+            raise InputError(f"the margins must leave an electrode: their sum must stay below 98 % of the gap of "
                              f"{gap * 1e3:.4g} mm between plate and frame",
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
+        for name in ("margin_frame", "margin_plate"):
+            margin = getattr(self.electrode, name)
+            if 0 < margin < 0.01 * gap:
+                raise InputError("must be 0 or at least 1 % of the gap between plate and frame",
+                                 key=f"electrode.{name}", given=f"{margin * 1e3:.4g} mm")
         stretch = np.real(self.membrane.prestretch)
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
@@ -106,17 +113,19 @@ class Specimen:
                              key="membrane.prestretch", given=self.membrane.prestretch)
 
     @property
+    def gap(self) -> float:
+        """Smallest distance between plate and frame [m], negative where the plate sticks out."""
+        edge = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
+        return -float(np.max(self.frame.level(*edge)))
+
+    @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
         centred = {axis for axis, offset in zip("xy", self.plate.offset, strict=True) if offset == 0}
         return self.frame.mirror_planes & self.plate.outline.mirror_planes & centred
 
-    def with_material(self, material: Material) -> Specimen:
-        """A copy whose film is made of another material."""
-        return replace(self, membrane=replace(self.membrane, material=material))
 
-
-_NAME = re.compile(r"\w[\w .+-]*")
+_NAME = re.compile(r"\w[\w .+-]{0,99}")
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
@@ -131,7 +140,7 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
     """
     name = table.text("name")
     if not _NAME.fullmatch(name):
-        raise table.error("name", "must serve as a file name: letters, digits, blanks and _ . + - only, "
+        raise table.error("name", "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
                           "a letter or digit first", name)
     frame = _outline(table.table("frame"))
     plate_table = table.table("plate")

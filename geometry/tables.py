@@ -18,7 +18,6 @@ Rule = tuple[Callable[[float], bool], str]
 POSITIVE: Rule = (lambda x: 0 < x < float("inf"), "must be positive")
 NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
 FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
-ANY: Rule = (lambda x: x == x, "must be a number")
 
 
 class _Required:
@@ -125,8 +124,8 @@ class Table:
         return value
 
     def _number(self, key: str, value: object, rule: Rule) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise self.error(key, "must be a number without a unit", value)
+        if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
+            raise self.error(key, "must be a number without a unit, below 1e300", value)
         return self._ruled(key, float(value), value, rule)
 
     def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:

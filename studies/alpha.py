@@ -37,7 +37,7 @@ class LoadGrid:
 
 @dataclass(frozen=True)
 class AlphaSettings:
-    """Loads the weights are fitted on and loads they are tested on; the two share no mass and no voltage but none.
+    """Loads the weights are fitted on and loads they are tested on.
 
     The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to heavier, and other
     voltages, from between to beyond.

@@ -14,7 +14,8 @@ from fem.laws import STRETCH_RANGE
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
 from fem.rig import Rig, checked_load
-from geometry.mesh import ELEMENTS, from_meshio
+from geometry.errors import InputError
+from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
 from geometry.specimen import Specimen
 
@@ -73,9 +74,22 @@ class CaseResult:
 
 @lru_cache(maxsize=32)
 def build_model(specimen: Specimen, settings: Settings) -> Model:
-    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
-    planes = specimen.mirror_planes if settings.symmetry else frozenset()
-    return Model(specimen, from_meshio(mesh_film(specimen, settings.mesh, planes)), planes)
+    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
+
+    The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
+
+    Raises
+    ------
+    InputError
+        When no mesh without folded elements is found.
+    """
+    planes = specimen.mirror_planes
+    for refine in (1.0, 2.0, 4.0):
+        part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
+        if not folded(part):
+            return Model(specimen, part, planes) if settings.symmetry else Model(specimen, unfold(part, planes).mesh)
+    raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is too little room",
+                     key="frame, plate, electrode", given=specimen.name)
 
 
 def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
@@ -143,8 +157,13 @@ def _last_state(model: Model, outcome: Outcome) -> list[str]:
 
 
 def _why(outcome: Outcome) -> str:
+    """Why there is no result, with the interval the limit is known to lie in when that is not short."""
     if outcome.limit is None:
         return outcome.advice
     if outcome.advice.endswith("voltage is reached"):
-        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it"
-    return f"the film pulls in at {outcome.limit:.4g} N on the plate"
+        reached, limit, unit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3, "kV across it"
+    else:
+        reached, limit, unit = outcome.state.force, outcome.limit, "N on the plate"
+    if limit - reached > 0.01 * limit:
+        return f"the film pulls in above {reached:.4g} {unit}, by extrapolation near {limit:.3g}"
+    return f"the film pulls in at {limit:.4g} {unit}"

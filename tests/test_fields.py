@@ -25,7 +25,7 @@ def loaded() -> dict[str, tuple]:
 
 
 def at_plate(fields: Fields) -> np.ndarray:
-    """Excess of the largest principal stress over the flat film's at the two ends at the plate [Pa]."""
+    """Largest principal stress where a line meets the plate [Pa]."""
     radius = np.linalg.norm(fields.position[:, :2], axis=1)
     return fields.stress_1[np.isclose(radius, 10e-3, rtol=1e-6)]
 
