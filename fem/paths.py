@@ -95,7 +95,11 @@ def _first(model: Model, spring: float, settings: PathSettings) -> Solution:
     positions = model.reference.copy()
     positions[:, 2] = heave * to_frame / (to_frame + to_plate)
     pushed = State(positions, flat.state.plate.raised_to(heave))
-    return newton(model, pushed, "force", spring, settings.newton)
+    found = newton(model, pushed, "force", spring, settings.newton)
+    if found.converged and found.state.force > 0:
+        return found
+    advice = "the film is slack when mounted, and still when the plate is pushed out"
+    return replace(found, converged=False, advice=advice)
 
 
 def voltage_path(model: Model, force: float, voltages: list[float], spring: float = 0.0,
@@ -175,7 +179,7 @@ def _stalled(outcome: Outcome, history: list[tuple[float, float]], name: Unknown
     limits = []
     # Several pairs: once the film has wrinkled its stiffness is erratic, and the states before tell more.
     for (v0, k0), (v1, k1) in pairwise(history[-8:]):
-        if k1 < k0:
+        if v0 < v1 and 0 < k1 < k0:
             limit = v1 + k1**2 * (v1 - v0) / (k0**2 - k1**2)
             if history[-1][0] <= limit < target and (k1 < 0.5 * history[0][1] or limit < 1.05 * v1):
                 limits.append((limit / v1, limit))
@@ -234,7 +238,7 @@ def _between(model: Model, below: Solution, above: Solution, name: Unknown, targ
 
     def miss(heave: float) -> float:
         nearest = newton(model, extrapolate(model, below, heave=heave), name, spring, settings.newton)
-        return _value(nearest.state, name) / target - 1
+        return _value(nearest.state, name) - target
 
     ends = below.state.plate.heave, above.state.plate.heave
     if not miss(ends[0]) <= 0 <= miss(ends[1]):

@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.tables import POSITIVE, Table
+from geometry.tables import Rule, Table
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,8 @@ class Outline(Protocol):
         """The curve as pieces that CAD can draw exactly, in order around it."""
 
 
+_SIZE: Rule = (lambda x: 1e-5 <= x <= 10, "must be positive, from 10 um to 10 m")
+
 REGISTRY: dict[str, Callable[[Table], Outline]] = {}
 Shape = TypeVar("Shape", bound="Circle | Ellipse")
 
@@ -65,7 +67,7 @@ class Circle:
     @classmethod
     def from_table(cls, table: Table) -> Circle:
         """Read ``radius``."""
-        return cls(table.quantity("radius", "length", rule=POSITIVE))
+        return cls(table.quantity("radius", "length", rule=_SIZE))
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -102,7 +104,7 @@ class Ellipse:
     @classmethod
     def from_table(cls, table: Table) -> Ellipse:
         """Read ``semi_axes``."""
-        x, y = table.quantities("semi_axes", "length", rule=POSITIVE, count=2)
+        x, y = table.quantities("semi_axes", "length", rule=_SIZE, count=2)
         return cls((x, y))
 
     @property

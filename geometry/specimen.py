@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from geometry.errors import InputError
 from geometry.outlines import REGISTRY as SHAPES
 from geometry.outlines import Outline
-from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 
@@ -127,6 +127,8 @@ class Specimen:
 
 _NAME = re.compile(r"\w[\w .+-]{0,99}")
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
+_EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
+_THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
@@ -169,11 +171,11 @@ def _outline(table: Table) -> Outline:
 def _film(table: Table, read_material: Callable[[Table, str], Material]) -> Film:
     stretch = table.numbers("prestretch", rule=_STRETCH, count=2)
     film = Film(
-        thickness=table.quantity("thickness", "length", rule=POSITIVE),
+        thickness=table.quantity("thickness", "length", rule=_THICKNESS),
         prestretch=(stretch[0], stretch[1]),
         material=read_material(table, "material"),
         relative_permittivity=table.number("relative_permittivity", rule=_PERMITTIVITY),
-        permittivity_exponent=table.number("permittivity_exponent", 0.0, FINITE),
+        permittivity_exponent=table.number("permittivity_exponent", 0.0, _EXPONENT),
     )
     table.done()
     return film

@@ -19,7 +19,7 @@ from fem.state import State
 from geometry.errors import InputError
 from geometry.outlines import Circle
 from geometry.specimen import Plate, Specimen
-from studies.cases import Settings, build_model
+from studies.cases import Settings, build_model, why
 from studies.cone import ConeCircle
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     if not len(fit.force):
         raise InputError("has no equilibrium at any load of the fit", key="alpha", given=specimen.name)
     progress(f"{specimen.name}: circles")
-    circles = [build_model(_circle(specimen, radius), settings) for radius in radii]
+    circles = [_circle_model(specimen, radius, settings) for radius in radii]
     cones = [ConeCircle(specimen, radius) for radius in radii]
     membrane = [_membrane_forces(circles, samples, settings) for samples in (fit, test)]
     cone = [_cone_forces(cones, samples) for samples in (fit, test)]
@@ -143,7 +143,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     shares = fit.shares.mean(axis=0)
     spread = tuple((float(low), float(high)) for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
     return AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test), spread,
-                       tuple(warnings + _doubts(by_basis, radii)))
+                       tuple(warnings + _doubts(specimen, by_basis, radii)))
 
 
 def simplex_fit(forces: Array, target: Array) -> Array:
@@ -205,7 +205,10 @@ def _equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, cir
         for outcome in voltage_path(model, rig.force(mass), seen, rig.spring, settings.path):
             state = outcome.state
             if outcome.status != "equilibrium":
-                warnings.append(f"{mass * 1e3:g} g: {outcome.advice}; loads beyond are left out")
+                warnings.append(f"{mass * 1e3:g} g: {why(outcome)}; loads beyond are left out")
+                break
+            if state.plate.heave <= 1e-6 * model.size:
+                warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
             rows.append((state.force - rig.spring * state.plate.heave, state.plate.heave,
                          float(np.sqrt(state.voltage_squared))))
@@ -214,10 +217,15 @@ def _equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, cir
     return _Samples(force, deflection, voltage, np.array(shares).reshape(-1, circles))
 
 
-def _circle(specimen: Specimen, radius: float) -> Specimen:
+def _circle_model(specimen: Specimen, radius: float, settings: Settings) -> Model:
     """The circular specimen of a radius with the same film, electrode and plate, its plate in the middle."""
-    return replace(specimen, name=f"circle {radius * 1e3:g} mm", frame=Circle(radius),
-                   plate=Plate(specimen.plate.outline))
+    try:
+        circle = replace(specimen, name=f"circle {radius * 1e3:g} mm", frame=Circle(radius),
+                         plate=Plate(specimen.plate.outline))
+    except InputError as error:
+        raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: {error.allowed}", key="alpha",
+                         given=specimen.name) from None
+    return build_model(circle, settings)
 
 
 def _membrane_forces(circles: list[Model], samples: _Samples, settings: Settings) -> Array:
@@ -258,10 +266,13 @@ def _error(modelled: Array, actual: Array) -> float | None:
     return float(np.linalg.norm(modelled - actual) / np.linalg.norm(actual))
 
 
-def _doubts(by_basis: dict[Basis, Weights], radii: tuple[float, ...]) -> list[str]:
+def _doubts(specimen: Specimen, by_basis: dict[Basis, Weights], radii: tuple[float, ...]) -> list[str]:
     """What stands between these weights and their use."""
-    if len(radii) == 1:
+    if len(radii) == 1 and isinstance(specimen.plate.outline, Circle) and specimen.plate.offset == (0.0, 0.0):
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
+    if len(radii) == 1:
+        return [f"the frame is one circle and α is 1, but the plate is not a circle in its middle: the force is "
+                f"{100 * by_basis['membrane'].fit_error:.1f} % off"]
     doubts = []
     names: dict[Basis, str] = {"membrane": "membrane circles", "cone": "cones as in Eq. (5)",
                                "cone_scaled": "cones scaled to the membrane"}

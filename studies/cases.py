@@ -114,7 +114,7 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
     result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, status=outcome.status,
                         dofs=model.unknowns, wall_s=wall, warnings=())
     if outcome.status != "equilibrium":
-        return replace(result, warnings=(_why(outcome), *_last_state(model, outcome)))
+        return replace(result, warnings=(why(outcome), *_last_state(model, outcome)))
     forces = model.forces(state.positions, state.voltage_squared)
     fields = node_fields(model, outcome)
     return replace(
@@ -156,12 +156,13 @@ def _last_state(model: Model, outcome: Outcome) -> list[str]:
     return [f"at the last equilibrium before that, {words}" for words in field_warnings(node_fields(model, outcome))]
 
 
-def _why(outcome: Outcome) -> str:
+def why(outcome: Outcome) -> str:
     """Why there is no result, with the interval the limit is known to lie in when that is not short."""
     if outcome.limit is None:
         return outcome.advice
     if outcome.advice.endswith("voltage is reached"):
-        reached, limit, unit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3, "kV across it"
+        unit = "kV across it"
+        reached, limit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3
     else:
         reached, limit, unit = outcome.state.force, outcome.limit, "N on the plate"
     if limit - reached > 0.01 * limit:

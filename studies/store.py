@@ -50,6 +50,15 @@ def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def remove(folder: Path, *names: str) -> None:
+    """Remove files of an earlier run, so that none stands beside results it does not belong to."""
+    try:
+        for name in names:
+            folder.joinpath(name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
+
+
 def write_text(file: Path, text: str) -> None:
     """Write a text file atomically."""
     write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"))
@@ -57,7 +66,7 @@ def write_text(file: Path, text: str) -> None:
 
 def write_json(file: Path, value: Any) -> None:
     """Write a JSON file atomically."""
-    write_text(file, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+    write_text(file, json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:

@@ -21,7 +21,7 @@ from fem.rig import Rig
 from fem.state import State
 from geometry.errors import InputError
 from geometry.specimen import Specimen
-from geometry.tables import NON_NEGATIVE, Table
+from geometry.tables import NON_NEGATIVE, POSITIVE, Table
 from studies import store
 from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from studies.cases import Case, CaseResult, Settings, build_model, find, summarise
@@ -93,7 +93,8 @@ def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None
     ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and ``study.json``; the last one is
     written last, so its presence means the rest is complete.
     """
-    folder.joinpath("study.json").unlink(missing_ok=True)
+    store.remove(folder, "study.json", "alpha.json", "report.html", *(
+        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
     results = [_one(study, specimen, folder, progress) for specimen in study.specimens]
     weights = []
     for specimen in study.specimens:
@@ -201,7 +202,7 @@ def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
         table.asked.add(key)
         return default
     loads = table.table(key)
-    masses = loads.quantities("mass", "mass", rule=NON_NEGATIVE)
+    masses = loads.quantities("mass", "mass", rule=POSITIVE)
     voltages = loads.quantities("voltage", "voltage", rule=NON_NEGATIVE)
     if list(voltages) != sorted(voltages):
         raise loads.error("voltage", "must ascend", loads.value("voltage"))

@@ -13,8 +13,11 @@ from scipy.optimize import minimize
 
 from fem.library import MATERIALS
 from fem.paths import equilibrium
+from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.mesher import MeshSettings
+from geometry.outlines import Circle
+from geometry.specimen import Plate
 from studies.alpha import AlphaSettings, LoadGrid, alpha, sector_shares, simplex_fit
 from studies.cases import Settings
 from studies.cone import ConeCircle
@@ -96,6 +99,28 @@ def test_a_circle_is_one_circle() -> None:
     assert result.by_basis["membrane"].alpha == (1.0,)
     assert result.by_basis["membrane"].fit_error < 1e-8
     assert "one circle" in result.warnings[0]
+
+
+def test_a_plate_off_centre_is_no_circle_and_says_so() -> None:
+    aside = replace(circular(DEFAULT), plate=Plate(Circle(10e-3), (15e-3, 0.0)))
+    result = alpha(aside, Settings(), FEW)
+    assert result.by_basis["membrane"].fit_error > 0.03
+    assert "not a circle in its middle" in result.warnings[0]
+
+
+def test_a_plate_wider_than_the_circle_is_named() -> None:
+    wide = replace(elliptical(75e-3, DEFAULT), plate=Plate(type(elliptical(1.0).frame)((60e-3, 10e-3))))
+    with pytest.raises(InputError, match="no circle of radius 45 mm"):
+        alpha(wide, Settings(), FEW)
+
+
+def test_a_weightless_load_is_left_out() -> None:
+    rig = Rig(unaccounted_mass=-17.9e-3)
+    loads = AlphaSettings(LoadGrid((17.9e-3, 30e-3), (0.0,)), LoadGrid((17.9e-3,), (0.0,)))
+    result = alpha(elliptical(60e-3, DEFAULT), Settings(), loads, rig)
+    assert "hardly sinks" in result.warnings[0]
+    assert np.isfinite(result.from_fields.alpha).all()
+    assert result.by_basis["membrane"].held_out_error is None
 
 
 def test_weights_do_not_care_which_way_the_ellipse_lies() -> None:

@@ -101,6 +101,34 @@ def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
     assert mesh.point_data["stress_1"].max() == pytest.approx(stored["max_true_stress_Pa"], rel=1e-3)
 
 
+def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
+    file = tmp_path / "soft.toml"
+    file.write_text(SOFT)
+    for voltage, names in (("3 kV", ["soft.json", "soft.vtu"]), ("20 kV", ["soft.json"])):
+        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o", str(tmp_path / "out")]) == 0
+        assert sorted(item.name for item in (tmp_path / "out").iterdir()) == names
+    assert "no_equilibrium" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("prestretch", ["1, 1", "0.99, 0.99", "0.5, 0.5"])
+@pytest.mark.parametrize("mass", ["0 g", "0.001 g", "17.9 g"])
+def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: str) -> None:
+    file = tmp_path / "slack.toml"
+    file.write_text(SOFT.replace("2.2360679775, 2.2360679775", prestretch))
+    assert main(["solve", str(file), "--mass", mass, "--json"]) == 0
+    result = printed(capsys)
+    assert result["status"] in ("equilibrium", "not_converged")
+    if result["status"] == "equilibrium":
+        assert result["reaction_N"] == pytest.approx(result["mass_kg"] * 9.80665, rel=1e-6, abs=1e-9)
+
+
+def test_study_into_a_file_is_one_message(tmp_path, capsys) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert main(["study", "-o", str(blocked)]) == 2
+    assert "cannot be written: Not a directory" in capsys.readouterr().err
+
+
 def test_rig_reaches_the_solver(tmp_path, capsys) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text('spring = "10 N/m"\n')

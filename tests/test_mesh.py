@@ -10,10 +10,14 @@ import pytest
 import skfem
 from conftest import circular, elliptical, skewed
 
-from geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
+from fem.fields import cell_fields
+from fem.state import State
+from geometry.errors import InputError
+from geometry.mesh import ELEMENTS, facets_of, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
 from geometry.outlines import Circle
 from geometry.specimen import Electrode, Plate
+from studies.cases import Settings, build_model
 
 SPECIMENS = {
     "circle": circular(),
@@ -61,6 +65,33 @@ def test_electrode_margins_have_their_areas() -> None:
     assert 4 * area(mesh, mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2), rel=1e-6)
     assert 4 * area(mesh, mesh.subdomains["bare"]) == pytest.approx(
         np.pi * (45e-3**2 - 42e-3**2 + 12e-3**2 - 10e-3**2), rel=1e-6)
+
+
+@pytest.mark.parametrize(("frame", "plate"), [(17, 17), (16, 16), (25, 8), (34, 0), (0, 34), (3, 2), (0.5, 0.5)])
+def test_no_band_folds_its_elements(frame: float, plate: float) -> None:
+    """A flat film is stretched alike everywhere, however narrow the bands: folded elements would show."""
+    specimen = replace(circular(), electrode=Electrode(frame * 1e-3, plate * 1e-3))
+    model = build_model(specimen, Settings())
+    assert folded(model.mesh) == 0
+    stretch = cell_fields(model, State.mounted(model), ELEMENTS[4].doflocs.T).stretch_1
+    assert np.allclose(stretch, 5**0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("electrode", "radius", "words"), [
+    (Electrode(margin_frame=1e-6), 10e-3, "at least 1 %"), (Electrode(34.9e-3), 10e-3, "98 %"),
+    (Electrode(), 44.99e-3, "gap")])
+def test_slivers_are_refused(electrode: Electrode, radius: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        replace(circular(), plate=Plate(Circle(radius)), electrode=electrode)
+
+
+def test_folding_is_seen() -> None:
+    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    assert folded(mesh) == 0
+    inner = np.flatnonzero(np.hypot(*mesh.doflocs) < 12e-3)[0]
+    places = mesh.doflocs.copy()
+    places[:, inner] *= 2.0
+    assert folded(replace(mesh, doflocs=places)) > 0
 
 
 def test_mirrored_mesh_is_symmetric_and_knows_its_origin() -> None:

@@ -120,6 +120,7 @@ def _run_solve(options: argparse.Namespace) -> None:
     model, outcome = cases.find(case, _settings(options))
     result = cases.summarise(case, model, outcome, time.perf_counter() - began)
     if options.output is not None:
+        store.remove(options.output, f"{specimen.name}.vtu", f"{specimen.name}.json")
         if outcome.status == "equilibrium":
             store.write_fields(options.output / f"{specimen.name}.vtu", *whole(model, outcome.state))
         store.write_json(options.output / f"{specimen.name}.json", result.json())
@@ -234,7 +235,7 @@ def _rig(file: Path | None) -> Rig:
 def _show(result: dict[str, Any], as_json: bool) -> None:
     """One JSON object, or one line per entry."""
     if as_json:
-        print(json.dumps(result, ensure_ascii=False))
+        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
         return
     width = max(map(len, result))
     for key, value in result.items():
