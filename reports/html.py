@@ -77,7 +77,8 @@ def page(run: Run, fig4: str, curves_: str) -> str:
         curves=curves_, design=figure4.plan(run.specimens, run.stress_range),
         results=[(item, result_row(item)) for item in run.specimens],
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
-        circles=[item.specimen for item in run.alphas if len(item.circles) == 1], settings=list(settings(run.record)))
+        circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
+                 for item in run.alphas if len(item.circles) == 1], settings=list(settings(run.record)))
 
 
 def embedded(file: Path) -> str:

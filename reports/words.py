@@ -106,18 +106,20 @@ def strokes(run: Run) -> str:
     pairs = [(item.name, curve) for item in run.specimens for curve in item.curves if curve.mass == mass]
     low = min(float(curve.voltage[0]) for _, curve in pairs)
     high = max(float(curve.voltage[-1]) for _, curve in pairs)
-    return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by another "
+    return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by up to another "
             f"{listed([stroke(name, curve) for name, curve in pairs])}.")
 
 
 def stroke(name: str, curve: Curve) -> str:
-    """Travel of one plate between the first and the last voltage with an equilibrium."""
+    """Largest travel of one plate from where it is at the first voltage with an equilibrium, before any pull-in."""
     if not curve.found.any():
         return f"unknown distance ({name}: no equilibrium)"
-    travel = curve.deflection[curve.found][[0, -1]]
-    last = curve.voltage[curve.found][-1]
-    end = f", up to {last:g} kV: beyond, it pulls in" if curve.pull_in else ""
-    return f"{digits(float(np.diff(travel)[0]))} mm ({name}{end})"
+    above = curve.pull_in[1] if curve.pull_in else np.inf
+    reached = curve.deflection[curve.found & (curve.voltage < above)]
+    if not len(reached):
+        return f"unknown distance ({name}: it pulls in at once)"
+    end = f", before it pulls in below {above:g} kV" if curve.pull_in else ""
+    return f"{digits(float(reached.max() - reached[0]))} mm ({name}{end})"
 
 
 def weights(alphas: Sequence[AlphaResult]) -> str:
@@ -140,7 +142,8 @@ def warnings(run: Run) -> list[str]:
     """Every warning stored, and every point of the curves without a result, each with its specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for text in _gaps(item)),
-            *(f"{item.specimen}, α: {text}" for item in run.alphas if len(item.circles) > 1 for text in item.warnings)]
+            *(f"{item.specimen}, α: {text}" for item in run.alphas for text in item.warnings
+              if not text.startswith("the semi-axes are equal"))]
 
 
 def _gaps(specimen: Stored) -> Iterator[str]:
@@ -153,7 +156,10 @@ def _gaps(specimen: Stored) -> Iterator[str]:
         if curve.pull_in is not None:
             below, above = curve.pull_in
             first = "at no voltage tried" if np.isnan(below) else f"only up to between {below:g} and {above:g} kV"
-            yield f"{specimen.name}: under {curve.mass:g} g there is an equilibrium {first}; beyond, the film pulls in"
+            again = curve.voltage[curve.found & (curve.voltage > above)]
+            then = f"; there is one again from {again[0]:g} kV" if len(again) else ""
+            yield (f"{specimen.name}: under {curve.mass:g} g there is an equilibrium {first}; beyond, the film "
+                   f"pulls in{then}")
 
 
 def listed(parts: Sequence[str]) -> str:
