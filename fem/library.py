@@ -14,7 +14,10 @@ from geometry.tables import Table
 
 @dataclass(frozen=True)
 class Entry:
-    """A material of the library: its constants, where they come from and what to beware of."""
+    """A material of the library: its constants, where they come from and what to beware of.
+
+    Where a caveat says so, the constants are those the literature quotes from the source, not read in it again.
+    """
 
     material: Material
     source: str
@@ -30,12 +33,13 @@ MATERIALS: dict[str, Entry] = {
         "and J_lim 110, here as two Ogden terms fitted to its biaxial stress",
         "within 4 % of that Gent spring for in-plane stretches from 1.8 to 3.2; at the mounted stretch √5 as stiff "
         "as 19.5 kPa neo-Hooke. Sources on VHB 4910 differ by a factor of 1.7, and the tape creeps: in the first "
-        "seconds after loading it is up to three times stiffer",
+        "seconds after loading it is up to three times stiffer. Constants as quoted from the source, not read in it again",
     ),
     "vhb-4910-gent": Entry(
         Gent(18e3, 110.0),
         "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, the Gent law itself",
-        "the relaxed tape only: it creeps, and in the first seconds after loading it is up to three times stiffer",
+        "the relaxed tape only: it creeps, and in the first seconds after loading it is up to three times stiffer. "
+        "Constants as quoted from the source, not read in it again",
     ),
     "vhb-4910-neo-hooke": Entry(
         Ogden((20e3,), (2.0,)),
@@ -47,7 +51,8 @@ MATERIALS: dict[str, Entry] = {
         Ogden((13.5e3,), (2.0,)),
         "Kumar, Lopez-Pamies, C. R. Mecanique 344 (2016): leading term 13.54 kPa of the equilibrium branch fitted to "
         "Hossain, Vu, Steinmann, Comput. Mater. Sci. 59 (2012)",
-        "fully relaxed, after hours; the small second term is left out",
+        "fully relaxed, after hours; the small second term is left out. Constants as quoted from the source, not read "
+        "in it again",
     ),
 }
 
