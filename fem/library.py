@@ -33,7 +33,8 @@ MATERIALS: dict[str, Entry] = {
         "and J_lim 110, here as two Ogden terms fitted to its biaxial stress",
         "within 4 % of that Gent spring for in-plane stretches from 1.8 to 3.2; at the mounted stretch √5 as stiff "
         "as 19.5 kPa neo-Hooke. Sources on VHB 4910 differ by a factor of 1.7, and the tape creeps: in the first "
-        "seconds after loading it is up to three times stiffer. Constants as quoted from the source, not read in it again",
+        "seconds after loading it is up to three times stiffer. Constants as quoted from the source, not read in it "
+        "again",
     ),
     "vhb-4910-gent": Entry(
         Gent(18e3, 110.0),
