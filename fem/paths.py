@@ -38,13 +38,14 @@ class Outcome:
     """How a search for an equilibrium ended.
 
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status "no_equilibrium" the film
-    pulled in: ``limit`` is the largest U² [V²] (or force [N]) that has an equilibrium on this path.
+    pulled in: ``limit`` is the largest U² [V²] or force [N], as ``limited`` says, that has an equilibrium on this path.
     """
 
     status: Status
     solution: Solution
     advice: str = ""
     limit: float | None = None
+    limited: Unknown | None = None
 
     @property
     def state(self) -> State:
@@ -185,8 +186,12 @@ def _stalled(outcome: Outcome, history: list[tuple[float, float]], name: Unknown
                 limits.append((limit / v1, limit))
     if not limits:
         return outcome
-    words = f"the film pulls in before the {_WORD[name]} is reached"
-    return Outcome("no_equilibrium", outcome.solution, words, min(limits)[1])
+    return _pulled_in(outcome.solution, name, min(limits)[1])
+
+
+def _pulled_in(last: Solution, name: Unknown, limit: float) -> Outcome:
+    word = {"force": "load", "voltage": "voltage"}[name]
+    return Outcome("no_equilibrium", last, f"the film pulls in before the {word} is reached", limit, name)
 
 
 def _predicted(model: Model, solution: Solution, name: Unknown, value: float) -> State:
@@ -221,7 +226,7 @@ def _follow_heave(model: Model, start: Solution, name: Unknown, target: float, s
                 lift /= 2
                 continue
             limit = _parabola_top([*history, (trial.state.plate.heave, value)])
-            return Outcome("no_equilibrium", stable, f"the film pulls in before the {_WORD[name]} is reached", limit)
+            return _pulled_in(stable, name, limit)
         history.append((trial.state.plate.heave, value))
         last = trial
         if trial.stable:
@@ -249,9 +254,6 @@ def _between(model: Model, below: Solution, above: Solution, name: Unknown, targ
     if found.converged and found.stable:
         return Outcome("equilibrium", found)
     return Outcome("not_converged", below, found.advice or "the state found is unstable")
-
-
-_WORD = {"force": "load", "voltage": "voltage"}
 
 
 def _value(state: State, name: Unknown) -> float:

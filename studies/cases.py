@@ -160,7 +160,7 @@ def why(outcome: Outcome) -> str:
     """Why there is no result, with the interval the limit is known to lie in when that is not short."""
     if outcome.limit is None:
         return outcome.advice
-    if outcome.advice.endswith("voltage is reached"):
+    if outcome.limited == "voltage":
         unit = "kV across it"
         reached, limit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3
     else:

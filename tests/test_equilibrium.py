@@ -20,7 +20,7 @@ from fem.newton import NewtonSettings, newton
 from fem.paths import equilibrium, held, voltage_path
 from fem.rig import Rig
 from fem.state import State
-from geometry.mesh import curved_mesh, from_meshio
+from geometry.mesh import ELEMENTS, curved_mesh, from_meshio
 from geometry.mesher import MeshSettings, mesh_film
 from studies.cases import Case, Settings, solve
 
@@ -132,33 +132,23 @@ def structured(order: int, radial: int, around: int) -> Model:
     number = np.arange(s.size).reshape(s.shape)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1), np.stack([a, c, d]).reshape(3, -1)]), axis=0)
-    st_ = np.stack([s.ravel(), t.ravel()])
+    unit = np.stack([s.ravel(), t.ravel()])
 
     def place(points: np.ndarray) -> np.ndarray:
         r, angle = 10e-3 * 4.5 ** points[0], np.pi / 2 * points[1]
         return np.stack([r * np.cos(angle), r * np.sin(angle)])
 
-    from geometry.mesh import ELEMENTS
-
     xy = ELEMENTS[order].doflocs
     weights = np.column_stack([1 - xy.sum(1), xy])
-    nodes = place(np.einsum("lv,kve->kle", weights, st_[:, triangles]))
-    mesh = curved_mesh(place(st_), triangles, order, nodes)
-
-    def near(which: str):  # type: ignore[no-untyped-def]
-        return {"plate": lambda x: np.hypot(*x) < 11e-3 * 0.99, "frame": lambda x: np.hypot(*x) > 44e-3,
-                "axis_x": lambda x: x[1] < 1e-6, "axis_y": lambda x: x[0] < 1e-6}[which]
+    nodes = place(np.einsum("lv,kve->kle", weights, unit[:, triangles]))
+    mesh = curved_mesh(place(unit), triangles, order, nodes)
 
     facets = mesh.boundary_facets()
-    middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-    names = ("plate", "frame", "axis_x", "axis_y")
-    # A chord's middle lies inside its circle; plate and frame are told apart by radius, the axes by their zero.
-    tags = {}
-    for name in names[2:]:
-        tags[name] = facets[near(name)(middle)]
-    rest = ~(near("axis_x")(middle) | near("axis_y")(middle))
-    tags["plate"] = facets[rest & (np.hypot(*middle) < 20e-3)]
-    tags["frame"] = facets[rest & (np.hypot(*middle) > 20e-3)]
+    x, y = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
+    # An arc's chord has its middle inside the quarter, off both axes.
+    arc, near = (x > 1e-6) & (y > 1e-6), np.hypot(x, y) < 20e-3
+    tags = {"axis_x": facets[y <= 1e-6], "axis_y": facets[x <= 1e-6],
+            "plate": facets[arc & near], "frame": facets[arc & ~near]}
     return Model(specimen, mesh.with_boundaries(tags), frozenset("xy"))
 
 
