@@ -52,6 +52,7 @@ class Film:
 
     ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it to the flat
     mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂, J_p its mounted value.
+    ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's weightless film.
     """
 
     thickness: float
@@ -59,6 +60,7 @@ class Film:
     material: Material
     relative_permittivity: float
     permittivity_exponent: float = 0.0
+    density: float = 0.0
 
     @property
     def area_prestretch(self) -> float:
@@ -128,6 +130,7 @@ class Specimen:
 _NAME = re.compile(r"\w[\w .+-]{0,99}")
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
+_DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3, "must be 0 (weightless) or from 1 to 30000 kg/m^3")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
@@ -176,6 +179,7 @@ def _film(table: Table, read_material: Callable[[Table, str], Material]) -> Film
         material=read_material(table, "material"),
         relative_permittivity=table.number("relative_permittivity", rule=_PERMITTIVITY),
         permittivity_exponent=table.number("permittivity_exponent", 0.0, _EXPONENT),
+        density=table.quantity("density", "density", "0 kg/m^3", _DENSITY),
     )
     table.done()
     return film

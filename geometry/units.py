@@ -19,6 +19,8 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "voltage": ("V", "3.5 kV"),
     "acceleration": ("m/s^2", "9.80665 m/s^2"),
     "stiffness per length": ("N/m", "5 N/m"),
+    "density": ("kg/m^3", "960 kg/m^3"),
+    "force": ("N", "0.2 N"),
 }
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)

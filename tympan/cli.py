@@ -5,14 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from fem.rig import Rig
-
-_MESH = "elements around the plate; more are slower and more accurate (default: %(default)s)"
+from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,16 +63,8 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], words: str
-             ) -> argparse.ArgumentParser:
-    described = words[0].upper() + words[1:] + "."
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=words, description=described)
-    parser.set_defaults(run=run)
-    return parser
-
-
 def _study(commands: Any) -> None:
-    parser = _command(commands, "study", _run_study,
+    parser = command(commands, "study", _run_study,
                       "solve specimens, draw their stress, derive α, write a report; by default of the paper's three")
     parser.add_argument("file", nargs="?", type=Path, metavar="STUDY.toml", help="which specimens and loads")
     parser.add_argument("-o", "--output", type=Path, default=Path("out"), metavar="DIR", help="default: %(default)s")
@@ -96,14 +85,14 @@ def _run_study(options: argparse.Namespace) -> None:
 
 
 def _solve(commands: Any) -> None:
-    parser = _command(commands, "solve", _run_solve, "one specimen under one load and voltage")
-    _specimen(parser)
+    parser = command(commands, "solve", _run_solve, "one specimen under one load and voltage")
+    specimen_argument(parser)
     parser.add_argument("--mass", required=True, help='on the plate, such as "17.9 g"')
     parser.add_argument("--voltage", default="0 kV", help='across the film, such as "3.5 kV" (default: %(default)s)')
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="also store the fields (VTU) and the numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    _mesh(parser)
+    mesh_argument(parser)
 
 
 def _run_solve(options: argparse.Namespace) -> None:
@@ -114,28 +103,28 @@ def _run_solve(options: argparse.Namespace) -> None:
     from studies import cases, store
 
     specimen = load_specimen(options.specimen)
-    case = cases.Case(specimen, _quantity(options.mass, "mass", "--mass"),
-                      _quantity(options.voltage, "voltage", "--voltage"), _rig(options.rig))
+    case = cases.Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
+                      parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig))
     began = time.perf_counter()
-    model, outcome = cases.find(case, _settings(options))
+    model, outcome = cases.find(case, read_settings(options))
     result = cases.summarise(case, model, outcome, time.perf_counter() - began)
     if options.output is not None:
         store.remove(options.output, f"{specimen.name}.vtu", f"{specimen.name}.json")
         if outcome.status == "equilibrium":
             store.write_fields(options.output / f"{specimen.name}.vtu", *whole(model, outcome.state))
         store.write_json(options.output / f"{specimen.name}.json", result.json())
-    _show(result.json(), options.json)
+    show(result.json(), options.json)
 
 
 def _alpha(commands: Any) -> None:
-    parser = _command(commands, "alpha", _run_alpha, "weights of the circular actuators that stand for a shape")
-    _specimen(parser)
+    parser = command(commands, "alpha", _run_alpha, "weights of the circular actuators that stand for a shape")
+    specimen_argument(parser)
     parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
     parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
                         help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    _mesh(parser)
+    mesh_argument(parser)
 
 
 def _run_alpha(options: argparse.Namespace) -> None:
@@ -149,12 +138,12 @@ def _run_alpha(options: argparse.Namespace) -> None:
                          key="--circles", given=options.circles)
     specimen = load_specimen(options.specimen)
     with bar(2) as progress:
-        result = alpha(specimen, _settings(options), rig=_rig(options.rig), progress=progress)
-    _show(result.json(options.basis), options.json)
+        result = alpha(specimen, read_settings(options), rig=read_rig(options.rig), progress=progress)
+    show(result.json(options.basis), options.json)
 
 
 def _report(commands: Any) -> None:
-    parser = _command(commands, "report", _run_report, "rebuild a run's figures and report from what it stored")
+    parser = command(commands, "report", _run_report, "rebuild a run's figures and report from what it stored")
     parser.add_argument("folder", type=Path, metavar="DIR")
 
 
@@ -165,22 +154,22 @@ def _run_report(options: argparse.Namespace) -> None:
 
 
 def _export(commands: Any) -> None:
-    parser = _command(commands, "export", _run_export, "frame, plate and film as STEP, their outlines as DXF, the mesh")
-    _specimen(parser)
+    parser = command(commands, "export", _run_export, "frame, plate and film as STEP, their outlines as DXF, the mesh")
+    specimen_argument(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    _mesh(parser)
+    mesh_argument(parser)
 
 
 def _run_export(options: argparse.Namespace) -> None:
     from fem.library import load_specimen
     from studies.export import export
 
-    for file in export(load_specimen(options.specimen), _settings(options).mesh, options.output):
+    for file in export(load_specimen(options.specimen), read_settings(options).mesh, options.output):
         print(file)
 
 
 def _materials(commands: Any) -> None:
-    parser = _command(commands, "materials", _run_materials, "list the material library with sources")
+    parser = command(commands, "materials", _run_materials, "list the material library with sources")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -195,49 +184,3 @@ def _run_materials(options: argparse.Namespace) -> None:
         return
     for name, entry in MATERIALS.items():
         print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")
-
-
-def _specimen(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("specimen", type=Path, metavar="SPECIMEN.toml")
-
-
-def _mesh(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--refine", type=float, default=1.0, metavar="X",
-                        help="divide every element size by X (default: %(default)s)")
-
-
-def _settings(options: argparse.Namespace) -> Any:
-    from geometry.errors import InputError
-    from geometry.mesher import MeshSettings
-    from studies.cases import Settings
-
-    if not 0.5 <= options.refine <= 20:
-        raise InputError("must be from 0.5 to 20", key="--refine", given=options.refine)
-    return Settings(mesh=MeshSettings().refined(options.refine))
-
-
-def _quantity(text: str, dimension: str, option: str) -> float:
-    from geometry.errors import InputError
-    from geometry.units import quantity
-
-    try:
-        return quantity(text, dimension)
-    except InputError as error:
-        raise error.located(key=option) from None
-
-
-def _rig(file: Path | None) -> Rig:
-    from fem.rig import Rig
-
-    return Rig() if file is None else Rig.read(file)
-
-
-def _show(result: dict[str, Any], as_json: bool) -> None:
-    """One JSON object, or one line per entry."""
-    if as_json:
-        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
-        return
-    width = max(map(len, result))
-    for key, value in result.items():
-        for item in value if key == "warnings" else [value]:
-            print(f"{key:<{width}}  {item:.6g}" if isinstance(item, float) else f"{key:<{width}}  {item}")
