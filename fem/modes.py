@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from fem.loading import GUIDES
 from fem.model import Model
-from fem.plate import FREEDOMS, HEAVE
+from fem.plate import FREEDOMS, PlateMotion
 from fem.state import State
 from geometry.errors import InputError
 from geometry.mesh import Unfolding, unfold
@@ -35,17 +36,21 @@ Array = NDArray[np.float64]
 
 #: Below so many unknowns, or so few per mode, a dense solver takes no longer.
 _DENSE = 200
+#: Share of the largest inertia below which a motion of the plate has none.
+_MASSLESS = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class RigidPlate:
-    """What the plate's motion carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], shape (3, 3).
+    """What the plate's motion carries: ``mass`` [kg] and ``inertia`` about its centre of mass [kg m²], shape (3, 3).
 
-    The inertia belongs to the mounted position and turns with the plate. An infinite mass holds the plate.
+    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position and turn with the
+    plate. An infinite mass holds the plate.
     """
 
     mass: float
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def held(cls) -> RigidPlate:
@@ -53,11 +58,12 @@ class RigidPlate:
         return cls(inf)
 
     @classmethod
-    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0) -> RigidPlate:
-        """A thin uniform plate that fills its outline, with ``point_mass`` of the whole ``mass`` in its centre.
+    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0, arm: tuple[float, float] = (0.0, 0.0)
+                ) -> RigidPlate:
+        """A thin uniform plate that fills its outline, with ``point_mass`` of the whole ``mass`` in its centre of mass.
 
-        The rest, spread evenly, has the outline's second moments about its centroid. The thickness does not count,
-        nor the height of the weight above the film.
+        The rest, spread evenly, has the outline's second moments about its centroid, taken about the centre of mass
+        wherever ``arm`` puts that. The thickness does not count, nor the height of the weight above the film.
 
         Raises
         ------
@@ -75,11 +81,14 @@ class RigidPlate:
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
         shape = moments(outline)
         (xx, xy), (_, yy) = (mass - point_mass) / shape.area * shape.second
-        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]))
+        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
 
-    def matrix(self, rotation: Array) -> Array:
-        """Mass matrix of the six freedoms after a rotation, shape (6, 6)."""
-        return scipy.linalg.block_diag(self.mass * np.eye(3), rotation @ self.inertia @ rotation.T)
+    def matrix(self, plate: PlateMotion) -> Array:
+        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
+        centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
+        result = self.mass * centre.T @ centre
+        result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +104,12 @@ class SymmetryClass(Model):
         values = {item.name: getattr(model, item.name) for item in fields(Model)}
         for odd in chain.from_iterable(combinations(planes, count) for count in range(len(planes) + 1)):
             part = cls(**values, odd=frozenset(odd))
-            vars(part).update({name: getattr(model, name) for name in ("basis", "connectivity", "gradients")})
+            vars(part).update({name: getattr(model, name) for name in ("basis", "connectivity", "shapes", "gradients")})
             yield part
 
     @cached_property
     def plate_freedoms(self) -> tuple[int, ...]:
-        """Numbers of the plate's freedoms of this class."""
+        """Numbers of the plate's freedoms of this class, whatever the guide allows."""
         allowed = set(range(len(FREEDOMS)))
         for plane in self.planes:
             even = set(Model(self.specimen, self.mesh, frozenset(plane)).plate_freedoms)
@@ -149,8 +158,8 @@ class Modes:
         return np.where(self.growth > 0, -(self.growth**2), (2 * np.pi * self.frequencies_Hz) ** 2)
 
 
-def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6, spring: float = 0.0) -> Modes:
-    """Modes of film and plate about an equilibrium at constant voltage.
+def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) -> Modes:
+    """Modes of film and plate about an equilibrium, at constant voltage and gas pressure.
 
     Parameters
     ----------
@@ -159,8 +168,6 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6, sp
     count
         The lowest so many frequencies; of unstable modes at most so many, those of slowest growth. Where a film has
         lost tension the fast ones are as fine as the mesh and mean no more than that it wrinkles.
-    spring
-        Stiffness of a linear spring against the heave [N/m].
 
     Raises
     ------
@@ -173,15 +180,15 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6, sp
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
-    if not model.specimen.membrane.density and (isinf(plate.mass) or not plate.mass):
-        raise InputError("a film without mass and a plate without mass or held have no vibrations",
-                         key="membrane.density", given=model.specimen.membrane.density)
-    classes = [_System.of(part, state, plate, spring) for part in SymmetryClass.all(model)]
+    classes = [_System.of(part, state, plate) for part in SymmetryClass.all(model)]
     spectra = [system.solve(count) for system in classes]
     candidates = [(value, number, mode) for number, spectrum in enumerate(spectra)
                   for mode, value in enumerate(spectrum.values)]
     unstable = sorted((item for item in candidates if item[0] < 0), reverse=True)[:count]
     chosen = [*reversed(unstable), *sorted(item for item in candidates if item[0] >= 0)[:count]]
+    if not chosen:
+        raise InputError("nothing that can move has mass: neither the film nor the plate",
+                         key="membrane.density", given=model.specimen.membrane.density)
     values = np.array([value for value, _, _ in chosen])
     full = unfold(model.mesh, model.planes)
     vectors = [(classes[number], spectra[number].vectors[:, mode]) for _, number, mode in chosen]
@@ -193,9 +200,8 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6, sp
 
 def film_mass(model: Model) -> csr_matrix:
     """Consistent mass matrix of the meshed film for one component of all nodes [kg], shape (nodes, nodes)."""
-    values = np.stack([np.broadcast_to(np.asarray(shape[0]), model.basis.dx.shape) for shape in model.basis.basis])
     weights = model.volumes * model.specimen.membrane.density
-    elements = np.einsum("aep,bep,ep->eab", values, values, weights, optimize=True)
+    elements = np.einsum("pa,pb,ep->eab", model.shapes, model.shapes, weights, optimize=True)
     nodes = model.connectivity
     rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
     size = len(model.reference)
@@ -229,19 +235,16 @@ class _System:
     freedoms: tuple[int, ...]
 
     @classmethod
-    def of(cls, model: SymmetryClass, state: State, plate: RigidPlate, spring: float) -> _System:
-        """The tangent at a state, with the plate's freedoms unless it is held."""
-        tangent = model.linearised(state.positions, state.plate, state.voltage_squared)
-        freedoms = () if isinf(plate.mass) else model.plate_freedoms
-        kept = slice(0, len(freedoms))
-        corner = tangent.corner[kept, kept].copy()
-        if HEAVE in freedoms:
-            row = freedoms.index(HEAVE)
-            corner[row, row] += spring / model.mirrored
+    def of(cls, model: SymmetryClass, state: State, plate: RigidPlate) -> _System:
+        """The tangent at a state, with the plate's freedoms that the guide leaves, none if it is held."""
+        tangent = model.linearised(state)
+        allowed = frozenset() if isinf(plate.mass) else GUIDES[model.loading.guide]
+        kept = [place for place, number in enumerate(model.plate_freedoms) if FREEDOMS[number] in allowed]
+        freedoms = tuple(model.plate_freedoms[place] for place in kept)
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
-        weight = plate.matrix(state.plate.rotation)[np.ix_(freedoms, freedoms)] if freedoms else np.zeros((0, 0))
-        return cls(model, tangent.inner, tangent.border[:, kept], corner, _coordinates(model, gradient),
-                   film_mass(model), weight / model.mirrored, freedoms)
+        weight = np.zeros((6, 6)) if isinf(plate.mass) else plate.matrix(state.plate) / model.mirrored
+        return cls(model, tangent.inner, tangent.border[:, kept], tangent.corner[kept][:, kept],
+                   _coordinates(model, gradient), film_mass(model), weight[list(freedoms)][:, list(freedoms)], freedoms)
 
     def solve(self, count: int) -> _Spectrum:
         """The lowest eigenvalues of this class, negative ones included."""
@@ -276,13 +279,15 @@ class _System:
         schur = self.corner - self.border.T @ influence
         schur = (schur + schur.T) / 2
         unstable = _negative_pivots(film) + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
-        heavy = self.plate.diagonal() > 0
-        follow = np.zeros((len(heavy), int(heavy.sum())))
-        follow[heavy] = np.eye(follow.shape[1])
-        follow[~heavy] = -np.linalg.solve(schur[np.ix_(~heavy, ~heavy)], schur[np.ix_(~heavy, heavy)])
-        if not heavy.any():
-            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(heavy), 0)), unstable)
-        values, plate = scipy.linalg.eigh(follow.T @ schur @ follow, self.plate[np.ix_(heavy, heavy)])
+        # Rotations are compared with translations over the frame's half extent.
+        scale = np.where(np.array(self.freedoms, dtype=int) < 3, 1.0, 1 / self.model.size)
+        weight, axes = np.linalg.eigh(scale[:, None] * self.plate * scale)
+        heavy = weight > _MASSLESS * weight.max(initial=0)
+        heavy, light = scale[:, None] * axes[:, heavy], scale[:, None] * axes[:, ~heavy]
+        if not heavy.size:
+            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(self.freedoms), 0)), unstable)
+        follow = heavy - light @ np.linalg.solve(light.T @ schur @ light, light.T @ schur @ heavy)
+        values, plate = scipy.linalg.eigh(follow.T @ schur @ follow, heavy.T @ self.plate @ heavy)
         motion = follow @ plate
         return _Spectrum(values, np.vstack([-influence @ motion, motion]), unstable)
 

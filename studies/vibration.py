@@ -85,7 +85,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     """Small vibrations about the case's equilibrium at constant voltage.
 
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except for ``point_mass``
-    [kg] of it, which sits in its centre without inertia.
+    [kg] of it, without inertia of its own; their centre of mass is where the rig hangs the weight.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
                          dofs=model.unknowns, wall_s=time.perf_counter() - began, warnings=())
     if outcome.status != "equilibrium":
         return replace(result, warnings=(why(outcome),)), None
-    found = vibrations(model, state, plate, count, case.rig.spring)
+    found = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
     listed = tuple(_mode(found, number, name) for number, name in enumerate(names(full, found)))
     warnings = [*_warnings(case, found), *field_warnings(node_fields(model, outcome))]
@@ -152,7 +152,7 @@ def _plate(case: Case, point_mass: float) -> RigidPlate:
     if point_mass > mass:
         raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's unaccounted mass",
                          key="--point-mass", given=f"{point_mass:g} kg")
-    return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass)
+    return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass, case.rig.weight_offset)
 
 
 def _mode(found: Modes, number: int, name: str) -> Mode:

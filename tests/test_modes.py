@@ -18,12 +18,13 @@ from skfem.helpers import dot
 from test_equilibrium import oracle, structured
 
 from fem.fields import whole
+from fem.loading import Loading, Spring
 from fem.mode_names import names
 from fem.model import Model
 from fem.modes import Modes, RigidPlate, SymmetryClass, _lowest, film_mass, vibrations
 from fem.newton import newton
 from fem.paths import equilibrium, held
-from fem.plate import HEAVE
+from fem.plate import FREEDOMS, HEAVE, PlateMotion
 from fem.state import State
 from geometry.errors import InputError
 from geometry.moments import moments
@@ -70,7 +71,7 @@ def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
                                     for m in range(7)]))
     assert len(found) >= 9
     assert found == pytest.approx(hertz(exact, voltage)[: len(found)], rel=tolerance)
-    assert found[0] == pytest.approx(hertz(exact, voltage)[0], rel=0.05 * tolerance)
+    assert found[:5] == pytest.approx(hertz(exact, voltage)[:5], rel=0.07 * tolerance)
 
 
 def test_voltage_lowers_the_frequency_by_the_maxwell_tension() -> None:
@@ -134,16 +135,17 @@ def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> N
 @pytest.mark.parametrize("push", [120.0, 300.0])
 def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> None:
     """A destabilising spring, stiffer than the film's own 2πN/ln(b/a)."""
-    film, tension = model(annulus(), refine=2.0), oracle(NEO_HOOKE).resultant()
+    pushed, tension = Loading((Spring(-push),)), oracle(NEO_HOOKE).resultant()
+    film = model(annulus(), refine=2.0).with_loading(pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
-    found = vibrations(film, State.mounted(film), plate_of(), count=3, spring=-push)
+    found = vibrations(film, State.mounted(film), plate_of(), count=3)
     rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA, push / tension) * np.sqrt(tension / PER_AREA)
     assert found.unstable == 1
     assert found.growth[0] == pytest.approx(rate, rel=1e-7)
     assert list(found.growth[1:]) == [0, 0, 0]
     assert found.frequencies_Hz[0] == 0
-    weightless = model(circular(), refine=2.0)
-    light = vibrations(weightless, State.mounted(weightless), plate_of(), spring=-push)
+    weightless = model(circular(), refine=2.0).with_loading(pushed)
+    light = vibrations(weightless, State.mounted(weightless), plate_of())
     own = 2 * np.pi * tension / np.log(OUTER / INNER)
     assert light.unstable == 1
     assert light.growth[0] ** 2 == pytest.approx((push - own) / MASS, rel=1e-7)
@@ -155,7 +157,7 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
     film = model(soft, order=2)
     state = held(film, 10e-3, 6800.0).state
     found = vibrations(film, state, HELD, count=5)
-    part = [np.linalg.eigvalsh(item.linearised(state.positions, state.plate, state.voltage_squared).inner.toarray())
+    part = [np.linalg.eigvalsh(item.linearised(state).inner.toarray())
             for item in SymmetryClass.all(film)]
     assert found.unstable == sum(int((values < 0).sum()) for values in part) > 5
     assert np.count_nonzero(found.growth) == 5
@@ -190,11 +192,14 @@ def heavy(specimen):
     return replace(specimen, membrane=replace(specimen.membrane, density=DENSITY))
 
 
-def dense(film: Model, state: State, plate: RigidPlate, spring: float) -> np.ndarray:
+def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
     """ω² by other means: skfem's mass form, the plate's coupling by differences, everything dense.
 
     The stiffness of the plate's freedoms is differentiated from forces, second derivatives of its motion included.
     """
+    def push(moved: PlateMotion) -> np.ndarray:
+        return film.loading.on_plate(replace(state, plate=moved), film.centre, film.plate_area)[1]
+
     form = skfem.BilinearForm(lambda u, v, w: dot(u, v))
     basis = skfem.CellBasis(film.mesh, skfem.ElementVector(film.mesh.elem(), 3), intorder=2 * film.mesh.order + 4)
     membrane = film.specimen.membrane
@@ -208,40 +213,46 @@ def dense(film: Model, state: State, plate: RigidPlate, spring: float) -> np.nda
     free, step = np.flatnonzero(film.free.ravel()), 1e-6
     reduction = np.zeros((film.reference.size, len(free) + 6))
     reduction[free, np.arange(len(free))] = 1.0
+    centre = np.zeros((3, 6))
 
     def forces(change: np.ndarray) -> np.ndarray:
         moved = state.plate.moved(change)
-        nodal = film.forces(film.place(state.positions, moved), state.voltage_squared)
+        nodal = film.nodal_forces(replace(state, positions=film.place(state.positions, moved)))
         turned = nodal[film.plate_nodes]
         arms = film.arms @ moved.rotation.T
-        return np.concatenate([nodal.ravel()[free], turned.sum(0), np.cross(arms, turned).sum(0)])
+        plate = np.concatenate([turned.sum(0), np.cross(arms, turned).sum(0)]) + push(moved)
+        return np.concatenate([nodal.ravel()[free], plate])
 
     stiffness = np.zeros((len(free) + 6, len(free) + 6))
-    stiffness[: len(free), : len(free)] = film.linearised(state.positions, state.plate,
-                                                          state.voltage_squared).inner.toarray()
+    stiffness[: len(free), : len(free)] = film.linearised(state).inner.toarray()
     for freedom in range(6):
         change = step * np.eye(6)[freedom]
-        high, low = (film.place(state.positions, state.plate.moved(sign * change)) for sign in (1, -1))
+        moved = [state.plate.moved(sign * change) for sign in (1, -1)]
+        high, low = (film.place(state.positions, item) for item in moved)
         reduction[:, len(free) + freedom] = ((high - low) / (2 * step)).ravel()
+        high, low = (item.positions(film.centre, np.array([[*plate.arm, 0.0]])) for item in moved)
+        centre[:, freedom] = (high - low)[0] / (2 * step)
         stiffness[:, len(free) + freedom] = (forces(change) - forces(-change)) / (2 * step)
     stiffness[len(free):, : len(free)] = stiffness[: len(free), len(free):].T
-    stiffness[len(free) + HEAVE, len(free) + HEAVE] += spring
     total = reduction.T @ mass @ reduction
     turned = state.plate.rotation @ plate.inertia @ state.plate.rotation.T
-    total[len(free):, len(free):] += scipy.linalg.block_diag(plate.mass * np.eye(3), turned)
+    total[len(free):, len(free):] += plate.mass * centre.T @ centre + scipy.linalg.block_diag(np.zeros((3, 3)), turned)
     return scipy.linalg.eigh((stiffness + stiffness.T) / 2, total, eigvals_only=True)
 
 
 @pytest.mark.parametrize("mass", [0.0, 1e-3])
 def test_a_skewed_film_against_dense_eigenvalues(mass) -> None:
-    """No symmetry, coupled heave and tilt, anisotropic film with margins: all lowest modes, none missed."""
+    """No symmetry, heave and tilt coupled, weight off centre, film with margins: all lowest modes, none missed."""
     film, state = loaded(heavy(skewed()), order=1)
-    plate, spring = RigidPlate.uniform(Ellipse((8e-3, 10e-3)), mass), 4.0
-    state = newton(film, state, "force", spring).state
-    found = vibrations(film, state, plate, count=20, spring=spring)
+    arm = (3e-3, -2e-3)
+    film = film.with_loading(Loading((Spring(4.0),), arm))
+    solution = newton(film, state)
+    assert solution.converged
+    state, plate = solution.state, RigidPlate.uniform(Ellipse((8e-3, 10e-3)), mass, arm=arm)
+    found = vibrations(film, state, plate, count=20)
     assert state.plate.tilt > 1e-3
     assert found.unstable == 0
-    assert found.eigenvalues == pytest.approx(dense(film, state, plate, spring)[:20], rel=1e-5)
+    assert found.eigenvalues == pytest.approx(dense(film, state, plate)[:20], rel=1e-5)
 
 
 def test_modes_are_normalised_and_their_energy_is_the_potential_s() -> None:
@@ -252,14 +263,14 @@ def test_modes_are_normalised_and_their_energy_is_the_potential_s() -> None:
     nodal_mass, step = film_mass(film), 1e-5
     for shape, motion, value in zip(found.shapes, found.plate, found.eigenvalues, strict=True):
         kinetic = sum(shape[:, axis] @ nodal_mass @ shape[:, axis] for axis in range(3))
-        kinetic += motion @ plate.matrix(state.plate.rotation) @ motion
+        kinetic += motion @ plate.matrix(state.plate) @ motion
         assert kinetic == pytest.approx(1, rel=1e-9)
         size = step / np.abs(shape).max()
 
         def potential(way: float, shape=shape, motion=motion, size=size) -> float:
             moved = state.plate.moved(way * size * motion)
             positions = film.place(state.positions + way * size * shape, moved)
-            return float(film.energy(positions, state.voltage_squared)) - state.force * moved.heave
+            return float(film.potential(replace(state, positions=positions, plate=moved)))
 
         second = (potential(1) - 2 * potential(0) + potential(-1)) / size**2
         assert second == pytest.approx(value, rel=2e-3)
@@ -280,17 +291,18 @@ def test_mass_matrix_holds_the_film_s_mass() -> None:
     elliptical(60e-3), replace(elliptical(60e-3), plate=Plate(Circle(INNER), (8e-3, 0.0)))], ids=["quarter", "half"])
 def test_symmetry_classes_make_up_the_whole_film_s_spectrum(specimen, mass) -> None:
     plate = HELD if np.isinf(mass) else plate_of()
-    part, full = (vibrations(*loaded(heavy(specimen), symmetry=symmetry), plate, 30) for symmetry in (True, False))
+    states = [loaded(heavy(specimen), symmetry=symmetry) for symmetry in (True, False)]
+    part, full = (vibrations(*state, plate, 30) for state in states)
     assert part.frequencies_Hz == pytest.approx(full.frequencies_Hz, rel=1e-9)
-    distinct = np.flatnonzero(np.diff(part.frequencies_Hz, prepend=0, append=np.inf)[:-1] > 1e-4)
-    distinct = [n for n in distinct if n + 1 >= 30 or part.frequencies_Hz[n + 1] - part.frequencies_Hz[n] > 1e-4]
+    gaps = np.diff(part.frequencies_Hz, prepend=0.0, append=part.frequencies_Hz[-1])
+    distinct = np.flatnonzero((gaps[:-1] > 1e-4) & (gaps[1:] > 1e-4))
     assert len(distinct) > 15
-    film = model(heavy(specimen), symmetry=False)
+    film, state = states[1]
     nodal_mass = film_mass(film)
-    for mode in distinct[:-1]:
+    for mode in distinct:
         product = sum(part.shapes[mode, :, axis] @ nodal_mass @ full.shapes[mode, :, axis] for axis in range(3))
         if not np.isinf(mass):
-            product += part.plate[mode] @ plate.matrix(loaded(heavy(specimen))[1].plate.rotation) @ full.plate[mode]
+            product += part.plate[mode] @ plate.matrix(state.plate) @ full.plate[mode]
         assert abs(product) == pytest.approx(1, abs=1e-6)
 
 
@@ -309,16 +321,27 @@ def test_a_film_without_mass_is_the_limit_of_a_light_one() -> None:
     specimen = skewed()
     film, state = loaded(specimen, order=2, refine=0.7)
     light = film.with_specimen(replace(specimen, membrane=replace(specimen.membrane, density=1e-3)))
-    for plate in (plate_of(), plate_of(MASS, MASS)):  # the second has no inertia against rotation
+    # The second has no inertia against rotation, the third only that of its centre of mass about the plate's.
+    for plate, left in ((plate_of(), 6), (plate_of(MASS, MASS), 3), (RigidPlate(MASS, arm=(4e-3, 1e-3)), 3)):
         none, some = (vibrations(item, state, plate, count=6) for item in (film, light))
-        count = len(none.frequencies_Hz)
-        assert count == (3 if not plate.inertia.any() else 6)
-        assert none.frequencies_Hz == pytest.approx(some.frequencies_Hz[:count], rel=1e-5)
+        assert len(none.frequencies_Hz) == left
+        assert none.frequencies_Hz == pytest.approx(some.frequencies_Hz[:left], rel=1e-5)
+
+
+@pytest.mark.parametrize(("guide", "moving"), [("level", {"x", "y", "z", "rz"}), ("vertical", {"z"}), ("fixed", set())])
+def test_a_guide_leaves_only_its_motions(guide, moving) -> None:
+    film = model(annulus()).with_loading(Loading(guide=guide))
+    found = vibrations(film, State.mounted(film), plate_of(), count=12)
+    carried = {name for name, share in zip(FREEDOMS, found.shares.T, strict=True) if share.max() > 0.5}
+    assert carried == moving
+    held_plate = vibrations(film, State.mounted(film), HELD, count=12 - len(moving))
+    if not moving:
+        assert found.frequencies_Hz == pytest.approx(held_plate.frequencies_Hz, rel=1e-12)
 
 
 def test_a_spring_stiffens_the_heave_alone() -> None:
-    film = model(circular())
-    without, with_spring = (vibrations(film, State.mounted(film), plate_of(), spring=k) for k in (0.0, 50.0))
+    without, with_spring = (vibrations(film, State.mounted(film), plate_of()) for film in (
+        model(circular()).with_loading(Loading((Spring(k),))) for k in (0.0, 50.0)))
     first, second = (item.eigenvalues[np.argmax(item.shares[:, HEAVE])] for item in (without, with_spring))
     assert second - first == pytest.approx(50.0 / MASS, rel=1e-9)
     assert np.sort(np.delete(with_spring.eigenvalues, with_spring.shares[:, HEAVE].argmax())) == pytest.approx(
@@ -369,7 +392,7 @@ def test_moments_do_not_mind_where_the_outline_is_nor_its_sense() -> None:
 def test_refusals() -> None:
     film = model(circular())
     for plate in (HELD, plate_of(0.0)):
-        with pytest.raises(InputError, match=r"membrane\.density"):
+        with pytest.raises(InputError, match=r"nothing that can move has mass"):
             vibrations(film, State.mounted(film), plate)
     with pytest.raises(InputError, match="at least 1"):
         vibrations(film, State.mounted(film), plate_of(), count=0)
