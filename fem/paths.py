@@ -26,7 +26,8 @@ class PathSettings:
 
     ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
     the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
-    heave, relative to the frame's half extent, at which a search for equilibrium ends.
+    heave, relative to the frame's half extent, at which a search for equilibrium ends; ``waves``: numbers of waves
+    around the plate tried in turn for smooth motions where the film has lost tension.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -35,6 +36,7 @@ class PathSettings:
     handover: float = 1e-2
     shortest: float = 2e-4
     reach: float = 1.5
+    waves: tuple[int, ...] = (4, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +186,14 @@ def _followed(model: Model, start: Solution, load: Load, target: float, settings
         outcome = _along(model, start, load, target, settings, EVERY)
     if outcome.status != "not_converged":
         return outcome
-    smooth = SmoothMotions.of(model)
-    # The last state found may already be wrinkled, and too far from the smooth branch.
-    outcome = _along(model, outcome.solution, load, target, settings, smooth)
-    return outcome if outcome.status != "not_converged" else _along(model, start, load, target, settings, smooth)
+    for waves in (0,) if model.axisymmetric else settings.waves:
+        smooth = SmoothMotions.of(model, waves)
+        # The last state found may already be wrinkled, and too far from the smooth branch.
+        for solution in {id(found): found for found in (outcome.solution, start)}.values():
+            trial = _along(model, solution, load, target, settings, smooth)
+            if trial.status != "not_converged":
+                return trial
+    return replace(outcome, advice=trial.advice)
 
 
 def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings, motions: Motions
