@@ -150,7 +150,7 @@ def _limit(problem: Problem, best: Array, index: int, step: float, noise: Noise)
         if profile(outside) > 0:
             if profile(inside) > 0:  # another minimum took over: the nearer limit is the safe one to have passed
                 return inside
-            return float(brentq(profile, inside, outside, xtol=1e-4 * abs(outside - inside), rtol=1e-6))
+            return float(brentq(profile, inside, outside, xtol=1e-3 * abs(outside - inside), rtol=1e-6))
         if beyond:
             return None
         inside = outside

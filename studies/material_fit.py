@@ -23,15 +23,22 @@ Array = NDArray[Any]
 CORRELATED = 0.95
 #: So are intervals whose half is more than this share of the constant.
 WIDE = 0.5
+#: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to compute with.
+CANCELLING = 50.0
 _STRESSES = frozenset({"mu", "c", "c10", "c01"})
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How to fit: the standard deviation of one reading [Pa], estimated where None, and how many starts to search."""
+    """How to fit.
+
+    ``noise`` is the standard deviation of one reading [Pa], estimated where None; ``starts`` are searched per shape
+    constant; ``hold_out`` fits again without each mode.
+    """
 
     noise: float | None = None
     starts: int = 12
+    hold_out: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +123,24 @@ class Comparison:
                          "of the tests: not offered")
         if "equibiaxial" not in self.coupons.modes:
             found.append("no equibiaxial test: a mounted film is stretched nearly equibiaxially")
+        found += self._overfitted(best)
         times = self.coupons.time[np.isfinite(self.coupons.time)]
         if len(times) and np.ptp(times) > 0:
             found.append(f"readings from {times.min():g} to {times.max():g} s are taken as one elastic response: "
                          "relaxation is not fitted")
+        return found
+
+    def _overfitted(self, best: Fit) -> list[str]:
+        """Modes that the best law foretells far worse than another does."""
+        found = []
+        for mode, error in best.held_out.items():
+            errors = ((fit.held_out.get(mode), fit.family.name) for fit in self.fits if fit.offered)
+            rivals = [(rival, name) for rival, name in errors if rival is not None]
+            least, name = min(rivals, default=(float("inf"), ""))
+            if error is None or error > 2 * least:
+                missed = "cannot follow" if error is None else f"misses by {error / 1e3:.3g} kPa"
+                found.append(f"{best.family.name} {missed} the {mode.replace('_', ' ')} readings when they are held out"
+                             + (f", {name} by {least / 1e3:.3g} kPa" if name not in ("", best.family.name) else ""))
         return found
 
 
@@ -159,7 +180,8 @@ def fit(coupons: Coupons, family: Family, settings: FitSettings | None = None) -
         family=family, material=material, values=values, limits=limits, covariance=spread, noise=noise,
         squares=squares, readings=len(coupons),
         criterion=_criterion(squares, len(coupons), len(values), settings.noise),
-        condition=_condition(problem, values), held_out=_held_out(coupons, family, settings),
+        condition=_condition(problem, values),
+        held_out=_held_out(coupons, family, settings) if settings.hold_out else {},
         range=coupons.stretch_range, inadmissible=failing)
     lost = problem.squares(values) - problem.squares(found[0])
     return _noted(result, problem, coupons, lost > 0.01 * squares)
@@ -234,7 +256,14 @@ def _judged(family: Family, values: Array, coupons: Coupons) -> tuple[Material |
         material = family.material(values)
     except InputError:
         return None, None
+    if family.alike and _terms_cancel(family, values):
+        return None, None
     return material, inadmissible_stretch(material, *coupons.stretch_range)
+
+
+def _terms_cancel(family: Family, values: Array) -> bool:
+    terms = values[:len(family.linear)] * values[len(family.linear):]
+    return bool(np.abs(terms).sum() > CANCELLING * abs(terms.sum()))
 
 
 def _criterion(squares: float, readings: int, constants: int, noise: float | None) -> float:
@@ -272,7 +301,8 @@ def _noted(result: Fit, problem: Problem, coupons: Coupons, lost: bool) -> Fit:
     """The fit with what its reader must know."""
     notes = [*_open_constants(result), *_open_modes(result, coupons)]
     if result.material is None:
-        notes.append("the best constants have no meaning (a modulus that is not positive): not offered")
+        notes.append("the best constants have no meaning (a modulus that is not positive, or terms that cancel one "
+                     "another): not offered")
     if result.inadmissible is not None:
         notes.append(f"true stress falls with stretch at ({result.inadmissible[0]:.3g}, {result.inadmissible[1]:.3g}), "
                      f"within the tests' range {result.range[0]:.3g} to {result.range[1]:.3g}: not offered")
@@ -286,13 +316,15 @@ def _noted(result: Fit, problem: Problem, coupons: Coupons, lost: bool) -> Fit:
 
 def _open_constants(result: Fit) -> list[str]:
     """Constants and pairs of constants that the readings do not settle."""
-    names, notes = result.family.constants, []
-    for name, value, (low, high) in zip(names, result.values, result.limits, strict=True):
+    names, linear, notes = result.family.constants, len(result.family.linear), []
+    for index, (name, value, (low, high)) in enumerate(zip(names, result.values, result.limits, strict=True)):
+        unit, size = (" kPa", 1e3) if index < linear else ("", 1.0)
         if low is None or high is None:
             sides = " and ".join(side for side, limit in (("lower", low), ("upper", high)) if limit is None)
             notes.append(f"{name} is poorly determined: the readings set no {sides} limit")
         elif high - low > 2 * WIDE * abs(value):
-            notes.append(f"{name} is poorly determined: 95 % limits {low:.4g} and {high:.4g} around {value:.4g}")
+            notes.append(f"{name} is poorly determined: {value / size:.4g}{unit}, 95 % limits {low / size:.4g} and "
+                         f"{high / size:.4g}{unit}")
     spread = np.sqrt(np.diag(result.covariance))
     for one, other in combinations(range(len(names)), 2):
         if np.isfinite(spread[[one, other]]).all() and spread[one] * spread[other] > 0:

@@ -18,13 +18,13 @@ Margin = Callable[[Material, Any, Any], Array]
 STRETCH_RANGE = (0.5, 6.0)
 
 
-def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1]
-                        ) -> tuple[Array, Array]:
-    """A grid of principal stretches λ₁ ≥ λ₂ in a range, the virgin state included, where W is not infinite.
+def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1],
+                        include: float = 1.0) -> tuple[Array, Array]:
+    """A grid of principal stretches λ₁ ≥ λ₂ in a range, where W is not infinite; with the virgin state and ``include``.
 
     No stretch is above ``highest``, none in the plane below ``lowest``.
     """
-    grid = np.append(np.geomspace(lowest, highest, 61), 1.0)
+    grid = np.append(np.geomspace(lowest, highest, 61), np.unique([1.0, include]))
     l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
     inside = (l1 >= l2) & (l1 * l2 >= 1 / highest)
     l1, l2 = l1[inside], l2[inside]
@@ -79,7 +79,7 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], h
 
     Stretches that the law cannot reach, W = +∞, are left out.
     """
-    l1, l2 = reachable_stretches(material, lowest, highest)
+    l1, l2 = reachable_stretches(material, lowest, highest, nearest)
     bad = ~(margin(material, l1, l2) > 0)
     if not bad.any():
         return None
