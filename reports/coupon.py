@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,7 +14,7 @@ from reports import style
 from studies.coupon import MODES
 from studies.material_fit import Comparison, Fit
 
-_TITLE, _PANEL, _AXIS = 7.0, 52.0, 11.0  # heights [mm]
+_TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
 _MARKERS = "os^Dv*"
 
@@ -27,14 +28,16 @@ def draw(comparison: Comparison, folder: Path, formats: Sequence[str] = ("png", 
 
 def compose(comparison: Comparison) -> Figure:
     """A panel for each mode; those without readings show what the fits foretell."""
-    figure = style.page(_TITLE + _PANEL + _AXIS)
+    figure = style.page(_TITLE + _PANEL + _AXIS + _LEGEND)
+    entries: dict[str, Artist] = {}
     width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
     for number, mode in enumerate(MODES):
         axes = style.place(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
         _panel(axes, comparison, mode)
-        if number == 0:
-            axes.set_ylabel("nominal stress (kPa)")
-            axes.legend(loc="upper left")
+        axes.set_ylabel("nominal stress (kPa)" if number == 0 else "")
+        handles, words = axes.get_legend_handles_labels()
+        entries |= dict(zip(words, handles, strict=True))
+    figure.legend(entries.values(), entries.keys(), loc="lower center", ncols=5)
     return figure
 
 

@@ -21,8 +21,8 @@ Bounds = tuple[float, float]
 class Family:
     """A law with free constants: ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
 
-    ``bounds`` of a shape constant, given the largest I₁ − 3 of the readings; ``starts`` between which searches begin.
-    ``key`` names constants in specimen files, from those of the family.
+    ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest I₁ − 3
+    of the readings.
     """
 
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -25,7 +25,7 @@ CORRELATED = 0.95
 WIDE = 0.5
 #: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to compute with.
 CANCELLING = 50.0
-_STRESSES = frozenset({"mu", "c", "c10", "c01"})
+_STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 
 
 @dataclass(frozen=True)
@@ -205,11 +205,10 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
         return f'"{value / 1e3:.10g} kPa"' if name in _STRESSES else f"{value:.10g}"
 
     lines = ["[membrane.material]", f'law = "{material.law}"']
-    for item in fields(material):  # type: ignore[arg-type]
-        value = getattr(material, item.name)
-        text = (f"[{', '.join(written(item.name, part) for part in value)}]" if isinstance(value, tuple)
-                else written(item.name, value))
-        lines.append(f"{item.name} = {text}")
+    for name, value in vars(material).items():
+        texts = [written(name, part) for part in (value if isinstance(value, tuple) else (value,))]
+        text = f"[{', '.join(texts)}]" if isinstance(value, tuple) else texts[0]
+        lines.append(f"{name} = {text}")
     if stretch_range is not None:
         lines.append(f"range = [{stretch_range[0]:.4g}, {stretch_range[1]:.4g}]")
     return "\n".join(lines) + "\n"
