@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from fem.model import Model
 from fem.modes import Modes
 from fem.plate import FREEDOMS
-from geometry.outlines import Circle
-from geometry.specimen import Specimen
 
 Array = NDArray[np.float64]
 
@@ -55,17 +53,11 @@ def _film_name(model: Model, shape: Array) -> str:
     across, along = (shape[:, :2] ** 2).sum(), (shape[:, 2] ** 2).sum()
     if along < (1 - _MAINLY) * (across + along):
         return "film, in plane"
-    if along > _MAINLY * (across + along) and is_round(model.specimen):
+    if along > _MAINLY * (across + along) and model.specimen.axisymmetric:
         pattern = _pattern(model.reference[:, :2], shape[:, 2])
         if pattern is not None:
             return "film ({}, {})".format(*pattern)
     return "film"
-
-
-def is_round(specimen: Specimen) -> bool:
-    """Whether nothing of the specimen depends on the angle about its centre."""
-    return (isinstance(specimen.frame, Circle) and isinstance(specimen.plate.outline, Circle)
-            and specimen.plate.offset == (0.0, 0.0) and len(set(specimen.membrane.prestretch)) == 1)
 
 
 def _pattern(points: Array, height: Array) -> tuple[int, int] | None:

@@ -89,9 +89,20 @@ def test_symmetry(sample: Sample) -> None:
 
 @each_law
 def test_virgin_state(sample: Sample) -> None:
-    """No energy, no stress; small strains see an incompressible solid of the modulus the law states."""
-    w, w1, w2, w11, w12, w22 = sample.law.derivatives(1.0, 1.0)
+    """No energy, no stress; small strains see an incompressible solid of the modulus the law states.
+
+    A law that declares not to be stress-free when virgin has its reference there instead.
+    """
     modulus = sample.law.shear_modulus
+    if not sample.law.stress_free_when_virgin:
+        rest = sample.law.reference
+        w, w1, w2, w11, w12, w22 = sample.law.derivatives(rest, rest)
+        assert abs(sample.law.derivatives(1.0, 1.0)[1]) > 0.1 * modulus
+        assert w == pytest.approx(0, abs=1e-12 * modulus)
+        assert w1 == w2
+        assert rest**2 * (w11 - w12) + rest * w1 == pytest.approx(2 * modulus, rel=1e-13)
+        return
+    w, w1, w2, w11, w12, w22 = sample.law.derivatives(1.0, 1.0)
     assert (w, w1, w2) == pytest.approx((0, 0, 0), abs=1e-12 * modulus)
     assert (w11, w22, w12) == pytest.approx((4 * modulus, 4 * modulus, 2 * modulus), rel=1e-13)
 
