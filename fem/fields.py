@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from fem.density import FilmDensity, maxwell, principal_stretches
 from fem.model import Model, cauchy_green
 from fem.state import State
+from fem.tension import Tension, tension_state
 from geometry.mesh import unfold
+from geometry.specimen import Film
 
 Array = NDArray[Any]
 
@@ -39,6 +41,7 @@ class Fields:
     stretch_2: Array  #: smaller total principal stretch
     thickness: Array  #: [m]
     electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
+    breakdown_strength: Array  #: field at which the film would break down, infinite where unknown [V/m]
     maxwell_stress: Array  #: ε E² [Pa]
     stress_1: Array  #: larger principal true stress [Pa]
     stress_2: Array  #: smaller principal true stress [Pa]
@@ -46,6 +49,12 @@ class Fields:
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
     plate_traction: Array  #: force per mounted length on a cut whose normal points to the plate's centre [N/m], (n, 3)
+    tension: Array  #: of :class:`fem.tension.Tension`
+
+    @property
+    def breakdown_share(self) -> Array:
+        """Field over strength: 1 where the film breaks down, 0 where it is uncovered or its strength unknown."""
+        return self.electric_field / self.breakdown_strength
 
     def __getitem__(self, choice: Any) -> Fields:
         """Some of the points."""
@@ -114,6 +123,33 @@ def capacitance(model: Model, state: State) -> float:
     return float(-2 * (energy * model.volumes).sum() * model.mirrored)
 
 
+@dataclass(frozen=True)
+class LostTension:
+    """Mounted area of the whole film where it carries tension in one direction only, and in none [m²]; its share."""
+
+    wrinkled: float
+    slack: float
+    share: float  #: of the film's mounted area, both together
+
+
+def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
+    """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
+    points = np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
+                       for i in range(parts) for j in range(parts + 1 - t - i)]).T
+    basis = skfem.CellBasis(model.mesh, model.mesh.elem(),
+                            quadrature=(points, np.full(parts**2, 0.5 / parts**2)))
+    found = cell_fields(model, state, points).tension.reshape(basis.dx.shape)
+    wrinkled, slack = (float(basis.dx[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
+    return LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / float(basis.dx.sum()))
+
+
+def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
+    """The field at which the film breaks down [V/m], infinite if it has no strength law."""
+    if film.strength is None:
+        return np.full(np.shape(thickness), np.inf)
+    return film.strength.field(l1, l2, thickness)
+
+
 def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     film = model.specimen.membrane
     basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
@@ -141,9 +177,10 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     thickness = film.thickness / (l1 * l2)
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
-        electric_field=covered * np.sqrt(state.voltage_squared) / thickness, maxwell_stress=-l1 * w1,
+        electric_field=covered * np.sqrt(state.voltage_squared) / thickness,
+        breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
-        stress_shear=s12, plate_traction=traction)
+        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius))
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:

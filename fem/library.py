@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from fem.breakdown import read_strength
 from fem.laws import REGISTRY as LAWS
 from fem.laws import Gent, Ogden, checked
 from geometry.errors import InputError
@@ -85,4 +86,4 @@ def read_material(table: Table, key: str) -> Material:
 
 def load_specimen(file: Path | str) -> Specimen:
     """The specimen of a TOML file (design §4), its material from the laws and the library known here."""
-    return read_specimen(file, read_material)
+    return read_specimen(file, read_material, read_strength)
