@@ -22,6 +22,8 @@ from geometry.specimen import Film
 
 Array = NDArray[Any]
 
+_RIMS = ("plate", "frame")
+
 #: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12, 02.
 _EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
 
@@ -48,7 +50,7 @@ class Fields:
     stress_radial: Array  #: [Pa]
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
-    plate_traction: Array  #: force per mounted length on a cut whose normal points to the plate's centre [N/m], (n, 3)
+    plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
     tension: Array  #: of :class:`fem.tension.Tension`
 
     @property
@@ -94,6 +96,9 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
     ----------
     quadrature
         Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
+
+    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut across the line to
+    the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)
@@ -109,8 +114,9 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
         # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
         cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
         if len(cells):
-            parts.append(_fields(model, state, cells, np.array(edge(s))))
-            weights.append((_edge_speed(model, cells, local, s) * weight).ravel())
+            tangent = _edge_tangent(model, cells, local, s)
+            parts.append(_fields(model, state, cells, np.array(edge(s)), tangent if name in _RIMS else None))
+            weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
     return EdgeFields(joined, np.concatenate(weights))
 
@@ -150,7 +156,8 @@ def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
     return film.strength.field(l1, l2, thickness)
 
 
-def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
+def _fields(model: Model, state: State, cells: Array, points: Array, along: Array | None = None) -> Fields:
+    """Fields in some elements; ``plate_traction`` on cuts ``along`` these vectors, shape (cells, points, 2)."""
     film = model.specimen.membrane
     basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
                             quadrature=(points, np.ones(points.shape[1])))
@@ -172,7 +179,8 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
     piola = np.stack([f[:, :, 0] * stress[:, None, 0] + f[:, :, 1] * stress[:, None, 2],
                       f[:, :, 0] * stress[:, None, 2] + f[:, :, 1] * stress[:, None, 1]], axis=-1)
-    traction = np.einsum("nik,nk->ni", piola, inward) * (film.thickness / film.area_prestretch)
+    cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
+    traction = np.einsum("nik,nk->ni", piola, cut) * (film.thickness / film.area_prestretch)
     w1 = density.maxwell.derivatives(l1, l2)[1]
     thickness = film.thickness / (l1 * l2)
     return Fields(
@@ -198,12 +206,17 @@ def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array
     return pair(a, a), pair(b, b), pair(a, b)
 
 
-def _edge_speed(model: Model, cells: Array, local: int, s: Array) -> Array:
-    """|dX/ds| along an edge of the mounted film [m], shape (cells, points)."""
+def _normal(along: Array, towards: Array) -> Array:
+    """Unit normals of vectors in the plane, on the side of ``towards``."""
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return normal * np.sign((normal * towards).sum(axis=1, keepdims=True))
+
+
+def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
+    """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
     element = model.mesh.elem()
     points = np.array(_EDGES[local](s))
     along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
     nodes = model.reference[model.connectivity[cells], :2]
-    tangent = sum(nodes[:, i, None, :] * (element.lbasis(points, i)[1] * along).sum(0)[None, :, None]
-                  for i in range(nodes.shape[1]))
-    return np.linalg.norm(tangent, axis=-1)
+    slopes = np.stack([(element.lbasis(points, i)[1] * along).sum(0) for i in range(nodes.shape[1])])
+    return np.einsum("elc,lp->epc", nodes, slopes)

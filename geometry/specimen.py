@@ -108,6 +108,11 @@ class Electrode:
     stiffness: float = 0.0
     outline: Region | None = None
 
+    @property
+    def everywhere(self) -> bool:
+        """Whether it covers the whole film between plate and frame."""
+        return self.outline is None and self.margin_frame == self.margin_plate == 0
+
 
 @dataclass(frozen=True)
 class Specimen:

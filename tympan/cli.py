@@ -176,6 +176,7 @@ def _materials(commands: Any) -> None:
 def _run_materials(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
+    from fem.breakdown import STRENGTHS
     from fem.library import MATERIALS
 
     if options.json:
@@ -184,3 +185,6 @@ def _run_materials(options: argparse.Namespace) -> None:
         return
     for name, entry in MATERIALS.items():
         print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")
+    print("\nelectric strengths, for membrane.breakdown")
+    for name, strength in STRENGTHS.items():
+        print(f"{name}\n  {strength.strength}\n  source: {strength.source}\n  beware: {strength.caveat}")
