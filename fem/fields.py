@@ -6,17 +6,17 @@ discretisation error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.density import FilmDensity, maxwell, principal_stretches
+from fem.density import FilmDensity
 from fem.model import Model, cauchy_green
 from fem.state import State
-from fem.tension import Tension, tension_state
+from fem.tautness import Tension, tension_state
 from geometry.mesh import unfold
 from geometry.specimen import Film
 
@@ -51,7 +51,7 @@ class Fields:
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
     plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
-    tension: Array  #: of :class:`fem.tension.Tension`
+    tension: Array  #: of :class:`fem.tautness.Tension`
 
     @property
     def breakdown_share(self) -> Array:
@@ -70,7 +70,7 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     full = unfold(model.mesh, model.planes)
     positions = state.positions[full.origin].copy()
     positions[:, :2] *= full.signs.T
-    return Model(model.specimen, full.mesh), State(positions, state.plate, state.voltage_squared, state.force)
+    return replace(model, mesh=full.mesh, planes=frozenset()), replace(state, positions=positions)
 
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
@@ -121,12 +121,10 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
     return EdgeFields(joined, np.concatenate(weights))
 
 
-def capacitance(model: Model, state: State) -> float:
-    """dQ/dU of the whole film [F]: ∫ ε₀ε_r (J/J_p)^(−n) J²/T² over the covered virgin volume."""
-    f = model.deformation(state.positions)
-    l1, l2 = principal_stretches(cauchy_green(f), model.specimen.membrane.prestretch)
-    energy = maxwell(model.specimen, model.covered).derivatives(l1, l2)[0]
-    return float(-2 * (energy * model.volumes).sum() * model.mirrored)
+def reaction(model: Model, state: State) -> float:
+    """Force with which the film pulls the whole plate back [N], positive against the load."""
+    forces = model.forces(state.positions, state.voltage_squared)
+    return float(forces[model.plate_nodes, 2].sum()) * model.mirrored
 
 
 @dataclass(frozen=True)
@@ -170,9 +168,9 @@ def _fields(model: Model, state: State, cells: Array, points: Array, along: Arra
     covered = np.repeat(model.covered[cells, 0], points.shape[1])
 
     c = cauchy_green(f)
-    l1, l2 = principal_stretches(c, film.prestretch)
-    density = FilmDensity(model.specimen, state.voltage_squared, covered)
+    density = FilmDensity(model.specimen, state.voltage_squared, covered, model.wrinkles)
     stress = density(c, tangent=False).stress
+    l1, l2, tense = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
     s11, s22, s12 = _cauchy(f, stress, -inward)
@@ -188,7 +186,7 @@ def _fields(model: Model, state: State, cells: Array, points: Array, along: Arra
         electric_field=covered * np.sqrt(state.voltage_squared) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
-        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius))
+        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:

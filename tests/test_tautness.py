@@ -15,7 +15,7 @@ from fem.fields import cell_fields, lost_tension
 from fem.laws import Ogden
 from fem.model import Model
 from fem.state import State
-from fem.tension import Tension
+from fem.tautness import Tension
 from geometry.mesh import ELEMENTS
 from studies.cases import Case, Settings, field_warnings, node_fields, solve
 from studies.store import write_fields
@@ -37,26 +37,30 @@ def left_of(x: float, radius: float) -> float:
     return radius**2 * (np.pi - np.arccos(x / radius)) + x * np.sqrt(radius**2 - x**2)
 
 
+@pytest.mark.parametrize("wrinkles", [False, True])
 @pytest.mark.parametrize("edge", [-20e-3, 3e-3, 12e-3])
-def test_area_where_one_direction_has_lost_its_tension(edge: float) -> None:
+def test_area_where_one_direction_has_lost_its_tension(edge: float, wrinkles: bool) -> None:
     """σ_x = μ(λx² − λx⁻²λy⁻²) vanishes at λx = λy^(−1/2): with a stretch linear in x, along a straight line."""
-    made = model(circular(NEO_HOOKE), symmetry=False)
+    made = replace(model(circular(NEO_HOOKE), symmetry=False), wrinkles=wrinkles)
     slope = 2.5
     state = squeezed(made, ROOT5**-0.5 / ROOT5 - slope * edge, slope)
     exact = left_of(edge, 45e-3) - left_of(min(edge, 10e-3), 10e-3) if edge > -10e-3 else left_of(edge, 45e-3)
     found = lost_tension(made, state, parts=16)
     assert found.slack == 0
-    assert found.wrinkled == pytest.approx(exact, rel=2e-3)
-    assert found.share == pytest.approx(exact / FILM, rel=2e-3)
+    # A film that wrinkles keeps a residual tension and so wrinkles a little sooner.
+    near = 4e-3 if wrinkles else 2e-3
+    assert found.wrinkled == pytest.approx(exact, rel=near)
+    assert found.share == pytest.approx(exact / FILM, rel=near)
     fields = cell_fields(made, state, ELEMENTS[4].doflocs.T)
-    clear = np.abs(fields.position[:, 0] - edge) > 1e-6
+    clear = np.abs(fields.position[:, 0] - edge) > (1e-4 if wrinkles else 1e-6)
     expected = np.where(fields.position[:, 0] < edge, Tension.WRINKLED, Tension.TAUT)
     assert np.array_equal(fields.tension[clear], expected[clear])
 
 
+@pytest.mark.parametrize("wrinkles", [False, True])
 @pytest.mark.parametrize("symmetry", [True, False])
-def test_film_without_any_tension_is_slack(symmetry: bool) -> None:
-    made = model(circular(NEO_HOOKE), symmetry=symmetry)
+def test_film_without_any_tension_is_slack(symmetry: bool, wrinkles: bool) -> None:
+    made = replace(model(circular(NEO_HOOKE), symmetry=symmetry), wrinkles=wrinkles)
     found = lost_tension(made, squeezed(made, 0.4, across=0.4))
     assert found.slack == pytest.approx(FILM, rel=1e-4)
     assert (found.wrinkled, found.share) == (0, 1)
@@ -82,7 +86,7 @@ def test_slack_zone_near_pull_in_is_that_of_the_ode() -> None:
     area = np.pi * (radius[loose][-1] ** 2 - 10e-3**2)
     assert result.slack_area_m2 == pytest.approx(area, rel=5e-3)
     assert result.slack_share == pytest.approx(area / FILM, rel=5e-3)
-    assert f"will wrinkle over {result.slack_area_m2 * 1e4:.3g} cm²" in result.warnings[0]
+    assert f"wrinkles over {result.slack_area_m2 * 1e4:.3g} cm²" in result.warnings[0]
 
 
 def test_taut_film_says_so() -> None:
@@ -92,7 +96,7 @@ def test_taut_film_says_so() -> None:
 
 def test_warning_tells_slack_from_wrinkled() -> None:
     made = model(circular(NEO_HOOKE))
-    for state, words in ((squeezed(made, 0.2), "60.5 cm² of the mounted film (100.00%): smallest"),
+    for state, words in ((squeezed(made, 0.2), "60.5 cm² of the mounted film (100.00%), most at"),
                          (squeezed(made, 0.4, across=0.4), "60.5 cm² of them slack in all directions")):
         warning, = field_warnings(node_fields(made, state), lost_tension(made, state))
         assert words in warning
