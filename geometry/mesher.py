@@ -147,8 +147,9 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
 
-    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band; where
-    its outline nears plate or frame h ≤ across·(sum of the distances to both), down to a quarter of h_plate.
+    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band. With an
+    outline, where its edge nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter
+    of h_plate or 3 widths.
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -165,7 +166,9 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate) if width > 0]
     widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)} if margins else {}
     if specimen.electrode.outline is not None:
-        fields.append(_outline_field(gmsh, settings.across, perimeter / settings.around_plate / 4, groups))
+        # What is bare is no longer a band alone; this field is as fine in the bands.
+        least = min([perimeter / settings.around_plate / 4, *(3 * METRE * width for width in margins)])
+        fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
     for number, (name, width) in enumerate(widths.items(), start=5):
         field.add("Constant", number)
         field.setNumber(number, "VIn", 3 * width * METRE)

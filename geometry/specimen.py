@@ -86,6 +86,10 @@ class Region:
     outline: Outline
     offset: tuple[float, float] = (0.0, 0.0)
 
+    def __str__(self) -> str:
+        (a, b), (x, y) = (tuple(1e3 * length for length in pair) for pair in (self.outline.semi_axes, self.offset))
+        return f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} mm"
+
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Negative inside the outline, zero on it [m]."""
         return self.outline.level(x - self.offset[0], y - self.offset[1])
