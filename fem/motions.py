@@ -17,8 +17,8 @@ from fem.model import Linearised, Model, Parts
 
 Array = NDArray[np.float64]
 
-#: Relative singular value below which the nodes cannot tell two smooth motions apart.
-_DEPENDENT = 1e-9
+#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell two motions apart.
+_DEPENDENT = 1e-13
 
 
 class Motions(Protocol):
@@ -65,7 +65,7 @@ class SmoothMotions:
     follow: Array
 
     @classmethod
-    def of(cls, model: Model, degree: int = 18, waves: int = 4) -> SmoothMotions:
+    def of(cls, model: Model, degree: int = 14, waves: int = 4) -> SmoothMotions:
         """Polynomials up to a degree in the potential between plate and frame, and waves up to a number."""
         share = _potential(model)
         follow = (1 - share)[:, None, None] * _rigid(model)
@@ -77,8 +77,7 @@ class SmoothMotions:
             for wave in _waves(model, axis, waves):
                 block[:, axis] = radial * wave(around)[:, None]
                 parts.append(block[model.free])
-        left, singular, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-        return cls(left[:, singular > _DEPENDENT * singular[0]], follow[model.free])
+        return cls(_orthonormal(np.concatenate(parts, axis=1)), follow[model.free])
 
     def spread(self, correction: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
@@ -96,6 +95,14 @@ class SmoothMotions:
         corner = part.corner + across + across.T + self.follow.T @ by_plate
         inner: Any = self.film.T @ by_film
         return Linearised(part.forces, inner, border, corner)
+
+
+def _orthonormal(columns: Array) -> Array:
+    """An orthonormal basis of what the columns span."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > _DEPENDENT * values[-1]
+    basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return np.asarray(np.linalg.qr(basis)[0])
 
 
 def _waves(model: Model, axis: int, highest: int) -> list[Callable[[Array], Array]]:

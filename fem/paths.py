@@ -24,14 +24,15 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 class PathSettings:
     """Steps of a ramp.
 
-    ``first``: first step as a share of the ramp; ``shortest``: step, relative to the load or U² reached, below which
-    the ramp is followed by its arc length instead; ``reach``: heave, relative to the frame's half extent, at which a
-    search for equilibrium ends.
+    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
+    the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
+    heave, relative to the frame's half extent, at which a search for equilibrium ends.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     arc: ArcSettings = field(default_factory=ArcSettings)
     first: float = 1.0
+    handover: float = 1e-2
     shortest: float = 2e-4
     reach: float = 1.5
 
@@ -171,7 +172,7 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         trial = newton(model, guess, settings=settings.newton)
         if trial.converged and trial.stable:
             solution, done, step = trial, share, 2 * step
-        elif (step := step / 2) < max(settings.shortest * (already + done), 1e-12):
+        elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             return _followed(model, solution, load, target, settings)
     return Outcome("equilibrium", solution)
 
@@ -181,9 +182,12 @@ def _followed(model: Model, start: Solution, load: Load, target: float, settings
     outcome = Outcome("not_converged", start)
     if start.tangent is not None and start.tangent.wrinkling == 0:
         outcome = _along(model, start, load, target, settings, EVERY)
-    if outcome.status == "not_converged":
-        outcome = _along(model, outcome.solution, load, target, settings, SmoothMotions.of(model))
-    return outcome
+    if outcome.status != "not_converged":
+        return outcome
+    smooth = SmoothMotions.of(model)
+    # The last state found may already be wrinkled, and too far from the smooth branch.
+    outcome = _along(model, outcome.solution, load, target, settings, smooth)
+    return outcome if outcome.status != "not_converged" else _along(model, start, load, target, settings, smooth)
 
 
 def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings, motions: Motions

@@ -99,11 +99,12 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
         When no mesh without folded elements is found.
     """
     planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
-    return _meshed(specimen, settings, planes).with_loading(loading)
+    return meshed(specimen, settings, planes).with_loading(loading)
 
 
 @lru_cache(maxsize=32)
-def _meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """The model on a mesh that uses these mirror planes, nothing acting on it."""
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):

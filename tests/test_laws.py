@@ -14,6 +14,7 @@ from conftest import ROOT5, circular, model
 from laws import SAMPLES, Sample, gent
 from scipy.optimize import brentq
 
+from fem.controls import Heave
 from fem.laws import (
     REGISTRY,
     STRETCH_RANGE,
@@ -201,7 +202,7 @@ def test_newton_backs_off_from_locking(monkeypatch) -> None:
         return result
 
     monkeypatch.setattr(type(film), "forces", watched)
-    assert newton(film, replace(State.mounted(film), force=25.0), "heave").converged
+    assert newton(film, replace(State.mounted(film), force=25.0)).converged
     assert not all(finite)
 
 
@@ -209,7 +210,7 @@ def test_a_guess_beyond_locking_is_an_answer_not_a_crash() -> None:
     film = model(circular(Gent(15e3, 12.0)))
     flat = State.mounted(film)
     lifted = replace(flat, plate=flat.plate.raised_to(0.2))
-    solution = newton(film, lifted, "force")
+    solution = newton(film, lifted, ("force",), (Heave(0.2),))
     assert not solution.converged
     assert "beyond what its material can reach" in solution.advice
     assert held(film, 0.2).status == "not_converged"

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tympan import modes
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -44,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     _study(commands)
     _solve(commands)
     _alpha(commands)
+    modes.add(commands)
     _report(commands)
     _export(commands)
     _materials(commands)
