@@ -103,7 +103,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     found = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
     listed = tuple(_mode(found, number, name) for number, name in enumerate(names(full, found)))
-    warnings = [*_warnings(case, found), *field_warnings(node_fields(model, outcome.state), lost_tension(model, outcome.state))]
+    state = outcome.state
+    warnings = [*_warnings(case, found), *field_warnings(node_fields(model, state), lost_tension(model, state))]
     inertia = plate.inertia
     return replace(
         result, deflection_m=state.plate.heave, film_mass_kg=float(film_mass(model).sum()) * model.mirrored,
