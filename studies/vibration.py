@@ -103,7 +103,6 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     found = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
     listed = tuple(_mode(found, number, name) for number, name in enumerate(names(full, found)))
-    state = outcome.state
     warnings = [*_warnings(case, found), *state_warnings(model, state)]
     inertia = plate.inertia
     return replace(
