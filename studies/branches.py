@@ -129,7 +129,12 @@ def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
         stations.append(_station(model, point))
         progress(f"{stations[-1].deflection_m * 1e3:.2f} mm")
         if previous is not None:
-            events += _events(case, on, previous, point, along, stations[-1], limits)
+            found = list(_events(case, on, previous, point, along, limits))
+            # Curves should pass through what happens between two points.
+            start_of_step = previous.state.plate.heave
+            passed = sorted((event.station for event in found), key=lambda s: abs(s.deflection_m - start_of_step))
+            stations[-1:] = [*passed, stations[-1]]
+            events += found
         previous = point
         ended = _ended(model, stations[-1], reach, point, along)
         if ended:
@@ -180,7 +185,7 @@ def _station(model: Model, point: Point) -> Station:
         unbalanced=float(np.abs(forces[model.free]).max() / np.abs(forces).max()))
 
 
-def _events(case: Case, on: Branch, before: Point, after: Point, along: Along, station: Station,
+def _events(case: Case, on: Branch, before: Point, after: Point, along: Along,
             limits: list[tuple[Model, Point]]) -> Iterator[Event]:
     """What happens between two points; limit points are also appended to ``limits``."""
     for what, value in _watched(on.model, along).items():
