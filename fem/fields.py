@@ -6,14 +6,14 @@ discretisation error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.density import FilmDensity, maxwell, principal_stretches
+from fem.density import FilmDensity
 from fem.model import Model, cauchy_green
 from fem.state import State
 from geometry.mesh import unfold
@@ -59,7 +59,7 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     full = unfold(model.mesh, model.planes)
     positions = state.positions[full.origin].copy()
     positions[:, :2] *= full.signs.T
-    return Model(model.specimen, full.mesh), State(positions, state.plate, state.voltage_squared, state.force)
+    return replace(model, mesh=full.mesh, planes=frozenset()), replace(state, positions=positions)
 
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
@@ -106,12 +106,10 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
     return EdgeFields(joined, np.concatenate(weights))
 
 
-def capacitance(model: Model, state: State) -> float:
-    """dQ/dU of the whole film [F]: ∫ ε₀ε_r (J/J_p)^(−n) J²/T² over the covered virgin volume."""
-    f = model.deformation(state.positions)
-    l1, l2 = principal_stretches(cauchy_green(f), model.specimen.membrane.prestretch)
-    energy = maxwell(model.specimen, model.covered).derivatives(l1, l2)[0]
-    return float(-2 * (energy * model.volumes).sum() * model.mirrored)
+def reaction(model: Model, state: State) -> float:
+    """Force with which the film pulls the whole plate back [N], positive against the load."""
+    forces = model.forces(state.positions, state.voltage_squared)
+    return float(forces[model.plate_nodes, 2].sum()) * model.mirrored
 
 
 def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
@@ -127,9 +125,9 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     covered = np.repeat(model.covered[cells, 0], points.shape[1])
 
     c = cauchy_green(f)
-    l1, l2 = principal_stretches(c, film.prestretch)
-    density = FilmDensity(model.specimen, state.voltage_squared, covered)
+    density = FilmDensity(model.specimen, state.voltage_squared, covered, model.wrinkles)
     stress = density(c, tangent=False).stress
+    l1, l2, _ = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
     s11, s22, s12 = _cauchy(f, stress, -inward)

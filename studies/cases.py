@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from fem.fields import Fields, capacitance, cell_fields
+from fem.controls import capacitance_of
+from fem.fields import Fields, cell_fields, reaction
 from fem.laws import STRETCH_RANGE
+from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
 from fem.rig import Rig, checked_load
@@ -18,6 +20,8 @@ from geometry.errors import InputError
 from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
 from geometry.specimen import Specimen
+
+_ALONE = Loading()
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,7 @@ class CaseResult:
         return {**asdict(self), "warnings": list(self.warnings)}
 
 
-@lru_cache(maxsize=32)
-def build_model(specimen: Specimen, settings: Settings) -> Model:
+def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
     """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
 
     The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
@@ -83,7 +86,12 @@ def build_model(specimen: Specimen, settings: Settings) -> Model:
     InputError
         When no mesh without folded elements is found.
     """
-    planes = specimen.mirror_planes
+    planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
+    return _meshed(specimen, settings, planes).with_loading(loading)
+
+
+@lru_cache(maxsize=32)
+def _meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
@@ -94,10 +102,10 @@ def build_model(specimen: Specimen, settings: Settings) -> Model:
 
 def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     """The model of a case and its equilibrium, or why there is none."""
-    model = build_model(case.specimen, settings)
     rig = case.rig
-    outcome = equilibrium(model, rig.force(case.mass), rig.film_voltage(case.voltage), rig.spring,
-                          settings=settings.path)
+    model = build_model(case.specimen, settings, rig.loading)
+    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), rig.film_voltage(case.voltage),
+                          rig.gas_pressure, settings=settings.path)
     return model, outcome
 
 
@@ -115,14 +123,13 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
                         dofs=model.unknowns, wall_s=wall, warnings=())
     if outcome.status != "equilibrium":
         return replace(result, warnings=(why(outcome), *_last_state(model, outcome)))
-    forces = model.forces(state.positions, state.voltage_squared)
     fields = node_fields(model, outcome)
     return replace(
         result,
         deflection_m=state.plate.heave,
         reading_m=case.rig.reading(state.plate.heave),
-        reaction_N=float(forces[model.plate_nodes, 2].sum()) * model.mirrored,
-        capacitance_F=capacitance(model, state),
+        reaction_N=reaction(model, state),
+        capacitance_F=capacitance_of(model, state),
         max_stretch=float(fields.stretch_1.max()),
         max_true_stress_Pa=float(fields.stress_1.max()),
         max_field_V_per_m=float(fields.electric_field.max()),

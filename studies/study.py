@@ -187,10 +187,11 @@ def _rows(line: str, distance: np.ndarray, fields: Fields) -> Iterator[tuple[obj
 
 
 def _curve_rows(study: Study, specimen: Specimen) -> Iterator[tuple[object, ...]]:
-    model = build_model(specimen, study.settings)
+    model = build_model(specimen, study.settings, study.rig.loading)
     for mass in study.curves.masses:
         seen = [study.rig.film_voltage(voltage) for voltage in study.curves.voltages]
-        path = voltage_path(model, study.rig.force(mass), seen, study.rig.spring, study.settings.path)
+        path = voltage_path(model, study.rig.force(mass, model.plate_area), seen, study.rig.gas_pressure,
+                            study.settings.path)
         for voltage, outcome in zip(study.curves.voltages, path, strict=True):
             heave = outcome.state.plate.heave * 1e3 if outcome.status == "equilibrium" else ""
             yield mass * 1e3, voltage / 1e3, outcome.status, heave
