@@ -277,13 +277,17 @@ def _psi(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> 
 def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
     """Smallest root ``n > l2`` of ``Psi_2(l1, n) = 0``, from ``Psi_2(l1, l2) < 0``; nan where there is none."""
     with np.errstate(all="ignore"):  # points without a root end in nan
-        low, high = l2, l2 * 1.02
+        factor = 1.02
+        low, high = l2, l2 * factor
         while np.any(below := _plain(film, l1, high, squared_voltage).d2 < 0.0) and np.all(high < 30.0 * l2):
-            low, high = np.where(below, high, low), np.where(below, 1.02 * high, high)
+            factor = min(factor**1.5, 1.2)
+            low, high = np.where(below, high, low), np.where(below, factor * high, high)
         width = np.where(below, np.nan, high)
-        for _ in range(8):  # Newton's method within the bracket
+        for _ in range(20):  # Newton's method within the bracket
             at = _plain(film, l1, width, squared_voltage)
-            width = np.clip(width - at.d2 / at.d22, low, high)
+            before, width = width, np.clip(width - at.d2 / at.d22, low, high)
+            if not np.any(np.abs(width - before) > 1e-15 * width):
+                break
         residual = np.abs(_plain(film, l1, width, squared_voltage).d2)
         return np.where(residual < 1e-9 * np.abs(film.material.w1(l1, width)), width, np.nan)
 

@@ -46,8 +46,8 @@ def ritz_force(solution: Solution) -> float:
     return state.force
 
 
-@pytest.mark.parametrize("heave", [0.080, 0.090])
-def test_a_film_mounted_slack_hangs_in_straight_meridians(heave) -> None:
+def test_a_film_mounted_slack_hangs_in_straight_meridians() -> None:
+    heave = 0.080
     exact = wrinkled_force(SLACK, MU, heave)
     solution = shoot_deflection(SLACK, heave)
     radii = np.linspace(10e-3, 45e-3, 9)
