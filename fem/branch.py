@@ -31,7 +31,7 @@ class ArcSettings:
     longest: float = 0.05
     shortest: float = 1e-6
     turn: float = 0.3
-    points: int = 2000
+    points: int = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ class Branch:
         try:
             if at(0.0) * at(end) > 0:
                 return None
-            return found[float(brentq(at, 0.0, end, xtol=1e-9, rtol=1e-10, maxiter=60))]
+            return found[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
         except (_Lost, KeyError):
             return None
 

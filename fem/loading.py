@@ -54,8 +54,8 @@ class Spring:
 
     Examples
     --------
-    >>> Spring(10.0).derivatives(0.002)
-    (2e-05, 0.02, 10.0)
+    >>> Spring(8.0).derivatives(0.25)
+    (0.25, 2.0, 8.0)
     """
 
     law: ClassVar[str] = "spring"

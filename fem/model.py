@@ -130,6 +130,11 @@ class Model:
         allowed = GUIDES[self.loading.guide] - odd
         return tuple(number for number, name in enumerate(FREEDOMS) if name in allowed)
 
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether film, plate and loads are the same all around."""
+        return self.specimen.axisymmetric and self.loading.arm == (0.0, 0.0)
+
     @cached_property
     def free(self) -> NDArray[np.bool_]:
         """Which nodal components are unknowns, shape (nodes, 3)."""

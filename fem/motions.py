@@ -17,8 +17,8 @@ from fem.model import Linearised, Model, Parts
 
 Array = NDArray[np.float64]
 
-#: Relative singular value below which the nodes cannot tell two smooth motions apart.
-_DEPENDENT = 1e-9
+#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell two motions apart.
+_DEPENDENT = 1e-13
 
 
 class Motions(Protocol):
@@ -65,20 +65,25 @@ class SmoothMotions:
     follow: Array
 
     @classmethod
-    def of(cls, model: Model, degree: int = 18, waves: int = 4) -> SmoothMotions:
-        """Polynomials up to a degree in the potential between plate and frame, and waves up to a number."""
+    def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothMotions:
+        """Polynomials in the potential between plate and frame, times waves around the plate up to a number.
+
+        With no waves the motion is axisymmetric.
+        """
         share = _potential(model)
         follow = (1 - share)[:, None, None] * _rigid(model)
-        around = np.arctan2(*(model.reference[:, :2] - model.centre[:2]).T[::-1])
+        arm = model.reference[:, :2] - model.centre[:2]
+        angle = np.arctan2(arm[:, 1], arm[:, 0])
         radial = legendre.legvander(2 * share - 1, degree) * (share * (1 - share))[:, None]
-        parts = []
-        for axis in range(3):
-            block = np.zeros((*model.free.shape, degree + 1))
-            for wave in _waves(model, axis, waves):
-                block[:, axis] = radial * wave(around)[:, None]
-                parts.append(block[model.free])
-        left, singular, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-        return cls(left[:, singular > _DEPENDENT * singular[0]], follow[model.free])
+        frame = np.zeros((len(angle), 3, 3))
+        frame[:, 0, 0] = frame[:, 1, 1] = np.cos(angle)
+        frame[:, 1, 0] = np.sin(angle)
+        frame[:, 0, 1] = -frame[:, 1, 0]
+        frame[:, 2, 2] = 1.0
+        parts = [frame[:, :, axis, None] * (radial * wave(angle)[:, None])[:, None, :]
+                 for axis in range(3) for wave in _waves(model, axis, waves)]
+        columns = np.concatenate([part[model.free] for part in parts], axis=1)
+        return cls(_orthonormal(columns), follow[model.free])
 
     def spread(self, correction: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
@@ -98,17 +103,26 @@ class SmoothMotions:
         return Linearised(part.forces, inner, border, corner)
 
 
+def _orthonormal(columns: Array) -> Array:
+    """An orthonormal basis of what the columns span."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > _DEPENDENT * values[-1]
+    basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return np.asarray(np.linalg.qr(basis)[0])
+
+
 def _waves(model: Model, axis: int, highest: int) -> list[Callable[[Array], Array]]:
-    """Waves around the plate in one component that the model's mirror planes allow."""
+    """Waves around the plate of the radial, circumferential or vertical motion that the mirror planes allow."""
+    mirrored = -1 if axis == 1 else 1
     waves: list[Callable[[Array], Array]] = []
     for number in range(highest + 1):
         turn = (-1) ** number  # of cos(number θ) where x changes sign; its sine turns the other way
-        signs = {"x": -1 if axis == 0 else 1, "y": -1 if axis == 1 else 1}
-        if all({"x": turn, "y": 1}[plane] == signs[plane] for plane in model.planes):
+        if all({"x": turn, "y": 1}[plane] == mirrored for plane in model.planes):
             waves.append(partial(_cosine, number))
-        if number and all({"x": -turn, "y": -1}[plane] == signs[plane] for plane in model.planes):
+        if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in model.planes):
             waves.append(partial(_sine, number))
-    return waves
+    # Without waves nothing turns about the axis.
+    return waves if highest or axis != 1 else []
 
 
 def _cosine(number: int, angle: Array) -> Array:

@@ -24,16 +24,19 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 class PathSettings:
     """Steps of a ramp.
 
-    ``first``: first step as a share of the ramp; ``shortest``: step, relative to the load or U² reached, below which
-    the ramp is followed by its arc length instead; ``reach``: heave, relative to the frame's half extent, at which a
-    search for equilibrium ends.
+    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
+    the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
+    heave, relative to the frame's half extent, at which a search for equilibrium ends; ``waves``: numbers of waves
+    around the plate tried in turn for smooth motions where the film has lost tension.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     arc: ArcSettings = field(default_factory=ArcSettings)
     first: float = 1.0
+    handover: float = 1e-2
     shortest: float = 2e-4
     reach: float = 1.5
+    waves: tuple[int, ...] = (4, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +174,7 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         trial = newton(model, guess, settings=settings.newton)
         if trial.converged and trial.stable:
             solution, done, step = trial, share, 2 * step
-        elif (step := step / 2) < max(settings.shortest * (already + done), 1e-12):
+        elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             return _followed(model, solution, load, target, settings)
     return Outcome("equilibrium", solution)
 
@@ -181,9 +184,16 @@ def _followed(model: Model, start: Solution, load: Load, target: float, settings
     outcome = Outcome("not_converged", start)
     if start.tangent is not None and start.tangent.wrinkling == 0:
         outcome = _along(model, start, load, target, settings, EVERY)
-    if outcome.status == "not_converged":
-        outcome = _along(model, outcome.solution, load, target, settings, SmoothMotions.of(model))
-    return outcome
+    if outcome.status != "not_converged":
+        return outcome
+    for waves in (0,) if model.axisymmetric else settings.waves:
+        smooth = SmoothMotions.of(model, waves)
+        # The last state found may already be wrinkled, and too far from the smooth branch.
+        for solution in {id(found): found for found in (outcome.solution, start)}.values():
+            trial = _along(model, solution, load, target, settings, smooth)
+            if trial.status != "not_converged":
+                return trial
+    return replace(outcome, advice=trial.advice)
 
 
 def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings, motions: Motions

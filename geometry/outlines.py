@@ -140,5 +140,5 @@ def area(outline: Outline, points: int = 2048) -> float:
     """
     fine = outline.points(2 * points)
     coarse = fine[:, ::2]
-    fine_area, coarse_area = (abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2 for x, y in (fine, coarse))
-    return fine_area + (fine_area - coarse_area) / 3
+    inside, rougher = (abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2 for x, y in (fine, coarse))
+    return inside + (inside - rougher) / 3

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from geometry.errors import InputError
 from geometry.outlines import REGISTRY as SHAPES
-from geometry.outlines import Outline
+from geometry.outlines import Circle, Ellipse, Outline
 from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -119,6 +119,14 @@ class Specimen:
         """Smallest distance between plate and frame [m], negative where the plate sticks out."""
         edge = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
         return -float(np.max(self.frame.level(*edge)))
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether a rotation about the frame's centre changes nothing."""
+        round_edges = all(outline.semi_axes[0] == outline.semi_axes[1] and isinstance(outline, Circle | Ellipse)
+                          for outline in (self.frame, self.plate.outline))
+        film = self.membrane.prestretch
+        return round_edges and self.plate.offset == (0.0, 0.0) and film[0] == film[1]
 
     @property
     def mirror_planes(self) -> frozenset[str]:

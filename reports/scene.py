@@ -36,6 +36,7 @@ class View:
     short: str
     long: str
     elevation: float = 66.0
+    ink: str = "white"  #: of the net
 
     @property
     def towards(self) -> Array:
@@ -71,8 +72,12 @@ def picture(specimen: Stored, view: View) -> Picture:
     MissingLibrary
         When there is no OpenGL to draw with.
     """
-    turned = specimen.semi_axes[1] > specimen.semi_axes[0]
-    surface = film_surface(specimen.film, view, turned)
+    return film_picture(specimen.film, view, specimen.semi_axes[1] > specimen.semi_axes[0])
+
+
+def film_picture(film: Film, view: View, turned: bool) -> Picture:
+    """The same of any film with a number at its points, with y across the picture where it is ``turned``."""
+    surface = film_surface(film, view, turned)
     extent, size = frame(view.project(np.asarray(surface.points)), view.resolution)
     with _plotter(size) as plotter:
         plotter.add_mesh(surface, scalars="stress", cmap=view.colours, clim=(view.scale.low, view.scale.high),
@@ -123,7 +128,7 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
         net = surface.contour(_net(surface, coordinate, view.net), scalars=_MOUNTED[coordinate])
-        _add_line(plotter, net, "white", 0.5 * view.line, view.towards, opacity=0.35)
+        _add_line(plotter, net, view.ink, 0.5 * view.line, view.towards, opacity=0.35)
         normal = "xy"[coordinate]
         _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, 2 * view.towards)
     for loop in edges:

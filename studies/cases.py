@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from fem.admissibility import failures
 from fem.controls import capacitance_of
 from fem.fields import Fields, cell_fields, reaction
-from fem.laws import STRETCH_RANGE
 from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
@@ -19,7 +19,7 @@ from fem.rig import Rig, checked_load
 from geometry.errors import InputError
 from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
-from geometry.specimen import Specimen
+from geometry.specimen import Material, Specimen
 
 _ALONE = Loading()
 
@@ -87,11 +87,12 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
         When no mesh without folded elements is found.
     """
     planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
-    return _meshed(specimen, settings, planes).with_loading(loading)
+    return meshed(specimen, settings, planes).with_loading(loading)
 
 
 @lru_cache(maxsize=32)
-def _meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """The model on a mesh that uses these mirror planes, nothing acting on it."""
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
@@ -135,7 +136,7 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
         max_field_V_per_m=float(fields.electric_field.max()),
         tilt_rad=state.plate.tilt,
         energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
-        warnings=tuple(field_warnings(fields)),
+        warnings=tuple(field_warnings(fields, case.specimen.membrane.material)),
     )
 
 
@@ -144,7 +145,7 @@ def node_fields(model: Model, outcome: Outcome) -> Fields:
     return cell_fields(model, outcome.state, ELEMENTS[model.mesh.order].doflocs.T)
 
 
-def field_warnings(fields: Fields) -> list[str]:
+def field_warnings(fields: Fields, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
     warnings = []
     slack = fields.stress_2 <= 0
@@ -152,15 +153,14 @@ def field_warnings(fields: Fields) -> list[str]:
         x, y, _ = fields.position[np.argmin(fields.stress_2)] * 1e3
         warnings.append(f"the film loses tension and will wrinkle: smallest principal stress "
                         f"{fields.stress_2.min() / 1e3:.3g} kPa at x {x:.1f} mm, y {y:.1f} mm")
-    if fields.stretch_1.max() > STRETCH_RANGE[1]:
-        warnings.append(f"the largest stretch {fields.stretch_1.max():.2f} is beyond {STRETCH_RANGE[1]}, "
-                        "the range materials are checked for")
+    warnings += map(str, failures(material, fields.position, fields.stretch_1, fields.stretch_2))
     return warnings
 
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
     """Warnings about the last state before the failure, said to be that."""
-    return [f"at the last equilibrium before that, {words}" for words in field_warnings(node_fields(model, outcome))]
+    found = field_warnings(node_fields(model, outcome), model.specimen.membrane.material)
+    return [f"at the last equilibrium before that, {words}" for words in found]
 
 
 def why(outcome: Outcome) -> str:

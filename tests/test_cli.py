@@ -196,9 +196,9 @@ def test_usage_errors_end_with_status_2(capsys) -> None:
 
 def test_missing_system_library_is_named(monkeypatch, capsys) -> None:
     """As on a machine without libGLU: gmsh's import raises what the loader says."""
-    from studies.cases import build_model
+    from studies.cases import meshed
 
-    build_model.cache_clear()
+    meshed.cache_clear()
     monkeypatch.setitem(sys.modules, "gmsh", None)
 
     def no_gmsh(name: str, *arguments: object, **options: object) -> object:
