@@ -68,11 +68,11 @@ def test_a_law_one_in_ten_thousand_too_stiff_is_caught(monkeypatch) -> None:
     """Through the finite elements and through the film's density; with the model's cache emptied before and after."""
     energy = NeoHooke.energy
     monkeypatch.setattr(NeoHooke, "energy", lambda law, excess: tuple(1.0001 * part for part in energy(law, excess)))
-    cases._meshed.cache_clear()
+    cases.meshed.cache_clear()
     for title in CLAIMS:
         if title.startswith(("Small deflection", "Gas pressure", "Prestretched disc", "Largest pressure")):
             assert not all(fine for _, fine in CLAIMS[title].judged()), title
-    cases._meshed.cache_clear()
+    cases.meshed.cache_clear()
 
 
 @pytest.mark.parametrize(("shift", "status"), [(0.0, 0), (1e-6, 1)])
