@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from fem.breakdown import read_strength
 from fem.laws import REGISTRY as LAWS
 from fem.laws import STRETCH_RANGE, Gent, NeoHooke, Ogden, PrestretchedOgden, Separable, checked
 from geometry.errors import InputError
@@ -147,4 +148,4 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
 
 def load_specimen(file: Path | str) -> Specimen:
     """The specimen of a TOML file (design §4), its material from the laws and the library known here."""
-    return read_specimen(file, read_material)
+    return read_specimen(file, read_material, read_strength)

@@ -60,7 +60,8 @@ def swung(vibration: Vibration) -> list[Film]:
         length = float(np.linalg.norm(shape, axis=1).max())
         unit = shape / (length if shape[:, 2].max() >= -shape[:, 2].min() else -length)
         swing = min(largest, _TURN * length / max(float(np.linalg.norm(plate[3:])), 1e-300))
-        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles, unit[:, 2]))
+        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles, unit[:, 2],
+                           np.zeros(len(unit)), np.zeros(len(unit))))
     return result
 
 

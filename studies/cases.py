@@ -11,15 +11,20 @@ import numpy as np
 
 from fem.admissibility import failures
 from fem.controls import capacitance_of
-from fem.fields import Fields, cell_fields, reaction
+from fem.fields import Fields, LostTension, cell_fields, lost_tension, reaction
 from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
 from fem.rig import Rig, checked_load
+from fem.state import State
+from fem.tautness import Tension
 from geometry.errors import InputError
 from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
 from geometry.specimen import Material, Specimen
+
+#: Below this margin to breakdown a result warns; strengths scatter by more.
+LEAST_MARGIN = 1.2
 
 _ALONE = Loading()
 
@@ -51,7 +56,9 @@ class Case:
 class CaseResult:
     """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
 
-    ``reading_m`` is what the rig's sensor shows of the deflection.
+    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the smallest strength over
+    field, None without voltage or a strength law, and its place on the mounted film.
+    ``slack_area_m2`` is the mounted area that carries tension in one direction or none, ``slack_share`` its share.
     """
 
     specimen: str
@@ -65,6 +72,11 @@ class CaseResult:
     max_stretch: float | None = None
     max_true_stress_Pa: float | None = None
     max_field_V_per_m: float | None = None
+    breakdown_margin: float | None = None
+    breakdown_x_m: float | None = None
+    breakdown_y_m: float | None = None
+    slack_area_m2: float | None = None
+    slack_share: float | None = None
     tilt_rad: float | None = None
     energy_J: float | None = None
     dofs: int
@@ -124,7 +136,9 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
                         dofs=model.unknowns, wall_s=wall, warnings=())
     if outcome.status != "equilibrium":
         return replace(result, warnings=(why(outcome), *_last_state(model, outcome)))
-    fields = node_fields(model, outcome)
+    fields = node_fields(model, state)
+    lost = lost_tension(model, state)
+    weakest = _weakest(fields)
     return replace(
         result,
         deflection_m=state.plate.heave,
@@ -134,32 +148,63 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
         max_stretch=float(fields.stretch_1.max()),
         max_true_stress_Pa=float(fields.stress_1.max()),
         max_field_V_per_m=float(fields.electric_field.max()),
+        breakdown_margin=None if weakest is None else float(1 / fields.breakdown_share[weakest]),
+        breakdown_x_m=None if weakest is None else float(fields.position[weakest, 0]),
+        breakdown_y_m=None if weakest is None else float(fields.position[weakest, 1]),
+        slack_area_m2=lost.wrinkled + lost.slack,
+        slack_share=lost.share,
         tilt_rad=state.plate.tilt,
         energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
-        warnings=tuple(field_warnings(fields, case.specimen.membrane.material)),
+        warnings=tuple(field_warnings(fields, lost, case.specimen.membrane.material)),
     )
 
 
-def node_fields(model: Model, outcome: Outcome) -> Fields:
+def node_fields(model: Model, state: State) -> Fields:
     """Fields at the nodes of every element of the model's mesh."""
-    return cell_fields(model, outcome.state, ELEMENTS[model.mesh.order].doflocs.T)
+    return cell_fields(model, state, ELEMENTS[model.mesh.order].doflocs.T)
 
 
-def field_warnings(fields: Fields, material: Material) -> list[str]:
+def state_warnings(model: Model, state: State) -> list[str]:
+    """What a reader of a state must know before trusting it."""
+    return field_warnings(node_fields(model, state), lost_tension(model, state), model.specimen.membrane.material)
+
+
+def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
-    warnings = []
-    slack = fields.stress_2 <= 0
-    if slack.any():
-        x, y, _ = fields.position[np.argmin(fields.stress_2)] * 1e3
-        warnings.append(f"the film loses tension and will wrinkle: smallest principal stress "
-                        f"{fields.stress_2.min() / 1e3:.3g} kPa at x {x:.1f} mm, y {y:.1f} mm")
+    warnings = [*_tension_warnings(fields, lost), *_breakdown_warnings(fields)]
     warnings += map(str, failures(material, fields.position, fields.stretch_1, fields.stretch_2))
     return warnings
 
 
+def _tension_warnings(fields: Fields, lost: LostTension) -> list[str]:
+    loose = fields[fields.tension != Tension.TAUT]
+    if not len(loose.tension):
+        return []
+    x, y, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+    area = (lost.wrinkled + lost.slack) * 1e4
+    over = f" over {area:.3g} cm² of the mounted film ({lost.share:.2%})" if area else ""
+    over += f", {lost.slack * 1e4:.3g} cm² of them slack in all directions" if lost.slack else ""
+    return [f"the film loses tension and wrinkles{over}, most at x {x:.1f} mm, y {y:.1f} mm"]
+
+
+def _weakest(fields: Fields) -> int | None:
+    """The point nearest to breakdown, or None where there is no field or no strength law."""
+    return int(np.argmax(fields.breakdown_share)) if fields.breakdown_share.any() else None
+
+
+def _breakdown_warnings(fields: Fields) -> list[str]:
+    weakest = _weakest(fields)
+    if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
+        return []
+    margin, (x, y, _) = 1 / fields.breakdown_share[weakest], fields.position[weakest] * 1e3
+    field, strength = (values[weakest] / 1e6 for values in (fields.electric_field, fields.breakdown_strength))
+    what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
+    return [f"the film {what} at x {x:.1f} mm, y {y:.1f} mm: field {field:.3g} of {strength:.3g} MV/m"]
+
+
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
     """Warnings about the last state before the failure, said to be that."""
-    found = field_warnings(node_fields(model, outcome), model.specimen.membrane.material)
+    found = state_warnings(model, outcome.state)
     return [f"at the last equilibrium before that, {words}" for words in found]
 
 

@@ -21,7 +21,7 @@ from fem.plate import FREEDOMS
 from fem.state import State
 from geometry.errors import InputError
 from geometry.mesh import ELEMENTS
-from studies.cases import Case, Settings, field_warnings, find, node_fields, why
+from studies.cases import Case, Settings, find, state_warnings, why
 from studies.store import lattice, write_atomically
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     found = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
     listed = tuple(_mode(found, number, name) for number, name in enumerate(names(full, found)))
-    warnings = [*_warnings(case, found), *field_warnings(node_fields(model, outcome))]
+    warnings = [*_warnings(case, found), *state_warnings(model, state)]
     inertia = plate.inertia
     return replace(
         result, deflection_m=state.plate.heave, film_mass_kg=float(film_mass(model).sum()) * model.mirrored,

@@ -179,6 +179,7 @@ def _materials(commands: Any) -> None:
 def _run_materials(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
+    from fem.breakdown import STRENGTHS
     from fem.library import MATERIALS
 
     if options.json:
@@ -191,3 +192,6 @@ def _run_materials(options: argparse.Namespace) -> None:
             known = {"density": entry.density, "relative permittivity": entry.relative_permittivity}
             numbers = ", ".join(f"{key} {value:g}" for key, value in known.items() if value is not None)
             print(f"  film: {numbers} (kg/m³); {entry.film_source}")
+    print("\nelectric strengths, for membrane.breakdown")
+    for name, strength in STRENGTHS.items():
+        print(f"{name}\n  {strength.strength}\n  source: {strength.source}\n  beware: {strength.caveat}")
