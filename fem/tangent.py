@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
+from fem.direct import factorise
 from fem.model import Linearised, Model
 from fem.plate import HEAVE
 from fem.state import State, Unknown
@@ -28,7 +25,7 @@ class Tangent:
 
     def __init__(self, model: Model, part: Linearised, unknown: Unknown, state: State, spring: float) -> None:
         self.model, self.unknown = model, unknown
-        self._lu = _factorise(part.inner)
+        self._lu = factorise(part.inner, model.analysis)
         self._border, corner = part.border, part.corner.copy()
         self._row = model.plate_freedoms.index(HEAVE)
         corner[self._row, self._row] += spring / model.mirrored
@@ -56,7 +53,7 @@ class Tangent:
     @property
     def wrinkling(self) -> int:
         """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
-        return int(np.count_nonzero(self._lu.U.diagonal() < 0))
+        return self._lu.negative
 
     def parameter(self, state: State, name: Unknown) -> Parts:
         """Derivative of the residual by the force or by U²."""
@@ -78,8 +75,3 @@ class Tangent:
         """Right-hand side that makes up for a change of the heave [m] by the unknown and everything else."""
         corner = self._schur[:, self._row] + self._border.T @ self._influence[:, self._row]
         return -change * self._border[:, self._row], -change * corner
-
-
-def _factorise(matrix: csc_matrix) -> Any:
-    """LDLᵀ in all but name: symmetric ordering, no pivoting off the diagonal."""
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
