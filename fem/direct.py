@@ -18,7 +18,7 @@ from fem.superlu import SuperLU
 Array = NDArray[Any]
 
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
-_PAYS = 5_000
+_PAYS = 20_000
 
 
 class Factorisation(Protocol):

@@ -1,26 +1,30 @@
-"""MKL's PARDISO through the library that pypardiso finds; imported only where that is installed."""
+"""MKL's PARDISO through the library that pypardiso finds; imported only where that is installed.
+
+It runs on one thread unless the environment variable MKL_NUM_THREADS says otherwise.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import os
 import weakref
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, csr_matrix, triu
+from scipy.sparse import csc_matrix
 
-from fem.superlu import SuperLU
+from fem.superlu import SuperLU, SuperLUFactors
 
 Array = NDArray[Any]
 
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 
-#: Settings other than zero, numbered from 0: not the defaults; nested dissection; pivots below 1e-13 are perturbed;
+#: Settings other than zero, numbered from 0: not the defaults; nested dissection; pivots below 1e-10 are perturbed;
 #: pivots of order 1 and 2; indices from zero.
-_SETTINGS = {0: 1, 1: 2, 9: 13, 20: 1, 34: 1}
+_SETTINGS = {0: 1, 1: 2, 9: 10, 20: 1, 34: 1}
 #: Where PARDISO reports how many pivots it perturbed and how many were negative.
 _PERTURBED, _NEGATIVE = 13, 22
 
@@ -41,10 +45,16 @@ class Pardiso:
         self._columns = indices[self._lower].astype(np.int32)
         self._idle: list[_Handle] = []
 
-    def factorise(self, matrix: csc_matrix) -> PardisoFactors:
-        """Factorise a matrix of this sparsity; raises RuntimeError if it is singular."""
+    def factorise(self, matrix: csc_matrix) -> PardisoFactors | SuperLUFactors:
+        """Factorise a matrix of this sparsity; raises RuntimeError if it is singular.
+
+        Where PARDISO would perturb a pivot, SuperLU is asked: it exchanges rows instead.
+        """
         handle = self._idle.pop() if self._idle else _Handle(self._rows, self._columns)
         handle.factorise(matrix.data[self._lower])
+        if handle.settings[_PERTURBED]:
+            _give_back(self._idle, handle)
+            return SuperLU(matrix.indices, matrix.indptr).factorise(matrix)
         factors = PardisoFactors(handle)
         weakref.finalize(factors, _give_back, self._idle, handle)
         return factors
@@ -60,13 +70,10 @@ class PardisoFactors:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
         return self._handle.solve(right)
 
-    @cached_property
+    @property
     def negative(self) -> int:
-        """Number of negative eigenvalues; where a pivot had to be perturbed, SuperLU is asked."""
-        if not self._handle.settings[_PERTURBED]:
-            return int(self._handle.settings[_NEGATIVE])
-        whole = self._handle.matrix()
-        return SuperLU(whole.indices, whole.indptr).factorise(whole).negative
+        """Number of negative eigenvalues, by Sylvester's law from the pivots."""
+        return int(self._handle.settings[_NEGATIVE])
 
 
 class _Handle:
@@ -94,12 +101,6 @@ class _Handle:
         if columns.size:
             self._call(_SOLVE, columns, solution, columns.size // len(columns))
         return solution
-
-    def matrix(self) -> csc_matrix:
-        """The matrix factorised, both triangles."""
-        count = len(self._rows) - 1
-        upper = csr_matrix((self._data, self._columns, self._rows), (count, count))
-        return csc_matrix(upper + triu(upper, 1).T)
 
     def _call(self, phase: int, right: Array, solution: Array, count: int) -> None:
         matrix = self._data, self._rows, self._columns
@@ -145,4 +146,7 @@ def _library() -> ctypes.CDLL:
     # Its own handle of the library: pypardiso's expects other argument types.
     library = ctypes.CDLL(PyPardisoSolver().libmkl._name)
     library.pardiso.restype = None
+    # One thread: bitwise the same result every time, and workers of a sweep do not wait for each other's threads.
+    if "MKL_NUM_THREADS" not in os.environ:
+        library.MKL_Set_Num_Threads(1)
     return library

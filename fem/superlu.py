@@ -33,7 +33,7 @@ class SuperLU:
         spec = "MMD_AT_PLUS_A" if self.order is None else "NATURAL"
         options = {"SymmetricMode": True}
         factors = splu(self._permuted(matrix), permc_spec=spec, diag_pivot_thresh=0.0, options=options)
-        return SuperLUFactors(factors, self.order)
+        return SuperLUFactors(factors, self.order, matrix)
 
     def _permuted(self, matrix: csc_matrix) -> csc_matrix:
         if self.order is None:
@@ -53,10 +53,11 @@ class SuperLU:
 
 @dataclass(frozen=True, eq=False)
 class SuperLUFactors:
-    """Factors by SuperLU, and the order their rows and columns are in."""
+    """Factors by SuperLU, the order their rows and columns are in, and the matrix they are of."""
 
     factors: Any
     order: Array | None
+    matrix: csc_matrix
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
@@ -79,8 +80,8 @@ class SuperLUFactors:
         doubtful = (reach > _GROWTH) | (self.factors.perm_r[position] != np.arange(len(pivots)))
         if not doubtful.any():
             return int(np.count_nonzero(pivots < 0))
-        product = (lower @ self.factors.U).tocsc()
-        return negative_eigenvalues(product[self.factors.perm_r][:, self.factors.perm_c], position[doubtful])
+        last = position[doubtful] if self.order is None else self.order[position[doubtful]]
+        return negative_eigenvalues(self.matrix, last)
 
 
 def negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
