@@ -6,19 +6,23 @@ discretisation error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
 
-from fem.density import FilmDensity, maxwell, principal_stretches
+from fem.density import FilmDensity
 from fem.model import Model, cauchy_green
 from fem.state import State
+from fem.tautness import Tension, tension_state
 from geometry.mesh import unfold
+from geometry.specimen import Film
 
 Array = NDArray[Any]
+
+_RIMS = ("plate", "frame")
 
 #: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12, 02.
 _EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
@@ -39,13 +43,20 @@ class Fields:
     stretch_2: Array  #: smaller total principal stretch
     thickness: Array  #: [m]
     electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
+    breakdown_strength: Array  #: field at which the film would break down, infinite where unknown [V/m]
     maxwell_stress: Array  #: ε E² [Pa]
     stress_1: Array  #: larger principal true stress [Pa]
     stress_2: Array  #: smaller principal true stress [Pa]
     stress_radial: Array  #: [Pa]
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
-    plate_traction: Array  #: force per mounted length on a cut whose normal points to the plate's centre [N/m], (n, 3)
+    plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
+    tension: Array  #: of :class:`fem.tautness.Tension`
+
+    @property
+    def breakdown_share(self) -> Array:
+        """Field over strength: 1 where the film breaks down, 0 where it is uncovered or its strength unknown."""
+        return self.electric_field / self.breakdown_strength
 
     def __getitem__(self, choice: Any) -> Fields:
         """Some of the points."""
@@ -59,7 +70,7 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     full = unfold(model.mesh, model.planes)
     positions = state.positions[full.origin].copy()
     positions[:, :2] *= full.signs.T
-    return Model(model.specimen, full.mesh), State(positions, state.plate, state.voltage_squared, state.force)
+    return replace(model, mesh=full.mesh, planes=frozenset()), replace(state, positions=positions)
 
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
@@ -85,6 +96,9 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
     ----------
     quadrature
         Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
+
+    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut across the line to
+    the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)
@@ -100,21 +114,48 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
         # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
         cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
         if len(cells):
-            parts.append(_fields(model, state, cells, np.array(edge(s))))
-            weights.append((_edge_speed(model, cells, local, s) * weight).ravel())
+            tangent = _edge_tangent(model, cells, local, s)
+            parts.append(_fields(model, state, cells, np.array(edge(s)), tangent if name in _RIMS else None))
+            weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
     return EdgeFields(joined, np.concatenate(weights))
 
 
-def capacitance(model: Model, state: State) -> float:
-    """dQ/dU of the whole film [F]: ∫ ε₀ε_r (J/J_p)^(−n) J²/T² over the covered virgin volume."""
-    f = model.deformation(state.positions)
-    l1, l2 = principal_stretches(cauchy_green(f), model.specimen.membrane.prestretch)
-    energy = maxwell(model.specimen, model.covered).derivatives(l1, l2)[0]
-    return float(-2 * (energy * model.volumes).sum() * model.mirrored)
+def reaction(model: Model, state: State) -> float:
+    """Force with which the film pulls the whole plate back [N], positive against the load."""
+    forces = model.forces(state.positions, state.voltage_squared)
+    return float(forces[model.plate_nodes, 2].sum()) * model.mirrored
 
 
-def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
+@dataclass(frozen=True)
+class LostTension:
+    """Mounted area of the whole film where it carries tension in one direction only, and in none [m²]; its share."""
+
+    wrinkled: float
+    slack: float
+    share: float  #: of the film's mounted area, both together
+
+
+def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
+    """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
+    points = np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
+                       for i in range(parts) for j in range(parts + 1 - t - i)]).T
+    basis = skfem.CellBasis(model.mesh, model.mesh.elem(),
+                            quadrature=(points, np.full(parts**2, 0.5 / parts**2)))
+    found = cell_fields(model, state, points).tension.reshape(basis.dx.shape)
+    wrinkled, slack = (float(basis.dx[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
+    return LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / float(basis.dx.sum()))
+
+
+def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
+    """The field at which the film breaks down [V/m], infinite if it has no strength law."""
+    if film.strength is None:
+        return np.full(np.shape(thickness), np.inf)
+    return film.strength.field(l1, l2, thickness)
+
+
+def _fields(model: Model, state: State, cells: Array, points: Array, along: Array | None = None) -> Fields:
+    """Fields in some elements; ``plate_traction`` on cuts ``along`` these vectors, shape (cells, points, 2)."""
     film = model.specimen.membrane
     basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
                             quadrature=(points, np.ones(points.shape[1])))
@@ -127,23 +168,25 @@ def _fields(model: Model, state: State, cells: Array, points: Array) -> Fields:
     covered = np.repeat(model.covered[cells, 0], points.shape[1])
 
     c = cauchy_green(f)
-    l1, l2 = principal_stretches(c, film.prestretch)
-    density = FilmDensity(model.specimen, state.voltage_squared, covered)
+    density = FilmDensity(model.specimen, state.voltage_squared, covered, model.wrinkles)
     stress = density(c, tangent=False).stress
+    l1, l2, tense = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
     s11, s22, s12 = _cauchy(f, stress, -inward)
     mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
     piola = np.stack([f[:, :, 0] * stress[:, None, 0] + f[:, :, 1] * stress[:, None, 2],
                       f[:, :, 0] * stress[:, None, 2] + f[:, :, 1] * stress[:, None, 1]], axis=-1)
-    traction = np.einsum("nik,nk->ni", piola, inward) * (film.thickness / film.area_prestretch)
+    cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
+    traction = np.einsum("nik,nk->ni", piola, cut) * (film.thickness / film.area_prestretch)
     w1 = density.maxwell.derivatives(l1, l2)[1]
     thickness = film.thickness / (l1 * l2)
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
-        electric_field=covered * np.sqrt(state.voltage_squared) / thickness, maxwell_stress=-l1 * w1,
+        electric_field=covered * np.sqrt(state.voltage_squared) / thickness,
+        breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
-        stress_shear=s12, plate_traction=traction)
+        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
@@ -161,12 +204,17 @@ def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array
     return pair(a, a), pair(b, b), pair(a, b)
 
 
-def _edge_speed(model: Model, cells: Array, local: int, s: Array) -> Array:
-    """|dX/ds| along an edge of the mounted film [m], shape (cells, points)."""
+def _normal(along: Array, towards: Array) -> Array:
+    """Unit normals of vectors in the plane, on the side of ``towards``."""
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return normal * np.sign((normal * towards).sum(axis=1, keepdims=True))
+
+
+def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
+    """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
     element = model.mesh.elem()
     points = np.array(_EDGES[local](s))
     along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
     nodes = model.reference[model.connectivity[cells], :2]
-    tangent = sum(nodes[:, i, None, :] * (element.lbasis(points, i)[1] * along).sum(0)[None, :, None]
-                  for i in range(nodes.shape[1]))
-    return np.linalg.norm(tangent, axis=-1)
+    slopes = np.stack([(element.lbasis(points, i)[1] * along).sum(0) for i in range(nodes.shape[1])])
+    return np.einsum("elc,lp->epc", nodes, slopes)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import skfem
@@ -12,15 +12,26 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from fem.assembly import element_forces, element_tangents
-from fem.density import FilmDensity, maxwell, plane_stress
+from fem.density import FilmDensity
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
+from fem.loading import GUIDES, Loading
 from fem.pattern import Pattern
 from fem.plate import FREEDOMS, PlateMotion
+from fem.volume import FilmVolume, plate_volume
 from geometry.mesh import CurvedTriangles
+from geometry.outlines import area
 from geometry.specimen import Specimen
 
+if TYPE_CHECKING:
+    from fem.state import Load, State
+
 Array = NDArray[Any]
+
+#: A right-hand side or a correction: free nodal components, and plate freedoms in the model's order.
+Parts = tuple[Array, Array]
+
+_STEP = 1e-30
 
 #: Plate freedoms that survive when a coordinate may change sign: mirroring x reverses x, ry and rz.
 _ODD = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
@@ -30,19 +41,29 @@ _ODD = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
 class Model:
     """One specimen on one mesh.
 
-    ``planes`` are the coordinates about whose zero the mesh is half of a mirrored whole. All nodal arrays have
-    shape (nodes, 3); node positions, not displacements, are the unknowns.
+    ``planes`` are the coordinates about whose zero the mesh is half of a mirrored whole. ``wrinkles`` says whether the
+    film wrinkles rather than carry compression (:mod:`fem.tension`). All nodal arrays have shape (nodes, 3); node
+    positions, not displacements, are the unknowns.
     """
 
     specimen: Specimen
     mesh: CurvedTriangles
     planes: frozenset[str] = frozenset()
+    loading: Loading = field(default_factory=Loading)
+    wrinkles: bool = False
 
     def with_specimen(self, specimen: Specimen) -> Model:
         """The same mesh with another film or electrode of the same outlines; what depends on the mesh alone is kept."""
-        model = Model(specimen, self.mesh, self.planes)
-        kept = ("basis", "connectivity", "gradients", "covered", "reference", "centre", "plate_nodes", "arms", "free",
-                "plate_freedoms", "size", "_plate_elements", "_pattern", "analysis")
+        return self._keeping(replace(self, specimen=specimen))
+
+    def with_loading(self, loading: Loading) -> Model:
+        """The same film under other surroundings."""
+        return self._keeping(replace(self, loading=loading))
+
+    def _keeping(self, model: Model) -> Model:
+        """The model, with what depends on the mesh and the outlines alone."""
+        kept = ("basis", "connectivity", "shapes", "gradients", "covered", "reference", "centre", "plate_nodes", "arms",
+                "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
 
@@ -61,6 +82,11 @@ class Model:
         """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""
         stacked = np.stack([shape[0].grad for shape in self.basis.basis])
         return np.ascontiguousarray(stacked.transpose(2, 3, 0, 1))
+
+    @cached_property
+    def shapes(self) -> Array:
+        """φ at the quadrature points, shape (points, local)."""
+        return np.stack([np.atleast_2d(np.asarray(shape[0]))[0] for shape in self.basis.basis], axis=1)
 
     @cached_property
     def volumes(self) -> Array:
@@ -103,9 +129,15 @@ class Model:
 
     @cached_property
     def plate_freedoms(self) -> tuple[int, ...]:
-        """Numbers of the plate's freedoms that the symmetry allows."""
+        """Numbers of the plate's freedoms that the symmetry and the guide allow."""
         odd = frozenset().union(*(_ODD[plane] for plane in self.planes))
-        return tuple(number for number, name in enumerate(FREEDOMS) if name not in odd)
+        allowed = GUIDES[self.loading.guide] - odd
+        return tuple(number for number, name in enumerate(FREEDOMS) if name in allowed)
+
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether film, plate and loads are the same all around."""
+        return self.specimen.axisymmetric and self.loading.arm == (0.0, 0.0)
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
@@ -128,6 +160,19 @@ class Model:
         """The frame's larger half extent [m], the scale of corrections."""
         return max(self.specimen.frame.semi_axes)
 
+    @cached_property
+    def plate_area(self) -> float:
+        """Area of the whole plate [m²]."""
+        return area(self.specimen.plate.outline)
+
+    @cached_property
+    def weight(self) -> Array:
+        """Nodal forces of the film's own mass [N], shape (nodes, 3)."""
+        pull = self.specimen.membrane.density * self.loading.gravity
+        elements = np.zeros((*self.connectivity.shape, 3), dtype=np.result_type(self.volumes, pull))
+        elements[..., 2] = pull * np.matmul(self.volumes, self.shapes)
+        return self._scatter(elements)
+
     def boundary_nodes(self, name: str) -> Array:
         """Nodes on a named boundary, empty if the mesh has none of that name."""
         facets = (self.mesh.boundaries or {}).get(name)
@@ -146,7 +191,7 @@ class Model:
 
     def density(self, voltage_squared: Any) -> FilmDensity:
         """The film's energy density at U² [V²]."""
-        return FilmDensity(self.specimen, voltage_squared, self.covered)
+        return FilmDensity(self.specimen, voltage_squared, self.covered, self.wrinkles)
 
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
@@ -159,30 +204,66 @@ class Model:
         stress = self.density(voltage_squared)(cauchy_green(f), tangent=False).stress
         return self._scatter(self._element_forces(f, stress))
 
-    def voltage_forces(self, positions: Array) -> Array:
-        """Derivative of the forces by U² [N/V²], shape (nodes, 3); they are linear in it."""
-        f = self.deformation(positions)
-        unit = (maxwell(self.specimen, self.covered),)
-        stress = plane_stress(unit, cauchy_green(f), self.specimen.membrane.prestretch, tangent=False).stress
-        return self._scatter(self._element_forces(f, stress))
+    def potential(self, state: State) -> Any:
+        """Energy of this mesh and of its share of the loads [J]; stationary at equilibrium."""
+        loads = self.weight[:, 2] @ state.positions[:, 2]
+        loads = loads + state.pressure * self._film_volume(state.positions).value
+        plate = self._on_plate(state)[0] / self.mirrored
+        return self.energy(state.positions, state.voltage_squared) - loads + plate
 
-    def linearised(self, positions: Array, plate: PlateMotion, voltage_squared: float) -> Linearised:
+    def nodal_forces(self, state: State) -> Array:
+        """Derivative of the potential by the node positions, without what acts on the plate [N], shape (nodes, 3)."""
+        forces = self.forces(state.positions, state.voltage_squared) - self.weight
+        return forces - state.pressure * self._volume_forces(state.positions) if state.pressure else forces
+
+    def residual(self, forces: Array, state: State) -> Parts:
+        """Unbalanced forces of the free components and of the plate's allowed freedoms, from the nodal forces."""
+        outer = self._on_plate(state)[1][list(self.plate_freedoms)] / self.mirrored
+        return forces[self.free], self.plate_forces(forces, state.plate) + outer
+
+    def by_load(self, state: State, load: Load) -> Parts:
+        """Derivative of the residual by the force, U² or the pressure, at a fixed configuration."""
+        allowed = list(self.plate_freedoms)
+        if load == "voltage":
+            # The forces need not be linear in U² where the film wrinkles.
+            forces = self.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP
+            return forces[self.free], self.plate_forces(forces, state.plate)
+        if load == "pressure":
+            forces = -self._volume_forces(state.positions)
+            outer = -plate_volume(self.plate_area, state.plate)[1][allowed] / self.mirrored
+            return forces[self.free], self.plate_forces(forces, state.plate) + outer
+        return np.zeros(int(self.free.sum())), -self.loading.lift(state.plate)[allowed] / self.mirrored
+
+    def linearised(self, state: State) -> Linearised:
         """Forces and tangent with the plate's freedoms as border."""
-        f = self.deformation(positions)
-        density = self.density(voltage_squared)(cauchy_green(f))
+        f = self.deformation(state.positions)
+        density = self.density(state.voltage_squared)(cauchy_green(f))
         elements = self._element_tangents(f, density.stress, density.tangent)
-        forces = self._scatter(self._element_forces(f, density.stress))
+        forces = self._scatter(self._element_forces(f, density.stress)) - self.weight
+        if state.pressure:
+            volume = self._film_volume(state.positions)
+            elements = elements - state.pressure * volume.second()
+            forces = forces - state.pressure * self._scatter(volume.first())
         inner = self._pattern.assemble(elements)
-        gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
+        gradient = state.plate.gradient(self.arms)[:, :, self.plate_freedoms]
         border, corner = self._plate_coupling(elements, gradient)
-        allowed = np.ix_(self.plate_freedoms, self.plate_freedoms)
-        corner = corner + plate.curvature(self.arms, forces[self.plate_nodes])[allowed]
-        return Linearised(forces, inner, border, corner)
+        bend = state.plate.curvature(self.arms, forces[self.plate_nodes]) + self._on_plate(state)[2] / self.mirrored
+        return Linearised(forces, inner, border, corner + bend[np.ix_(self.plate_freedoms, self.plate_freedoms)])
 
     def plate_forces(self, forces: Array, plate: PlateMotion) -> Array:
         """Nodal forces gathered on the plate's allowed freedoms [N, N m]."""
         gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
         return np.einsum("nip,ni->p", gradient, forces[self.plate_nodes])
+
+    def _on_plate(self, state: State) -> tuple[Any, Array, Array]:
+        return self.loading.on_plate(state, self.centre, self.plate_area)
+
+    def _film_volume(self, positions: Array) -> FilmVolume:
+        return FilmVolume(positions[self.connectivity], self.deformation(positions), self.shapes, self.gradients,
+                          self.basis.dx)
+
+    def _volume_forces(self, positions: Array) -> Array:
+        return self._scatter(self._film_volume(positions).first())
 
     def _element_forces(self, f: Array, stress: Array) -> Array:
         return element_forces(self.gradients, f, stress * self.volumes[..., None])

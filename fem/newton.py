@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Linearised, Model
-from fem.plate import HEAVE
-from fem.state import State, Unknown
-from fem.tangent import Parts, Tangent
+from fem.controls import Control, Equation, length
+from fem.model import Model, Parts
+from fem.motions import Motions
+from fem.state import Load, State
+from fem.tangent import EVERY, Tangent
 
 Array = NDArray[np.float64]
 
@@ -50,16 +51,20 @@ class Solution:
         return self.tangent is not None and self.tangent.plate_stable
 
 
-def newton(model: Model, guess: State, unknown: Unknown = "heave", spring: float = 0.0,
-           settings: NewtonSettings = NewtonSettings()) -> Solution:
+def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tuple[Control, ...] = (),
+           settings: NewtonSettings = NewtonSettings(), motions: Motions = EVERY) -> Solution:
     """Solve for the equilibrium near a guess.
 
     Parameters
     ----------
     guess
-        Start; of (heave, force, U²) the two that are not ``unknown`` are kept.
-    spring
-        Stiffness of a linear spring against the heave [N/m].
+        Start; its loads are given, but for those that are free.
+    free
+        Loads to be found, one for each control.
+    controls
+        Equations in place of the free loads: a heave, a charge, a length along the path.
+    motions
+        Which motions of the film are allowed.
 
     Notes
     -----
@@ -67,22 +72,23 @@ def newton(model: Model, guess: State, unknown: Unknown = "heave", spring: float
     a step is accepted when the simplified correction at its end is shorter than the correction that led there. The
     test compares displacements with displacements, so it does not depend on units or on the stiffness of the film.
     """
-    problem = _Problem(model, unknown, spring)
+    problem = _Problem(model, free, controls, motions)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     damping, balance = 1.0, np.inf
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
-            part = model.linearised(state.positions, state.plate, state.voltage_squared)
+            part = model.linearised(state)
         if not np.isfinite(part.forces).all():
             return Solution(state, False, iteration, np.inf, None,
                             "the film would be strained beyond what its material can reach: take smaller steps")
-        residual = problem.residual(state, part.forces)
+        equations = problem.equations(state)
+        residual = problem.residual(state, part.forces, equations)
         balance = problem.balance(residual, part.forces)
         try:
-            tangent = problem.tangent(part, state)
+            tangent = Tangent(model, part, state, free, equations, motions)
             correction = tangent.solve(_negative(residual))
-        except (RuntimeError, np.linalg.LinAlgError):
+        except (RuntimeError, ValueError, np.linalg.LinAlgError):
             return Solution(state, False, iteration, balance, None, "the tangent is singular: a limit point is near")
         step = _damped(problem, state, tangent, correction, min(1.0, 4 * damping), settings)
         if step is None:
@@ -91,94 +97,77 @@ def newton(model: Model, guess: State, unknown: Unknown = "heave", spring: float
         state, simplified, damping = step
         if damping == 1.0 and problem.length(simplified) < settings.correction:
             state = problem.moved(state, simplified, 1.0)
-            forces = model.forces(state.positions, state.voltage_squared)
-            balance = problem.balance(problem.residual(state, forces), forces)
+            forces = model.nodal_forces(state)
+            balance = problem.balance(problem.residual(state, forces, problem.equations(state)), forces)
             if balance < settings.residual:
                 return Solution(state, True, iteration, balance, tangent)
     return Solution(state, False, settings.iterations, balance, tangent,
                     "the iteration limit was reached: start closer or take smaller steps")
 
 
-def extrapolate(model: Model, solution: Solution, *, force: float | None = None,
-                voltage_squared: float | None = None, heave: float | None = None) -> State:
-    """Euler predictor: the state moved along the path's tangent to a new force, U² or heave.
+def extrapolate(model: Model, solution: Solution, **loads: float) -> State:
+    """Euler predictor: the state moved along the path's tangent to new loads, by the names of :data:`~fem.state.Load`.
 
-    With a new heave, the force or U² that the solution's tangent has as unknown follows. The tangent belongs to the
-    solution's last iterate, which is close enough for a prediction.
+    The tangent belongs to the solution's last iterate, which is close enough for a prediction.
     """
     state, tangent = solution.state, solution.tangent
     assert tangent is not None
-    if heave is not None:
-        correction = tangent.solve(tangent.raised(heave - state.plate.heave))
-        moved = _Problem(model, tangent.unknown, 0.0).moved(state, correction, 1.0)
-        return replace(moved, plate=moved.plate.raised_to(heave))
-    target = State(state.positions, state.plate,
-                   state.voltage_squared if voltage_squared is None else voltage_squared,
-                   state.force if force is None else force)
     right = np.zeros(int(model.free.sum())), np.zeros(len(model.plate_freedoms))
-    names: tuple[tuple[Unknown, float], ...] = (
-        ("force", target.force - state.force), ("voltage", target.voltage_squared - state.voltage_squared))
-    for name, change in names:
+    names: tuple[Load, ...] = ("force", "voltage", "pressure")
+    for name in names:
+        change = loads.get(name, state.load(name)) - state.load(name)
         if change:
-            by = tangent.parameter(state, name)
+            by = model.by_load(state, name)
             right = right[0] - change * by[0], right[1] - change * by[1]
-    return _Problem(model, "heave", 0.0).moved(target, tangent.solve(right, "heave"), 1.0)
+    return moved(model, state.under(**loads), tangent.respond(right))
+
+
+def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] = (), fraction: float = 1.0) -> State:
+    """The state after a fraction of a correction of film, plate and free loads."""
+    count = len(model.plate_freedoms)
+    positions = state.positions.copy()
+    positions[model.free] += fraction * correction[0]
+    motion = np.zeros(6)
+    motion[list(model.plate_freedoms)] = fraction * correction[1][:count]
+    plate = state.plate.moved(motion)
+    changes = zip(free, fraction * correction[1][count:], strict=True)
+    loads = {name: state.load(name) + change for name, change in changes}
+    return replace(state.under(**loads), positions=model.place(positions, plate), plate=plate)
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """Residuals and motions for one choice of the unknown."""
+    """Residuals and motions for one choice of what is given."""
 
     model: Model
-    unknown: Unknown
-    spring: float
+    free: tuple[Load, ...]
+    controls: tuple[Control, ...]
+    motions: Motions
 
-    def residual(self, state: State, forces: Array) -> Parts:
-        """Unbalanced forces on the free components and on the plate's freedoms."""
-        plate = self.model.plate_forces(forces, state.plate)
-        plate[self._heave] -= (state.force - self.spring * state.plate.heave) / self.model.mirrored
-        return forces[self.model.free], plate
+    def equations(self, state: State) -> list[Equation]:
+        """The controls' equations."""
+        return [control.equation(self.model, state, self.free) for control in self.controls]
+
+    def residual(self, state: State, forces: Array, equations: list[Equation]) -> Parts:
+        """Unbalanced forces on the free components, on the plate's freedoms, and what the equations miss."""
+        inner, plate = self.model.residual(forces, state)
+        return inner, np.concatenate([plate, [equation.miss for equation in equations]])
 
     def balance(self, residual: Parts, forces: Array) -> float:
         """Largest unbalanced force, moments taken over the frame's half extent, over the largest nodal reaction."""
-        plate = np.abs(residual[1]) / np.where(np.array(self.model.plate_freedoms) < 3, 1.0, self.model.size)
-        return float(max(np.abs(residual[0]).max(initial=0.0), plate.max()) / np.abs(forces).max())
-
-    def tangent(self, part: Linearised, state: State) -> Tangent:
-        """The tangent with this problem's unknown."""
-        return Tangent(self.model, part, self.unknown, state, self.spring)
+        count = len(self.model.plate_freedoms)
+        inner, plate = self.motions.gather((residual[0], residual[1][:count]))
+        plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0, self.model.size)
+        largest = max(np.abs(inner).max(initial=0.0), plate.max(initial=0.0))
+        return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))
 
     def moved(self, state: State, correction: Parts, fraction: float) -> State:
         """The state after a fraction of a correction."""
-        free, motion = correction[0], self._motion(correction)
-        change = fraction * correction[1][self._heave]
-        positions = state.positions.copy()
-        positions[self.model.free] += fraction * free
-        plate = state.plate.moved(fraction * motion)
-        return State(self.model.place(positions, plate), plate,
-                     state.voltage_squared + (change if self.unknown == "voltage" else 0.0),
-                     state.force + (change if self.unknown == "force" else 0.0))
+        return moved(self.model, state, correction, self.free, fraction)
 
     def length(self, correction: Parts) -> float:
-        """Motion relative to the frame, root mean square over the film plus the plate's.
-
-        An unknown force or U² does not count: both enter linearly and follow from the motion.
-        """
-        motion = self._motion(correction)
-        motion[:3] /= self.model.size
-        return float(np.sqrt(np.mean((correction[0] / self.model.size) ** 2) + np.sum(motion**2)))
-
-    @property
-    def _heave(self) -> int:
-        return self.model.plate_freedoms.index(HEAVE)
-
-    def _motion(self, correction: Parts) -> Array:
-        """The plate's motion in all six freedoms; no heave when something else is solved for in its place."""
-        motion = np.zeros(6)
-        motion[list(self.model.plate_freedoms)] = correction[1]
-        if self.unknown != "heave":
-            motion[HEAVE] = 0.0
-        return motion
+        """Length of the motion; free loads do not count, since they follow from it."""
+        return length(self.model, (correction[0], correction[1][: len(self.model.plate_freedoms)]))
 
 
 def _damped(problem: _Problem, state: State, tangent: Tangent, correction: Parts, damping: float,
@@ -188,9 +177,9 @@ def _damped(problem: _Problem, state: State, tangent: Tangent, correction: Parts
     while np.isfinite(length) and damping >= settings.damping:
         trial = problem.moved(state, correction, damping)
         with np.errstate(all="ignore"):  # a step too long may press an element flat; it is then halved
-            forces = problem.model.forces(trial.positions, trial.voltage_squared)
+            forces = problem.model.nodal_forces(trial)
         if np.isfinite(forces).all():
-            simplified = tangent.solve(_negative(problem.residual(trial, forces)))
+            simplified = tangent.solve(_negative(problem.residual(trial, forces, problem.equations(trial))))
             after = problem.length(simplified)
             if after <= (1 - damping / 4) * length or after < settings.correction:
                 return trial, simplified, damping

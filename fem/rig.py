@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
+from fem.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
 from geometry.errors import InputError
 from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 
@@ -15,7 +16,12 @@ _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 
 @dataclass(frozen=True)
 class Rig:
-    """The test rig of design §4, in SI; the defaults are an ideal one."""
+    """The test rig of design §4, in SI; the defaults are an ideal one.
+
+    Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs from the plate's
+    centre [m], ``plate_pressure`` loads the plate like a weight of pressure times area [Pa], ``gas_pressure`` acts
+    below film and plate and follows them [Pa], ``biases`` are further mechanisms between plate and ground.
+    """
 
     gravity: float = 9.80665
     unaccounted_mass: float = 0.0
@@ -24,6 +30,11 @@ class Rig:
     sag_voltage: float = inf
     sensor_gain: float = 0.0
     sensor_zero: float = 0.0
+    guide: Guide = "free"
+    weight_offset: tuple[float, float] = (0.0, 0.0)
+    plate_pressure: float = 0.0
+    gas_pressure: float = 0.0
+    biases: tuple[Bias, ...] = ()
 
     @classmethod
     def from_table(cls, table: Table) -> Rig:
@@ -36,6 +47,11 @@ class Rig:
             sag_voltage=table.quantity("sag_voltage", "voltage", "inf kV", _SAG),
             sensor_gain=table.number("sensor_gain", 0.0, _GAIN),
             sensor_zero=table.quantity("sensor_zero", "length", "0 um", FINITE),
+            guide=table.choice("guide", {name: name for name in GUIDES}, "free"),
+            weight_offset=table.pair("weight_offset", "length", ("0 mm", "0 mm"), FINITE),
+            plate_pressure=table.quantity("plate_pressure", "stress", "0 Pa", FINITE),
+            gas_pressure=table.quantity("gas_pressure", "stress", "0 Pa", FINITE),
+            biases=tuple(_bias(entry) for entry in table.tables("bias")),
         )
         table.done()
         return rig
@@ -45,9 +61,15 @@ class Rig:
         """The rig of a TOML file."""
         return cls.from_table(Table.read(file))
 
-    def force(self, mass: float) -> float:
-        """Dead weight on the plate [N] of a nominal mass [kg]."""
-        return (mass + self.unaccounted_mass) * self.gravity
+    @property
+    def loading(self) -> Loading:
+        """What acts on film and plate besides force, voltage and gas pressure."""
+        springs = (Spring(self.spring),) if self.spring else ()
+        return Loading((*springs, *self.biases), self.weight_offset, self.guide, self.gravity)
+
+    def force(self, mass: float, plate_area: float = 0.0) -> float:
+        """Force on the plate [N] of a nominal mass [kg] and the pressure on the plate's area [m²]."""
+        return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
     def film_voltage(self, voltage: float) -> float:
         """What the film sees [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²).
@@ -62,6 +84,12 @@ class Rig:
     def reading(self, deflection: float) -> float:
         """What the sensor shows [m] of a deflection."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero
+
+
+def _bias(table: Table) -> Bias:
+    bias = table.choice("law", BIASES)(table)
+    table.done()
+    return bias
 
 
 def checked_load(mass: float, voltage: float) -> None:

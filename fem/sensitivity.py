@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Model
+from fem.model import Model, Parts
 from fem.plate import HEAVE
 from fem.state import State
-from fem.tangent import Parts, Tangent
+from fem.tangent import Tangent
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 
@@ -41,7 +41,7 @@ def parameters(specimen: Specimen) -> tuple[str, ...]:
     return (*film, "electrode.stiffness", "force", "voltage")
 
 
-def heave_gradient(model: Model, state: State, names: Sequence[str], spring: float = 0.0) -> dict[str, float]:
+def heave_gradient(model: Model, state: State, names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the heave at constant load and voltage by each named parameter [m per SI unit of it].
 
     One adjoint solve serves them all.
@@ -58,36 +58,31 @@ def heave_gradient(model: Model, state: State, names: Sequence[str], spring: flo
     InputError
         For a name that is no parameter of the specimen.
     """
-    tangent = _tangent(model, state, spring)
+    tangent = Tangent(model, model.linearised(state), state)
     free = np.zeros(int(model.free.sum()))
     row = np.zeros(len(model.plate_freedoms))
     row[model.plate_freedoms.index(HEAVE)] = 1.0
-    inner, plate = tangent.solve((free, row), "heave")
+    inner, plate = tangent.respond((free, row))
     result = {}
     for name in names:
-        by = residual_derivative(model, state, tangent, name)
+        by = residual_derivative(model, state, name)
         result[name] = -float(inner @ by[0] + plate @ by[1])
     return result
 
 
-def residual_derivative(model: Model, state: State, tangent: Tangent, name: str) -> Parts:
+def residual_derivative(model: Model, state: State, name: str) -> Parts:
     """Derivative of the unbalanced forces (free components, plate) by a parameter at a fixed configuration."""
     if name == "force":
-        return tangent.parameter(state, "force")
+        return model.by_load(state, "force")
     if name == "voltage":
-        by = tangent.parameter(state, "voltage")
+        by = model.by_load(state, "voltage")
         slope = 2 * np.sqrt(state.voltage_squared)
         return slope * by[0], slope * by[1]
     if name not in parameters(model.specimen):
         raise InputError(f"must be one of {', '.join(parameters(model.specimen))}", key="parameter", given=name)
     stepped = model.with_specimen(_stepped(model.specimen, name.split(".")))
-    forces = stepped.forces(state.positions, state.voltage_squared).imag / _STEP
+    forces = stepped.nodal_forces(state).imag / _STEP
     return forces[model.free], model.plate_forces(forces, state.plate)
-
-
-def _tangent(model: Model, state: State, spring: float) -> Tangent:
-    part = model.linearised(state.positions, state.plate, state.voltage_squared)
-    return Tangent(model, part, "heave", state, spring)
 
 
 def _numbers(value: Any, path: str) -> tuple[str, ...]:

@@ -1,77 +1,126 @@
-"""The factorised tangent: the film's sparse part, and the plate's freedoms with the unknown load as a border."""
+"""The factorised tangent: the film's part, bordered by the plate's freedoms and by loads that are not given."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
 
+from fem.controls import Equation
 from fem.direct import factorise
-from fem.model import Linearised, Model
+from fem.model import Linearised, Model, Parts
+from fem.motions import AllMotions, Motions
 from fem.plate import HEAVE
-from fem.state import State, Unknown
+from fem.state import Load, State
 
 Array = NDArray[np.float64]
 
-#: A right-hand side or a correction: free nodal components, and plate freedoms in the model's order.
-Parts = tuple[Array, Array]
+EVERY = AllMotions()
 
 
 class Tangent:
     """Block elimination with the film factorised once.
 
-    The border's columns are the plate's freedoms, the heave replaced by the force or U² when one of them is unknown;
-    so the film's matrix and its pattern are the same whatever is solved for.
+    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns the same with the
+    free loads last. The film's matrix and its pattern are the same whatever is solved for. Right-hand sides and
+    corrections are pairs: free nodal components, and plate freedoms followed by equations or free loads.
     """
 
-    def __init__(self, model: Model, part: Linearised, unknown: Unknown, state: State, spring: float) -> None:
-        self.model, self.unknown = model, unknown
-        self._lu = factorise(part.inner, model.analysis)
-        self._border, corner = part.border, part.corner.copy()
-        self._row = model.plate_freedoms.index(HEAVE)
-        corner[self._row, self._row] += spring / model.mirrored
-        self._influence = np.asarray(self._lu.solve(part.border))
-        self._schur = corner - part.border.T @ self._influence
-        self._bordered, self._columns = self._schur, self._influence
-        if unknown != "heave":
-            inner, plate = self.parameter(state, unknown)
-            response = self._lu.solve(inner)
-            self._columns = self._influence.copy()
-            self._columns[:, self._row] = response
-            self._bordered = self._schur.copy()
-            self._bordered[:, self._row] = plate - part.border.T @ response
+    def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
+                 equations: Sequence[Equation] = (), motions: Motions = EVERY) -> None:
+        self.model, self.free, self.motions = model, free, motions
+        part = motions.reduced(part)
+        self._factor = _factorise(part.inner, model)
+        loads = [motions.gather(model.by_load(state, name)) for name in free]
+        rows = [_transposed(motions, equation) for equation in equations]
+        self._plates = len(model.plate_freedoms)
+        columns = np.column_stack([part.border, *(load[0] for load in loads)])
+        self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
+        corner = np.zeros((len(self._rows), columns.shape[1]))
+        corner[: self._plates, : self._plates] = part.corner
+        for index, (load, row, equation) in enumerate(zip(loads, rows, equations, strict=True)):
+            corner[: self._plates, self._plates + index] = load[1]
+            corner[self._plates + index, : self._plates] = row[1]
+            corner[self._plates + index, self._plates :] = equation.loads
+        self._influence = self._factor.solve(columns)
+        self._schur = corner - self._rows @ self._influence
+
+    @property
+    def plate_stiffness(self) -> Array:
+        """Stiffness of the plate's freedoms at given loads, the film following, of this mesh's part (p, p)."""
+        schur = self._schur[: self._plates, : self._plates]
+        return (schur + schur.T) / 2
 
     @property
     def plate_stable(self) -> bool:
-        """Whether the stiffness of the plate's freedoms, the film condensed out, is positive definite."""
-        return bool(np.linalg.eigvalsh((self._schur + self._schur.T) / 2)[0] > 0)
+        """Whether that stiffness is positive definite."""
+        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
 
     @property
     def heave_stiffness(self) -> float:
         """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
-        return float(self.model.mirrored / np.linalg.inv(self._schur)[self._row, self._row])
+        row = self.model.plate_freedoms.index(HEAVE)
+        return float(self.model.mirrored / np.linalg.inv(self.plate_stiffness)[row, row])
 
     @property
     def wrinkling(self) -> int:
         """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
-        return self._lu.negative
+        return int(self._factor.negative)
 
-    def parameter(self, state: State, name: Unknown) -> Parts:
-        """Derivative of the residual by the force or by U²."""
-        if name == "force":
-            plate = np.zeros(len(self.model.plate_freedoms))
-            plate[self._row] = -1 / self.model.mirrored
-            return np.zeros(self._border.shape[0]), plate
-        forces = self.model.voltage_forces(state.positions)
-        return forces[self.model.free], self.model.plate_forces(forces, state.plate)
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of film and plate at given loads."""
+        return self.wrinkling + int((np.linalg.eigvalsh(self.plate_stiffness) < 0).sum())
 
-    def solve(self, right: Parts, unknown: Unknown | None = None) -> Parts:
-        """The correction for a right-hand side; ``unknown="heave"`` solves for the heave whatever this was made for."""
-        bordered, columns = (self._schur, self._influence) if unknown == "heave" else (self._bordered, self._columns)
-        particular = self._lu.solve(right[0])
-        border = np.linalg.solve(bordered, right[1] - self._border.T @ particular)
-        return particular - columns @ border, border
+    def solve(self, right: Parts) -> Parts:
+        """Correction for a right-hand side of forces, on film and plate, and of the equations."""
+        inner, plate = self.motions.gather((right[0], right[1][: self._plates]))
+        particular = self._factor.solve(inner)
+        below = np.concatenate([plate, right[1][self._plates :]])
+        border = np.linalg.solve(self._schur, below - self._rows @ particular)
+        return self._spread(particular - self._influence @ border, border)
 
-    def raised(self, change: float) -> Parts:
-        """Right-hand side that makes up for a change of the heave [m] by the unknown and everything else."""
-        corner = self._schur[:, self._row] + self._border.T @ self._influence[:, self._row]
-        return -change * self._border[:, self._row], -change * corner
+    def respond(self, right: Parts) -> Parts:
+        """Correction of film and plate for a right-hand side of forces, at given loads."""
+        count = self._plates
+        inner, plate = self.motions.gather((right[0], right[1][:count]))
+        particular = self._factor.solve(inner)
+        border = np.linalg.solve(self._schur[:count, :count], plate - self._rows[:count] @ particular)
+        return self._spread(particular - self._influence[:, :count] @ border, border)
+
+    def along(self, equation: int = -1) -> Parts:
+        """Change of everything when one equation's value grows by one: the direction of the path."""
+        border = np.zeros(len(self._schur))
+        border[equation] = 1.0
+        return self.solve((np.zeros(int(self.model.free.sum())), border))
+
+    def _spread(self, inner: Array, border: Array) -> Parts:
+        nodal, plate = self.motions.spread((inner, border[: self._plates]))
+        return nodal, np.concatenate([plate, border[self._plates :]])
+
+
+def _transposed(motions: Motions, equation: Equation) -> Parts:
+    return motions.gather((equation.inner, equation.plate))
+
+
+def _factorise(matrix: Any, model: Model) -> Any:
+    return _Dense(matrix) if isinstance(matrix, np.ndarray) else factorise(matrix, model.analysis)
+
+
+class _Dense:
+    """A small dense symmetric matrix."""
+
+    def __init__(self, matrix: Array) -> None:
+        self._matrix, self._lu = matrix, lu_factor(matrix)
+
+    def solve(self, right: Array) -> Array:
+        """The solution for one or several right-hand sides."""
+        return np.asarray(lu_solve(self._lu, right))
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues."""
+        return int((np.linalg.eigvalsh((self._matrix + self._matrix.T) / 2) < 0).sum())

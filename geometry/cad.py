@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from geometry.errors import InputError
 from geometry.outlines import FullEllipse, Outline
-from geometry.specimen import Specimen
+from geometry.specimen import Region, Specimen
 from geometry.system import missing_library
 
 try:
@@ -22,8 +23,8 @@ except ImportError as error:
 METRE = 1e3  #: cadquery's model unit is the millimetre
 
 
-def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> list[cq.Face]:
-    """The flat film as faces cut along the axes through the plate's centre and along the electrode's edges.
+def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
+    """The flat film, ``covered`` and ``bare``, cut along the axes through the plate's centre and the electrode's edges.
 
     Parameters
     ----------
@@ -32,15 +33,24 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> list[cq.Face]:
 
     Returns
     -------
-    list of cq.Face
+    dict of str to list of cq.Face
         Faces in the plane z = 0 [mm]; neighbours share their common edges in shape, not in topology.
+
+    Raises
+    ------
+    InputError
+        When the electrode's outline leaves slivers or no electrode at all.
     """
     x, y = _millimetres(*specimen.plate.offset)
     size = 4 * METRE * max(specimen.frame.semi_axes)
     cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
-    faces = [face for outer, inner in _bands(specimen) for face in _annulus(outer, inner).split(*cuts).Faces()]
-    return [face for face in faces
-            if all(getattr(face.Center(), plane) > centre for plane, centre in (("x", x), ("y", y)) if plane in planes)]
+
+    def kept(face: cq.Face) -> bool:
+        return all(getattr(face.Center(), plane) > centre
+                   for plane, centre in (("x", x), ("y", y)) if plane in planes)
+
+    return {name: [face for whole in faces for face in whole.split(*cuts).Faces() if kept(face)]
+            for name, faces in _coverage(specimen).items()}
 
 
 def frame_part(specimen: Specimen, width: float = 8e-3, height: float = 4e-3) -> cq.Solid:
@@ -61,12 +71,17 @@ def membrane_part(specimen: Specimen) -> cq.Face:
     return _annulus(_wire(specimen.frame), _wire(specimen.plate.outline, specimen.plate.offset))
 
 
-def write_step(shapes: list[cq.Face] | list[cq.Solid], file: Path) -> None:
+def electrode_part(specimen: Specimen) -> cq.Compound:
+    """The film under the electrode as faces, for masks."""
+    return cq.Compound.makeCompound(_coverage(specimen)["covered"])
+
+
+def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
     """Shapes as one STEP file [mm]."""
     cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file), exportType="STEP")
 
 
-def write_dxf(shapes: list[cq.Face] | list[cq.Solid], file: Path) -> None:
+def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
     """Outlines of the shapes' faces in the plane z = 0 as one DXF file [mm]."""
     flat = [face for shape in shapes for face in shape.Faces() if abs(face.BoundingBox().zmax) < 1e-9]
     wires = [wire for face in flat for wire in face.Wires()]
@@ -96,17 +111,35 @@ def _annulus(outer: cq.Wire, inner: cq.Wire) -> cq.Face:
     return cq.Face.makeFromWires(outer, [inner])
 
 
-def _bands(specimen: Specimen) -> list[tuple[cq.Wire, cq.Wire]]:
-    """(outer, inner) wires of the rings between frame, electrode edges and plate, from the frame inwards."""
+def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
+    """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
+    electrode = specimen.electrode
     frame = _wire(specimen.frame)
     plate = _wire(specimen.plate.outline, specimen.plate.offset)
     wires = [frame]
-    if specimen.electrode.margin_frame > 0:
-        wires.append(_offset(specimen.frame, (0.0, 0.0), -specimen.electrode.margin_frame))
-    if specimen.electrode.margin_plate > 0:
-        wires.append(_offset(specimen.plate.outline, specimen.plate.offset, specimen.electrode.margin_plate))
-    wires.append(plate)
-    return list(pairwise(wires))
+    if electrode.margin_frame > 0:
+        wires.append(_offset(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
+    if electrode.margin_plate > 0:
+        wires.append(_offset(specimen.plate.outline, specimen.plate.offset, electrode.margin_plate))
+    rings = [_annulus(outer, inner) for outer, inner in pairwise([*wires, plate])]
+    covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
+    if electrode.outline is None:
+        return {"covered": covered, "bare": rings}
+    return _clipped(specimen, covered[0], rings, electrode.outline)
+
+
+def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face], region: Region) -> dict[str, list[cq.Face]]:
+    """The ring's part within the region, and what is left of the film."""
+    disc = cq.Face.makeFromWires(_wire(region.outline, region.offset), [])
+    inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
+    lost = ring.Area() - sum(face.Area() for face in (*inside, *outside))
+    narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires()) for face in (*inside, *outside)),
+                    default=0.0)
+    if not inside or abs(lost) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
+        raise InputError("must cover some of the film and cut no slivers from it: the electrode and what it leaves "
+                         "bare must be wider than 1 % of the gap between plate and frame",
+                         key="electrode.outline", given=str(region))
+    return {"covered": inside, "bare": [*bare, *outside]}
 
 
 def _offset(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:

@@ -74,14 +74,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     """
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", settings.around_plate)
-        step = Path(folder) / "film.step"
-        cad.write_step(cad.membrane_faces(specimen, planes), step)
-        gmsh.model.occ.importShapes(str(step))
-        surfaces = gmsh.model.occ.getEntities(2)
-        if len(surfaces) > 1:
-            gmsh.model.occ.fragment(surfaces[:1], surfaces[1:])
-        gmsh.model.occ.synchronize()
-        groups = _curve_groups(gmsh, specimen) | _surface_groups(gmsh, specimen)
+        surfaces = _surface_groups(gmsh, cad.membrane_faces(specimen, planes), Path(folder))
+        groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups)
         try:
             gmsh.model.mesh.generate(2)
@@ -132,28 +126,30 @@ def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, in
     return groups
 
 
-def _surface_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
-    """Surfaces under the electrode and outside it, by their bounding curves' distance from frame and plate."""
-    groups: dict[str, list[tuple[int, int]]] = {"covered": [], "bare": []}
-    electrode = specimen.electrode
-    tolerance = 1e-6 * max(specimen.frame.semi_axes)
-    for dim, tag in gmsh.model.getEntities(2):
-        bare = False
-        for _, curve in gmsh.model.getBoundary([(dim, tag)], oriented=False):
-            start, end = gmsh.model.getParametrizationBounds(1, curve)
-            middle = np.array(gmsh.model.getValue(1, curve, [(start[0] + end[0]) / 2])) / METRE
-            on_frame = abs(float(specimen.frame.level(middle[0], middle[1]))) < tolerance
-            on_plate = abs(float(specimen.plate.level(middle[0], middle[1]))) < tolerance
-            bare |= (on_frame and electrode.margin_frame > 0) or (on_plate and electrode.margin_plate > 0)
-        groups["bare" if bare else "covered"].append((dim, tag))
-    return groups
+def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> dict[str, list[tuple[int, int]]]:
+    """Faces brought into gmsh and glued together: the surfaces of each name."""
+    surfaces: list[tuple[int, int]] = []
+    names: list[str] = []
+    for name, members in faces.items():
+        if members:
+            cad.write_step(members, folder / f"{name}.step")
+            surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
+            names += [name] * (len(surfaces) - len(names))
+    pieces = [[surface] for surface in surfaces]
+    if len(surfaces) > 1:
+        _, pieces = gmsh.model.occ.fragment(surfaces[:1], surfaces[1:])
+    gmsh.model.occ.synchronize()
+    return {name: [entity for owner, entities in zip(names, pieces, strict=True) if owner == name
+                   for entity in entities] for name in faces}
 
 
 def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
 
-    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band.
+    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band. With an
+    outline, where its edge nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter
+    of h_plate or 3 widths.
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -169,6 +165,10 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     fields = [3, 4]
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate) if width > 0]
     widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)} if margins else {}
+    if specimen.electrode.outline is not None:
+        # What is bare is no longer a band alone; this field is as fine in the bands.
+        least = min([perimeter / settings.around_plate / 4, *(3 * METRE * width for width in margins)])
+        fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
     for number, (name, width) in enumerate(widths.items(), start=5):
         field.add("Constant", number)
         field.setNumber(number, "VIn", 3 * width * METRE)
@@ -177,6 +177,19 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     field.add("Min", 9)
     field.setNumbers(9, "FieldsList", fields)
     field.setAsBackgroundMesh(9)
+
+
+def _outline_field(gmsh: Any, across: float, least: float, groups: dict[str, list[tuple[int, int]]]) -> int:
+    """Number of the field that keeps elements small between the electrode's edge and the edges of the film."""
+    inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False, oriented=False)}
+                    for name in ("covered", "bare"))
+    field = gmsh.model.mesh.field
+    field.add("Distance", 7)
+    field.setNumbers(7, "CurvesList", sorted(inner & outer))
+    field.setNumber(7, "Sampling", 100)
+    field.add("MathEval", 8)
+    field.setString(8, "F", f"max({least!r}, {across!r}*(F7 + min(F1, F2)))")
+    return 8
 
 
 def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) -> meshio.Mesh:

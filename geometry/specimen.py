@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from geometry.errors import InputError
 from geometry.outlines import REGISTRY as SHAPES
-from geometry.outlines import Outline
+from geometry.outlines import Circle, Ellipse, Outline
 from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -34,6 +34,15 @@ class Material(Protocol):
         """
 
 
+class Strength(Protocol):
+    """How large a field a film withstands. ``law`` is the name in specimen files."""
+
+    law: ClassVar[str]
+
+    def field(self, l1: Stretch, l2: Stretch, thickness: Stretch) -> Stretch:
+        """The true field at breakdown [V/m] at the principal stretches and the stretched thickness [m]."""
+
+
 @dataclass(frozen=True)
 class Plate:
     """The rigid plate; its edge clamps the film. ``offset`` of its centre from the frame's [m]."""
@@ -52,7 +61,8 @@ class Film:
 
     ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it to the flat
     mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂, J_p its mounted value.
-    ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's weightless film.
+    ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's weightless film. ``strength`` is what it
+    withstands electrically; None where nobody says.
     """
 
     thickness: float
@@ -61,6 +71,7 @@ class Film:
     relative_permittivity: float
     permittivity_exponent: float = 0.0
     density: float = 0.0
+    strength: Strength | None = None
 
     @property
     def area_prestretch(self) -> float:
@@ -69,12 +80,42 @@ class Film:
 
 
 @dataclass(frozen=True)
+class Region:
+    """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
+
+    outline: Outline
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def __str__(self) -> str:
+        (a, b), (x, y) = (tuple(1e3 * length for length in pair) for pair in (self.outline.semi_axes, self.offset))
+        return f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} mm"
+
+    def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Negative inside the outline, zero on it [m]."""
+        return self.outline.level(x - self.offset[0], y - self.offset[1])
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes of the frame whose coordinate may change sign without changing the region."""
+        return self.outline.mirror_planes & _centred(self.offset)
+
+
+@dataclass(frozen=True)
 class Electrode:
-    """Uncovered bands along frame and plate [m] and a neo-Hookean stiffness per virgin volume [Pa]."""
+    """Uncovered bands along frame and plate [m] and a neo-Hookean stiffness per virgin volume [Pa].
+
+    With an ``outline`` only the film within it is covered; it may cross frame and plate, or lie beside the plate.
+    """
 
     margin_frame: float = 0.0
     margin_plate: float = 0.0
     stiffness: float = 0.0
+    outline: Region | None = None
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether it covers the whole film between plate and frame."""
+        return self.outline is None and self.margin_frame == self.margin_plate == 0
 
 
 @dataclass(frozen=True)
@@ -107,6 +148,9 @@ class Specimen:
             if 0 < margin < 0.01 * gap:
                 raise InputError("must be 0 or at least 1 % of the gap between plate and frame",
                                  key=f"electrode.{name}", given=f"{margin * 1e3:.4g} mm")
+        if self.electrode.outline is not None and not self._meets(self.electrode.outline):
+            raise InputError("must cover some of the film between plate and frame",
+                             key="electrode.outline", given=str(self.electrode.outline))
         stretch = np.real(self.membrane.prestretch)
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
@@ -121,10 +165,29 @@ class Specimen:
         return -float(np.max(self.frame.level(*edge)))
 
     @property
+    def axisymmetric(self) -> bool:
+        """Whether a rotation about the frame's centre changes nothing."""
+        round_edges = all(outline.semi_axes[0] == outline.semi_axes[1] and isinstance(outline, Circle | Ellipse)
+                          for outline in (self.frame, self.plate.outline))
+        film = self.membrane.prestretch
+        return round_edges and self.plate.offset == (0.0, 0.0) and film[0] == film[1]
+
+    @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        centred = {axis for axis, offset in zip("xy", self.plate.offset, strict=True) if offset == 0}
-        return self.frame.mirror_planes & self.plate.outline.mirror_planes & centred
+        planes = self.frame.mirror_planes & self.plate.outline.mirror_planes & _centred(self.plate.offset)
+        return planes if self.electrode.outline is None else planes & self.electrode.outline.mirror_planes
+
+    def _meets(self, region: Region) -> bool:
+        """Whether any film lies within the region: its edge is on the film, or it holds the film whole."""
+        edge = region.outline.points(720) + np.array(region.offset)[:, None]
+        on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
+        return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
+
+
+def _centred(offset: tuple[float, float]) -> frozenset[str]:
+    """Axes along which the offset is zero."""
+    return frozenset(axis for axis, distance in zip("xy", offset, strict=True) if distance == 0)
 
 
 _NAME = re.compile(r"\w[\w .+-]{0,99}")
@@ -135,13 +198,16 @@ _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um t
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
-def specimen_from_table(table: Table, read_material: Callable[[Table, str], Material]) -> Specimen:
+def specimen_from_table(table: Table, read_material: Callable[[Table, str], Material],
+                        read_strength: Callable[[Table, str], Strength | None] = lambda table, key: None) -> Specimen:
     """A specimen from the keys of design §4.
 
     Parameters
     ----------
     read_material
         Turns the key ``material`` of the given table into a material; the caller knows the laws.
+    read_strength
+        The same for the key ``breakdown``.
     """
     name = table.text("name")
     if not _NAME.fullmatch(name):
@@ -149,9 +215,9 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
                           "a letter or digit first", name)
     frame = _outline(table.table("frame"))
     plate_table = table.table("plate")
-    offset = plate_table.quantities("offset", "length", ("0 mm", "0 mm"), FINITE, 2)
-    plate = Plate(_outline(plate_table), (offset[0], offset[1]))
-    film = _film(table.table("membrane"), read_material)
+    offset = _offset(plate_table)
+    plate = Plate(_outline(plate_table), offset)
+    film = _film(table.table("membrane"), read_material, read_strength)
     electrode = _electrode(table.table("electrode", {}))
     table.done()
     try:
@@ -160,9 +226,15 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
         raise error.located(file=table.file) from None
 
 
-def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material]) -> Specimen:
+def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material],
+                  read_strength: Callable[[Table, str], Strength | None] = lambda table, key: None) -> Specimen:
     """The specimen of a TOML file."""
-    return specimen_from_table(Table.read(file), read_material)
+    return specimen_from_table(Table.read(file), read_material, read_strength)
+
+
+def _offset(table: Table) -> tuple[float, float]:
+    x, y = table.quantities("offset", "length", ("0 mm", "0 mm"), FINITE, 2)
+    return x, y
 
 
 def _outline(table: Table) -> Outline:
@@ -171,7 +243,8 @@ def _outline(table: Table) -> Outline:
     return outline
 
 
-def _film(table: Table, read_material: Callable[[Table, str], Material]) -> Film:
+def _film(table: Table, read_material: Callable[[Table, str], Material],
+          read_strength: Callable[[Table, str], Strength | None]) -> Film:
     stretch = table.numbers("prestretch", rule=_STRETCH, count=2)
     film = Film(
         thickness=table.quantity("thickness", "length", rule=_THICKNESS),
@@ -180,6 +253,7 @@ def _film(table: Table, read_material: Callable[[Table, str], Material]) -> Film
         relative_permittivity=table.number("relative_permittivity", rule=_PERMITTIVITY),
         permittivity_exponent=table.number("permittivity_exponent", 0.0, _EXPONENT),
         density=table.quantity("density", "density", "0 kg/m^3", _DENSITY),
+        strength=read_strength(table, "breakdown"),
     )
     table.done()
     return film
@@ -190,6 +264,13 @@ def _electrode(table: Table) -> Electrode:
         margin_frame=table.quantity("margin_frame", "length", "0 mm", NON_NEGATIVE),
         margin_plate=table.quantity("margin_plate", "length", "0 mm", NON_NEGATIVE),
         stiffness=table.quantity("stiffness", "stress", "0 kPa", NON_NEGATIVE),
+        outline=_region(table.table("outline")) if "outline" in table else None,
     )
+    table.asked.add("outline")
     table.done()
     return electrode
+
+
+def _region(table: Table) -> Region:
+    offset = _offset(table)
+    return Region(_outline(table), offset)

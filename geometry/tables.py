@@ -102,6 +102,19 @@ class Table:
         items = self._list(key, self.value(key, default), count, f'quantities ({dimension})')
         return tuple(self._quantity(key, item, dimension, rule) for item in items)
 
+    def pair(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE) -> tuple[float, float]:
+        """Two quantities with units, in SI."""
+        first, second = self.quantities(key, dimension, default, rule, 2)
+        return first, second
+
+    def tables(self, key: str) -> tuple[Table, ...]:
+        """Sub-tables of a list, or a single one; none if the key is missing."""
+        value = self.value(key, [])
+        entries = [value] if isinstance(value, dict) else value
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise self.error(key, "must be a table, or a list of tables", value)
+        return tuple(Table(self.file, entry, f"{self.path(key)}.{number}") for number, entry in enumerate(entries))
+
     def choice(self, key: str, options: Mapping[str, T], default: Any = REQUIRED) -> T:
         """One of several named values."""
         name = self.value(key, default)

@@ -21,6 +21,7 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "stiffness per length": ("N/m", "5 N/m"),
     "density": ("kg/m^3", "960 kg/m^3"),
     "force": ("N", "0.2 N"),
+    "field": ("V/m", "30 MV/m"),
 }
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)

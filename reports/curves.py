@@ -72,6 +72,9 @@ def _panel(axes: Axes, run: Run, mass: float) -> None:
             marker = _MARKERS[index % len(_MARKERS)]
             axes.plot(curve.voltage, curve.deflection, marker=marker, markersize=3.2, color=colour,
                       label=label(specimen.name, curve))
+            # Hollow: part of the film has lost tension.
+            axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker, markersize=3.2,
+                      color=colour, markerfacecolor="white", linestyle="none", zorder=5)
             _mark_pull_in(axes, curve, colour)
     axes.set_title(f"{mass:g} g", weight="bold", loc="left")
     axes.set_xlabel("voltage (kV)")

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from reports import style
 from reports.scales import (
@@ -179,6 +180,16 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
         sample.set_axis_off()
         sample.plot([0, 1], [0, 0], dashes, color=colour, clip_on=False)
         _write(figure, right + 9.5, down, f"{name} axis", va="center")
+    if any(item.loose for item in run.specimens):
+        _explain_hatches(figure, right, top + 14.1)
+
+
+def _explain_hatches(figure: Figure, left: float, top: float) -> None:
+    """What a hatched zone is."""
+    sample = style.place(figure, left, top, 8.0, 2.8)
+    sample.set_axis_off()
+    sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////", linewidth=0.6))
+    _write(figure, left + 9.5, top + 1.4, "tension lost", va="center")
 
 
 def stress_label(scale: Scale) -> str:

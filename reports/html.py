@@ -74,7 +74,8 @@ def page(run: Run, fig4: str, curves_: str) -> str:
     template = environment.from_string(resources.files("reports").joinpath("report.html").read_text(encoding="utf-8"))
     return template.render(
         run=run, summary=words.summary(run), warnings=words.warnings(run), fig4=fig4,
-        curves=curves_, design=figure4.plan(run.specimens, run.stress_range),
+        curves=curves_, hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
+        design=figure4.plan(run.specimens, run.stress_range),
         results=[(item, result_row(item)) for item in run.specimens],
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
         circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
@@ -88,10 +89,11 @@ def embedded(file: Path) -> str:
 
 
 def result_row(specimen: Stored) -> tuple[str, ...]:
-    """Deflection [mm], reaction [N], capacitance [nF], stretch, stress [kPa], field [MV/m], unknowns, time [s]."""
+    """The columns of the table of results after the name, as text, in its units."""
     result = specimen.result
     scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),
-              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3), (result.max_field_V_per_m, 1e-6))
+              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3), (result.max_field_V_per_m, 1e-6),
+              (result.breakdown_margin, 1.0), (result.slack_share, 100.0))
     numbers = [digits(None if value is None else value * factor, 4) for value, factor in scaled]
     return (*numbers, f"{result.dofs}", digits(result.wall_s, 2))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import ceil, cos, floor, radians, sin
+from math import ceil, cos, floor, radians, sin, sqrt
 
 import numpy as np
 import pyvista as pv
@@ -18,6 +18,7 @@ from reports.scales import Scale
 from reports.stored import Array, Film, Stored
 
 _MOUNTED = ("across", "back")
+_LOOSE = ("wrinkled", "slack")
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class View:
     short: str
     long: str
     elevation: float = 66.0
+    ink: str = "white"  #: of the net
 
     @property
     def towards(self) -> Array:
@@ -71,12 +73,17 @@ def picture(specimen: Stored, view: View) -> Picture:
     MissingLibrary
         When there is no OpenGL to draw with.
     """
-    turned = specimen.semi_axes[1] > specimen.semi_axes[0]
-    surface = film_surface(specimen.film, view, turned)
+    return film_picture(specimen.film, view, specimen.semi_axes[1] > specimen.semi_axes[0])
+
+
+def film_picture(film: Film, view: View, turned: bool) -> Picture:
+    """The same of any film with a number at its points, with y across the picture where it is ``turned``."""
+    surface = film_surface(film, view, turned)
     extent, size = frame(view.project(np.asarray(surface.points)), view.resolution)
     with _plotter(size) as plotter:
         plotter.add_mesh(surface, scalars="stress", cmap=view.colours, clim=(view.scale.low, view.scale.high),
                          lighting=False, show_scalar_bar=False, n_colors=1024)
+        _add_hatches(plotter, surface, view)
         _add_lines(plotter, surface, view)
         for rim in outlines(surface)[1:]:
             _add_plate(plotter, rim, view)
@@ -90,6 +97,9 @@ def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
     faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
     surface = pv.PolyData(film.points, faces)
     surface["stress"] = film.stress
+    # The state says on which side of a zone's edge a point lies, the stress how far from it.
+    for state, (name, stress) in enumerate(zip(_LOOSE, (film.least, film.stress), strict=True), start=1):
+        surface[name] = np.where(film.tension >= state, 1, -1) * np.abs(stress)
     for name, coordinate in zip(_MOUNTED, view.place(film.mounted, turned).T[:2], strict=True):
         surface[name] = coordinate
     # Shared edges are computed from both sides and differ by rounding only.
@@ -122,16 +132,32 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
     edges = outlines(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
-        net = surface.contour(_net(surface, coordinate, view.net), scalars=_MOUNTED[coordinate])
-        _add_line(plotter, net, "white", 0.5 * view.line, view.towards, opacity=0.35)
+        net = surface.contour(_net(surface, _MOUNTED[coordinate], view.net), scalars=_MOUNTED[coordinate])
+        _add_line(plotter, net, view.ink, 0.5 * view.line, view.towards, opacity=0.35)
         normal = "xy"[coordinate]
         _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, 2 * view.towards)
     for loop in edges:
         _add_line(plotter, pv.lines_from_points(loop), "black", view.line, 3 * view.towards)
 
 
-def _net(surface: pv.PolyData, coordinate: int, spacing: float) -> list[float]:
-    low, high = surface.get_data_range(_MOUNTED[coordinate])
+def _add_hatches(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
+    """The edge of every zone without tension, hatched; crosswise where there is none in any direction."""
+    spacing = 6 * view.line / view.resolution
+    for name, sign in zip(_LOOSE, (1, -1), strict=True):
+        if surface[name].max() <= 0:
+            return
+        zone = surface.clip_scalar(scalars=name, invert=False, value=0.0)
+        zone["hatch"] = (zone["across"] + sign * zone["back"]) / sqrt(2)
+        lines = zone.contour(_net(zone, "hatch", spacing), scalars="hatch")
+        for line in (lines, surface.contour([0.0], scalars=name)):
+            # Black on white can be seen on any colour of the film.
+            _add_line(plotter, line, "white", 1.1 * view.line, view.towards)
+            _add_line(plotter, line, "black", 0.55 * view.line, 2 * view.towards)
+
+
+def _net(surface: pv.PolyData, coordinate: str, spacing: float) -> list[float]:
+    """Multiples of the spacing that a coordinate of the points takes."""
+    low, high = surface.get_data_range(coordinate)
     return (spacing * np.arange(ceil(low / spacing), floor(high / spacing) + 1)).tolist()
 
 

@@ -60,17 +60,28 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Deflection [mm] against voltage [kV] under one mass [g]; the deflection is NaN where ``status`` has none."""
+    """Deflection [mm] against voltage [kV] under one mass [g]; the deflection is NaN where ``status`` has none.
+
+    ``slack`` is the share of the film that has lost tension, ``margin`` the smallest strength over field, NaN where
+    there is none.
+    """
 
     mass: float
     voltage: Array
     status: tuple[str, ...]
     deflection: Array
+    slack: Array
+    margin: Array
 
     @property
     def found(self) -> NDArray[np.bool_]:
         """Where there is an equilibrium."""
         return np.array([status == "equilibrium" for status in self.status])
+
+    @property
+    def loose(self) -> NDArray[np.bool_]:
+        """Where part of the film has lost tension."""
+        return self.slack > 0
 
     @property
     def pull_in(self) -> tuple[float, float] | None:
@@ -86,13 +97,16 @@ class Curve:
 class Film:
     """The deformed film: ``points`` [mm], shape (n, 3), z along the load; triangles; largest true stress [kPa].
 
-    ``mounted`` is where the points lay in the flat film [mm].
+    ``mounted`` is where the points lay in the flat film [mm], ``least`` the smaller principal true stress [kPa],
+    ``tension`` 0 where the film is taut, 1 wrinkled, 2 slack.
     """
 
     points: Array
     mounted: Array
     triangles: NDArray[np.int64]
     stress: Array
+    least: Array
+    tension: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +124,11 @@ class Stored:
     along_y: Line
     around_plate: Line
     curves: tuple[Curve, ...]
+
+    @property
+    def loose(self) -> bool:
+        """Whether the film has lost tension anywhere."""
+        return bool(self.film.tension.any())
 
     @property
     def round(self) -> bool:
@@ -214,17 +233,18 @@ def _film(file: Path) -> Film:
     try:
         # The reader itself, since meshio.read ends the whole process on a file it cannot read.
         mesh = vtu.read(file)
-        points, displacement, stress = (np.asarray(values, float) for values in (
-            mesh.points, mesh.point_data["displacement"], mesh.point_data["stress_1"]))
+        points, displacement, stress, least, tension = (np.asarray(values, float) for values in (
+            mesh.points, *(mesh.point_data[name] for name in ("displacement", "stress_1", "stress_2", "tension"))))
         triangles = np.asarray(mesh.cells_dict["triangle"])
         mounted = points - displacement
-        if stress.shape != points.shape[:1] or not len(triangles) or triangles.max() >= len(points):
+        fitting = stress.shape == least.shape == tension.shape == points.shape[:1]
+        if not fitting or not len(triangles) or triangles.max() >= len(points):
             raise ValueError("arrays do not belong together")
     except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
         raise InputError(f"is not a film of a study: {type(error).__name__}: {error}", file=file) from None
-    if not all(np.isfinite(values).all() for values in (points, mounted, stress)):
+    if not all(np.isfinite(values).all() for values in (points, mounted, stress, least, tension)):
         raise InputError("holds values that are not finite", file=file)
-    return Film(points * 1e3, mounted * 1e3, triangles, stress / 1e3)
+    return Film(points * 1e3, mounted * 1e3, triangles, stress / 1e3, least / 1e3, tension)
 
 
 def _lines(file: Path) -> tuple[Line, Line, Line]:
@@ -243,18 +263,20 @@ def _line(file: Path, rows: Sequence[Mapping[str, str]], name: str) -> Line:
 
 
 def _curves(file: Path) -> tuple[Curve, ...]:
-    rows: dict[float, list[tuple[float, str, float]]] = {}
-    for number, row in enumerate(_rows(file, ("mass_g", "voltage_kV", "status", "deflection_mm")), 2):
+    rows: dict[float, list[tuple[float, str, float, float, float]]] = {}
+    columns = ("mass_g", "voltage_kV", "status", "deflection_mm", "slack_share", "breakdown_margin")
+    for number, row in enumerate(_rows(file, columns), 2):
         mass, voltage = (_number(file, number, key, row[key]) for key in ("mass_g", "voltage_kV"))
         there = row["status"] == "equilibrium"
-        deflection = _number(file, number, "deflection_mm", row["deflection_mm"]) if there else np.nan
-        rows.setdefault(mass, []).append((voltage, row["status"], deflection))
+        deflection, slack = (_number(file, number, key, row[key]) if there else np.nan for key in columns[3:5])
+        margin = _number(file, number, columns[5], row[columns[5]]) if row[columns[5]] else np.nan
+        rows.setdefault(mass, []).append((voltage, row["status"], deflection, slack, margin))
     return tuple(_curve(mass, points) for mass, points in rows.items())
 
 
-def _curve(mass: float, points: Sequence[tuple[float, str, float]]) -> Curve:
-    voltage, status, deflection = zip(*points, strict=True)
-    return Curve(mass, np.array(voltage), tuple(status), np.array(deflection))
+def _curve(mass: float, points: Sequence[tuple[float, str, float, float, float]]) -> Curve:
+    voltage, status, *values = zip(*points, strict=True)
+    return Curve(mass, np.array(voltage), status, *map(np.array, values))
 
 
 def _alpha(table: Table) -> AlphaResult:

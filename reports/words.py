@@ -15,7 +15,8 @@ from studies.alpha import AlphaResult
 def summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
     stress = stress_at_plate(run.specimens, run.stress_range[0])
-    return tied(" ".join(filter(None, (deflections(run), stress, strokes(run), weights(run.alphas)))))
+    said = (deflections(run), stress, tension(run), breakdown(run), strokes(run), weights(run.alphas))
+    return tied(" ".join(filter(None, said)))
 
 
 def tied(text: str) -> str:
@@ -57,6 +58,21 @@ def more(ratio: float) -> str:
     if abs(ratio - 1) < 5e-4:
         return "sinks as much"
     return f"sinks {percent(abs(ratio - 1))} {'more' if ratio > 1 else 'less'}"
+
+
+def tension(run: Run) -> str:
+    """Which films of the picture have lost tension, and over how much of their area."""
+    lost = [f"{percent(item.result.slack_share)} of {item.name}" for item in run.specimens if item.loose]
+    return f"Tension is lost in {listed(lost)}: the film wrinkles there (hatched)." if lost else ""
+
+
+def breakdown(run: Run) -> str:
+    """How far each film of the picture is from electrical breakdown, where a strength is known."""
+    known = [(item, item.result.breakdown_margin) for item in run.specimens if item.result.breakdown_margin is not None]
+    if not known:
+        return ""
+    each = listed([f"{digits(margin)} ({item.name})" for item, margin in known])
+    return f"The film's electric strength is at least {each} times its field."
 
 
 def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
@@ -153,6 +169,13 @@ def _gaps(specimen: Stored) -> Iterator[str]:
         if lost:
             yield (f"{specimen.name}: the curve for {curve.mass:g} g has no result at "
                    f"{', '.join(f'{voltage:g}' for voltage in lost)} kV (not converged)")
+        slack = curve.voltage[curve.loose]
+        if len(slack):
+            yield (f"{specimen.name}: under {curve.mass:g} g the film loses tension from {slack[0]:g} kV on, over up "
+                   f"to {percent(float(np.nanmax(curve.slack)))} of it")
+        broken = curve.voltage[curve.margin < 1]
+        if len(broken):
+            yield f"{specimen.name}: under {curve.mass:g} g the film would break down from {broken[0]:g} kV on"
         if curve.pull_in is not None:
             below, above = curve.pull_in
             first = "at no voltage tried" if np.isnan(below) else f"only up to between {below:g} and {above:g} kV"

@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.fields import edge_fields, whole
+from fem.fields import edge_fields, reaction, whole
+from fem.loading import Loading
 from fem.model import Model
 from fem.newton import Solution
 from fem.paths import held, voltage_path
@@ -124,7 +125,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     """
     short, long = sorted(specimen.frame.semi_axes)
     radii = (short, long) if long > short * (1 + 1e-9) else (short,)
-    model = build_model(specimen, settings)
+    model = build_model(specimen, settings, rig.loading)
     warnings: list[str] = []
     progress(f"{specimen.name}: equilibria")
     fit = _equilibria(model, alpha_settings.fit, rig, settings, len(radii), warnings)
@@ -132,7 +133,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     if not len(fit.force):
         raise InputError("has no equilibrium at any load of the fit", key="alpha", given=specimen.name)
     progress(f"{specimen.name}: circles")
-    circles = [_circle_model(specimen, radius, settings) for radius in radii]
+    circles = [_circle_model(specimen, radius, settings, rig.loading) for radius in radii]
     cones = [ConeCircle(specimen, radius) for radius in radii]
     membrane = [_membrane_forces(circles, samples, settings) for samples in (fit, test)]
     cone = [_cone_forces(cones, samples) for samples in (fit, test)]
@@ -202,7 +203,7 @@ def _equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, cir
     shares: list[Array] = []
     for mass in loads.masses:
         seen = [rig.film_voltage(voltage) for voltage in loads.voltages]
-        for outcome in voltage_path(model, rig.force(mass), seen, rig.spring, settings.path):
+        for outcome in voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path):
             state = outcome.state
             if outcome.status != "equilibrium":
                 warnings.append(f"{mass * 1e3:g} g: {why(outcome)}; loads beyond are left out")
@@ -210,14 +211,14 @@ def _equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, cir
             if state.plate.heave <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
-            rows.append((state.force - rig.spring * state.plate.heave, state.plate.heave,
+            rows.append((reaction(model, state), state.plate.heave,
                          float(np.sqrt(state.voltage_squared))))
             shares.append(sector_shares(model, state) if circles == 2 else np.ones(1))
     force, deflection, voltage = np.array(rows).reshape(-1, 3).T
     return _Samples(force, deflection, voltage, np.array(shares).reshape(-1, circles))
 
 
-def _circle_model(specimen: Specimen, radius: float, settings: Settings) -> Model:
+def _circle_model(specimen: Specimen, radius: float, settings: Settings, loading: Loading) -> Model:
     """The circular specimen of a radius with the same film, electrode and plate, its plate in the middle."""
     try:
         circle = replace(specimen, name=f"circle {radius * 1e3:g} mm", frame=Circle(radius),
@@ -225,7 +226,7 @@ def _circle_model(specimen: Specimen, radius: float, settings: Settings) -> Mode
     except InputError as error:
         raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: {error.allowed}", key="alpha",
                          given=specimen.name) from None
-    return build_model(circle, settings)
+    return build_model(circle, settings, loading)
 
 
 def _membrane_forces(circles: list[Model], samples: _Samples, settings: Settings) -> Array:

@@ -9,15 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from fem.fields import Fields, capacitance, cell_fields
-from fem.laws import STRETCH_RANGE
+from fem.admissibility import failures
+from fem.controls import capacitance_of
+from fem.fields import Fields, LostTension, cell_fields, lost_tension, reaction
+from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
 from fem.rig import Rig, checked_load
+from fem.state import State
+from fem.tautness import Tension
 from geometry.errors import InputError
 from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
-from geometry.specimen import Specimen
+from geometry.specimen import Material, Specimen
+
+#: Below this margin to breakdown a result warns; strengths scatter by more.
+LEAST_MARGIN = 1.2
+
+_ALONE = Loading()
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,9 @@ class Case:
 class CaseResult:
     """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
 
-    ``reading_m`` is what the rig's sensor shows of the deflection.
+    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the smallest strength over
+    field, None without voltage or a strength law, and its place on the mounted film.
+    ``slack_area_m2`` is the mounted area that carries tension in one direction or none, ``slack_share`` its share.
     """
 
     specimen: str
@@ -61,6 +72,11 @@ class CaseResult:
     max_stretch: float | None = None
     max_true_stress_Pa: float | None = None
     max_field_V_per_m: float | None = None
+    breakdown_margin: float | None = None
+    breakdown_x_m: float | None = None
+    breakdown_y_m: float | None = None
+    slack_area_m2: float | None = None
+    slack_share: float | None = None
     tilt_rad: float | None = None
     energy_J: float | None = None
     dofs: int
@@ -72,8 +88,7 @@ class CaseResult:
         return {**asdict(self), "warnings": list(self.warnings)}
 
 
-@lru_cache(maxsize=32)
-def build_model(specimen: Specimen, settings: Settings) -> Model:
+def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
     """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
 
     The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
@@ -83,7 +98,13 @@ def build_model(specimen: Specimen, settings: Settings) -> Model:
     InputError
         When no mesh without folded elements is found.
     """
-    planes = specimen.mirror_planes
+    planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
+    return meshed(specimen, settings, planes).with_loading(loading)
+
+
+@lru_cache(maxsize=32)
+def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """The model on a mesh that uses these mirror planes, nothing acting on it."""
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
@@ -94,10 +115,10 @@ def build_model(specimen: Specimen, settings: Settings) -> Model:
 
 def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     """The model of a case and its equilibrium, or why there is none."""
-    model = build_model(case.specimen, settings)
     rig = case.rig
-    outcome = equilibrium(model, rig.force(case.mass), rig.film_voltage(case.voltage), rig.spring,
-                          settings=settings.path)
+    model = build_model(case.specimen, settings, rig.loading)
+    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), rig.film_voltage(case.voltage),
+                          rig.gas_pressure, settings=settings.path)
     return model, outcome
 
 
@@ -115,45 +136,76 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
                         dofs=model.unknowns, wall_s=wall, warnings=())
     if outcome.status != "equilibrium":
         return replace(result, warnings=(why(outcome), *_last_state(model, outcome)))
-    forces = model.forces(state.positions, state.voltage_squared)
-    fields = node_fields(model, outcome)
+    fields = node_fields(model, state)
+    lost = lost_tension(model, state)
+    weakest = _weakest(fields)
     return replace(
         result,
         deflection_m=state.plate.heave,
         reading_m=case.rig.reading(state.plate.heave),
-        reaction_N=float(forces[model.plate_nodes, 2].sum()) * model.mirrored,
-        capacitance_F=capacitance(model, state),
+        reaction_N=reaction(model, state),
+        capacitance_F=capacitance_of(model, state),
         max_stretch=float(fields.stretch_1.max()),
         max_true_stress_Pa=float(fields.stress_1.max()),
         max_field_V_per_m=float(fields.electric_field.max()),
+        breakdown_margin=None if weakest is None else float(1 / fields.breakdown_share[weakest]),
+        breakdown_x_m=None if weakest is None else float(fields.position[weakest, 0]),
+        breakdown_y_m=None if weakest is None else float(fields.position[weakest, 1]),
+        slack_area_m2=lost.wrinkled + lost.slack,
+        slack_share=lost.share,
         tilt_rad=state.plate.tilt,
         energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
-        warnings=tuple(field_warnings(fields)),
+        warnings=tuple(field_warnings(fields, lost, case.specimen.membrane.material)),
     )
 
 
-def node_fields(model: Model, outcome: Outcome) -> Fields:
+def node_fields(model: Model, state: State) -> Fields:
     """Fields at the nodes of every element of the model's mesh."""
-    return cell_fields(model, outcome.state, ELEMENTS[model.mesh.order].doflocs.T)
+    return cell_fields(model, state, ELEMENTS[model.mesh.order].doflocs.T)
 
 
-def field_warnings(fields: Fields) -> list[str]:
+def state_warnings(model: Model, state: State) -> list[str]:
+    """What a reader of a state must know before trusting it."""
+    return field_warnings(node_fields(model, state), lost_tension(model, state), model.specimen.membrane.material)
+
+
+def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
-    warnings = []
-    slack = fields.stress_2 <= 0
-    if slack.any():
-        x, y, _ = fields.position[np.argmin(fields.stress_2)] * 1e3
-        warnings.append(f"the film loses tension and will wrinkle: smallest principal stress "
-                        f"{fields.stress_2.min() / 1e3:.3g} kPa at x {x:.1f} mm, y {y:.1f} mm")
-    if fields.stretch_1.max() > STRETCH_RANGE[1]:
-        warnings.append(f"the largest stretch {fields.stretch_1.max():.2f} is beyond {STRETCH_RANGE[1]}, "
-                        "the range materials are checked for")
+    warnings = [*_tension_warnings(fields, lost), *_breakdown_warnings(fields)]
+    warnings += map(str, failures(material, fields.position, fields.stretch_1, fields.stretch_2))
     return warnings
+
+
+def _tension_warnings(fields: Fields, lost: LostTension) -> list[str]:
+    loose = fields[fields.tension != Tension.TAUT]
+    if not len(loose.tension):
+        return []
+    x, y, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+    area = (lost.wrinkled + lost.slack) * 1e4
+    over = f" over {area:.3g} cm² of the mounted film ({lost.share:.2%})" if area else ""
+    over += f", {lost.slack * 1e4:.3g} cm² of them slack in all directions" if lost.slack else ""
+    return [f"the film loses tension and wrinkles{over}, most at x {x:.1f} mm, y {y:.1f} mm"]
+
+
+def _weakest(fields: Fields) -> int | None:
+    """The point nearest to breakdown, or None where there is no field or no strength law."""
+    return int(np.argmax(fields.breakdown_share)) if fields.breakdown_share.any() else None
+
+
+def _breakdown_warnings(fields: Fields) -> list[str]:
+    weakest = _weakest(fields)
+    if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
+        return []
+    margin, (x, y, _) = 1 / fields.breakdown_share[weakest], fields.position[weakest] * 1e3
+    field, strength = (values[weakest] / 1e6 for values in (fields.electric_field, fields.breakdown_strength))
+    what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
+    return [f"the film {what} at x {x:.1f} mm, y {y:.1f} mm: field {field:.3g} of {strength:.3g} MV/m"]
 
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
     """Warnings about the last state before the failure, said to be that."""
-    return [f"at the last equilibrium before that, {words}" for words in field_warnings(node_fields(model, outcome))]
+    found = state_warnings(model, outcome.state)
+    return [f"at the last equilibrium before that, {words}" for words in found]
 
 
 def why(outcome: Outcome) -> str:

@@ -17,8 +17,13 @@ from studies.store import write_atomically
 
 
 def export(specimen: Specimen, settings: MeshSettings, folder: Path) -> Iterator[Path]:
-    """Write frame, plate and film as STEP and DXF [mm] and a second-order mesh as VTU [m]; yields the files."""
+    """Write frame, plate and film as STEP and DXF [mm] and a second-order mesh as VTU [m]; yields the files.
+
+    Where the electrode leaves film bare, it is written too, for a mask.
+    """
     parts = {"frame": cad.frame_part(specimen), "plate": cad.plate_part(specimen), "film": cad.membrane_part(specimen)}
+    if not specimen.electrode.everywhere:
+        parts["electrode"] = cad.electrode_part(specimen)
     for name, part in parts.items():
         for suffix, write in (("step", cad.write_step), ("dxf", cad.write_dxf)):
             file = folder / f"{specimen.name}-{name}.{suffix}"

@@ -19,9 +19,10 @@ from fem.model import Model
 from fem.state import State
 from geometry.errors import InputError
 
-#: Fields of a VTU, in SI; ParaView shows the names.
+#: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack; ``breakdown_share`` is
+#: field over strength, 0 where the strength is unknown.
 STORED = ("displacement", "stretch_1", "stretch_2", "thickness", "electric_field", "maxwell_stress", "stress_1",
-          "stress_2", "stress_radial", "stress_circumferential", "stress_shear")
+          "stress_2", "stress_radial", "stress_circumferential", "stress_shear", "tension", "breakdown_share")
 
 
 def write_atomically(file: Path, write: Callable[[Path], object]) -> None:

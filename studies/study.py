@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.fields import Fields, edge_fields, whole
+from fem.fields import Fields, edge_fields, lost_tension, whole
 from fem.library import load_specimen
 from fem.model import Model
 from fem.paths import voltage_path
@@ -24,7 +24,7 @@ from geometry.specimen import Specimen
 from geometry.tables import NON_NEGATIVE, POSITIVE, Table
 from studies import store
 from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from studies.cases import Case, CaseResult, Settings, build_model, find, summarise
+from studies.cases import Case, CaseResult, Settings, build_model, find, node_fields, summarise
 
 Progress = Callable[[str], None]
 
@@ -164,7 +164,8 @@ def _one(study: Study, specimen: Specimen, folder: Path, progress: Progress) -> 
     store.write_csv(folder / "lines" / f"{specimen.name}.csv", _LINE_HEADER, _line_rows(model, outcome.state))
     progress(f"{specimen.name}: curves")
     store.write_csv(folder / "curves" / f"{specimen.name}.csv",
-                    ("mass_g", "voltage_kV", "status", "deflection_mm"), _curve_rows(study, specimen))
+                    ("mass_g", "voltage_kV", "status", "deflection_mm", "slack_share", "breakdown_margin"),
+                    _curve_rows(study, specimen))
     return result
 
 
@@ -187,13 +188,20 @@ def _rows(line: str, distance: np.ndarray, fields: Fields) -> Iterator[tuple[obj
 
 
 def _curve_rows(study: Study, specimen: Specimen) -> Iterator[tuple[object, ...]]:
-    model = build_model(specimen, study.settings)
+    model = build_model(specimen, study.settings, study.rig.loading)
     for mass in study.curves.masses:
         seen = [study.rig.film_voltage(voltage) for voltage in study.curves.voltages]
-        path = voltage_path(model, study.rig.force(mass), seen, study.rig.spring, study.settings.path)
+        path = voltage_path(model, study.rig.force(mass, model.plate_area), seen, study.rig.gas_pressure,
+                            study.settings.path)
         for voltage, outcome in zip(study.curves.voltages, path, strict=True):
-            heave = outcome.state.plate.heave * 1e3 if outcome.status == "equilibrium" else ""
-            yield mass * 1e3, voltage / 1e3, outcome.status, heave
+            found = _curve_values(model, outcome.state) if outcome.status == "equilibrium" else ("", "", "")
+            yield mass * 1e3, voltage / 1e3, outcome.status, *found
+
+
+def _curve_values(model: Model, state: State) -> tuple[object, ...]:
+    """Deflection [mm], share of the film without tension, margin to breakdown if known."""
+    largest = float(node_fields(model, state).breakdown_share.max())
+    return state.plate.heave * 1e3, lost_tension(model, state).share, 1 / largest if largest else ""
 
 
 def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:

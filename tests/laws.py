@@ -13,7 +13,7 @@ from typing import Any
 import axisymmetric
 import numpy as np
 
-from fem.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+from fem.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, PrestretchedOgden, Separable, Yeoh
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,37 @@ def arruda_boyce(mu: float, links: float) -> axisymmetric.EnergyFunction:
                          + 519 * i1**4 / (134750 * links**4)))
 
 
+def eq8(stretch: Any) -> Any:
+    """The source paper's Eq. (8) with two terms, β 40 and 2 kPa, γ 3 and 1.5 kPa."""
+    return 40e3 * stretch**2 - 3e3 / stretch**2 + 2e3 * stretch**4 - 1.5e3 / stretch**4
+
+
+def separable(reference: float) -> axisymmetric.EnergyFunction:
+    """Eq. (8) along each axis on its own; the energy is ∫ σ(x)/x dx from 1."""
+    def axis(x: Any) -> Any:
+        return 20e3 * x**2 + 1.5e3 / x**2 + 500 * x**4 + 375 / x**4 - 22375
+
+    return axisymmetric.EnergyFunction(lambda l1, l2: axis(l1 / reference) + axis(l2 / reference),
+                                       lambda l1, l2: eq8(l1 / reference) / l1 + 0 * l2,
+                                       lambda l1, l2: eq8(l2 / reference) / l2 + 0 * l1)
+
+
+def prestretched_ogden(reference: float) -> axisymmetric.EnergyFunction:
+    """The same with γ on the thickness, as an Ogden law of the virgin film with constants that differ by axis."""
+    inner, outer = ((40e3, 2e3), (2, 4)), ((3e3, 1.5e3), (2, 4))
+
+    def energy(l1: Any, l2: Any) -> Any:
+        plane = sum(b / a * (l1**a + l2**a) / reference**a for b, a in zip(*inner, strict=True))
+        return plane + sum(g / a * reference ** (2 * a) / (l1 * l2) ** a for g, a in zip(*outer, strict=True)) - 42875
+
+    def stress(l1: Any, l2: Any) -> Any:
+        squeeze = reference**2 / (l1 * l2)
+        up, down = (l1 / reference) ** 2, squeeze**2
+        return (40e3 * up - 3e3 * down + 2e3 * up**2 - 1.5e3 * down**2) / l1
+
+    return axisymmetric.EnergyFunction(energy, stress, lambda l1, l2: stress(l2, l1))
+
+
 SAMPLES = {
     "ogden": Sample(
         Ogden((16e3, 300.0), (1.7, 4.2)), 'mu = ["16 kPa", "0.3 kPa"]\nalpha = [1.7, 4.2]',
@@ -82,4 +113,13 @@ SAMPLES = {
     "arruda_boyce": Sample(
         ArrudaBoyce(14e3, 4.0), 'mu = "14 kPa"\nlambda_lock = 4', arruda_boyce(14e3, 16.0),
         14e3 * 4.96 * (1 + 10.04 / 80 + 11 * 10.04**2 / 44800 + 19 * 10.04**3 / 3584000 + 519 * 10.04**4 / 4415488000)),
+    "separable": Sample(
+        Separable((40e3, 2e3), (3e3, 1.5e3), (2.0, 4.0), 2.1),
+        'beta = ["40 kPa", "2 kPa"]\ngamma = ["3 kPa", "1.5 kPa"]\nreference = 2.1', separable(2.1),
+        40e3 * 5 / 4.41 - 3e3 * 4.41 / 5 + 2e3 * 25 / 4.41**2 - 1.5e3 * 4.41**2 / 25),
+    "prestretched_ogden": Sample(
+        PrestretchedOgden((40e3, 2e3), (3e3, 1.5e3), (2.0, 4.0), 2.1),
+        'beta = ["40 kPa", "2 kPa"]\ngamma = ["3 kPa", "1.5 kPa"]\nalpha = [2, 4]\nreference = 2.1',
+        prestretched_ogden(2.1),
+        40e3 * 5 / 4.41 - 3e3 * 4.41**2 / 25 + 2e3 * 25 / 4.41**2 - 1.5e3 * 4.41**4 / 625),
 }

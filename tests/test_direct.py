@@ -15,6 +15,7 @@ from fem.direct import Analysis, analyse, analyses, factorise
 from fem.dissection import elimination_order
 from fem.model import Model
 from fem.pattern import Pattern
+from fem.state import State
 from fem.superlu import SuperLU, SuperLUFactors
 
 SOLVERS = ("SuperLU", *(["Pardiso"] if find_spec("pypardiso") else []))
@@ -28,7 +29,7 @@ def film(request: pytest.FixtureRequest) -> Model:
 @pytest.fixture(scope="module")
 def tangent(film: Model) -> csc_matrix:
     positions, plate = deformed(film)
-    return film.linearised(positions, plate, 2500.0**2).inner
+    return film.linearised(State(positions, plate, 2500.0**2)).inner
 
 
 def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) -> Analysis:
@@ -138,7 +139,7 @@ def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
     order = order_of(film)
     assert (np.sort(order) == np.arange(film.free.sum())).all()
     positions, plate = deformed(film)
-    matrix = film.linearised(positions, plate, 0.0).inner
+    matrix = film.linearised(State(positions, plate)).inner
     ours = SuperLU(matrix.indices, matrix.indptr, order).factorise(matrix)
     theirs = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     assert isinstance(ours, SuperLUFactors)
@@ -150,7 +151,7 @@ def test_fill_grows_little_faster_than_the_unknowns() -> None:
     fills, sizes = [], []
     for refine in (1.5, 3.0):
         film = model(circular(), symmetry=False, refine=refine, order=2)
-        matrix = film.linearised(film.reference, deformed(film)[1], 0.0).inner
+        matrix = film.linearised(State.mounted(film)).inner
         fills.append(SuperLU(matrix.indices, matrix.indptr, order_of(film)).factorise(matrix).factors.nnz)
         sizes.append(matrix.shape[0])
     assert fills[1] / fills[0] < 1.5 * sizes[1] / sizes[0]

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from fem.fields import edge_fields, whole
 from fem.laws import Ogden
 from fem.library import load_specimen
+from fem.loading import Loading, Spring
 from fem.model import Model
 from fem.newton import NewtonSettings, newton
 from fem.paths import equilibrium, held, voltage_path
@@ -267,7 +268,7 @@ def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
 
 
 def test_reaction_balances_weight_and_spring(skewed_model: Model) -> None:
-    outcome = equilibrium(skewed_model, 0.2, 3000.0, spring=5.0)
+    outcome = equilibrium(skewed_model.with_loading(Loading((Spring(5.0),))), 0.2, 3000.0)
     assert outcome.status == "equilibrium"
     state = outcome.state
     forces = skewed_model.forces(state.positions, state.voltage_squared)
@@ -294,7 +295,7 @@ def test_newton_converges_quadratically(skewed_model: Model) -> None:
     errors = []
     for tangents in (1, 2, 3):
         # A correction bound no step meets: Newton stops after the given number of tangents, undamped.
-        stopped = newton(skewed_model, start, "heave", settings=NewtonSettings(correction=0.0, iterations=tangents))
+        stopped = newton(skewed_model, start, settings=NewtonSettings(correction=0.0, iterations=tangents))
         errors.append(np.abs(stopped.state.positions - exact.positions).max() / skewed_model.size)
     assert errors[0] < 1e-2
     assert errors[1] < 50 * errors[0] ** 2
@@ -329,11 +330,11 @@ def test_pull_in_is_where_the_ode_has_it() -> None:
 
 def test_unsymmetric_specimen_is_found_from_another_direction(skewed_model: Model) -> None:
     """Load then voltage (the default) and voltage then load end in the same state."""
-    from fem.paths import PathSettings, ramp
+    from fem.paths import ramp
 
-    start = newton(skewed_model, State.mounted(skewed_model), "heave")
-    charged = ramp(skewed_model, start, "voltage", 3000.0**2, 0.0, PathSettings())
-    loaded = ramp(skewed_model, charged.solution, "force", 0.2, 0.0, PathSettings())
+    start = newton(skewed_model, State.mounted(skewed_model))
+    charged = ramp(skewed_model, start, "voltage", 3000.0**2)
+    loaded = ramp(skewed_model, charged.solution, "force", 0.2)
     usual = equilibrium(skewed_model, 0.2, 3000.0)
     assert loaded.status == usual.status == "equilibrium"
     assert np.allclose(loaded.state.positions, usual.state.positions, atol=1e-9)

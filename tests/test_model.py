@@ -11,6 +11,7 @@ from skfem.helpers import ddot, grad
 
 from fem.model import Model
 from fem.plate import HEAVE, PlateMotion
+from fem.state import State
 from geometry.mesh import unfold
 
 VOLTAGE_SQUARED = 2500.0**2
@@ -37,14 +38,16 @@ def test_forces_are_the_energy_s_derivative_by_the_complex_step(skewed_model: Mo
 
 
 def test_voltage_forces_are_the_forces_derivative(skewed_model: Model) -> None:
-    positions, _ = deformed(skewed_model)
+    positions, plate = deformed(skewed_model)
     change = (skewed_model.forces(positions, VOLTAGE_SQUARED) - skewed_model.forces(positions, 0.0)) / VOLTAGE_SQUARED
-    assert np.allclose(skewed_model.voltage_forces(positions), change, rtol=0, atol=1e-10 * np.abs(change).max())
+    inner, border = skewed_model.by_load(State(positions, plate, VOLTAGE_SQUARED), "voltage")
+    assert np.allclose(inner, change[skewed_model.free], rtol=0, atol=1e-10 * np.abs(change).max())
+    assert np.allclose(border, skewed_model.plate_forces(change, plate), rtol=0, atol=1e-10 * np.abs(change).max())
 
 
 def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Model) -> None:
     positions, plate = deformed(skewed_model)
-    part = skewed_model.linearised(positions, plate, VOLTAGE_SQUARED)
+    part = skewed_model.linearised(State(positions, plate, VOLTAGE_SQUARED))
     direction = np.random.default_rng(2).normal(size=positions.shape) * skewed_model.free
     step = 1e-30
     change = skewed_model.forces(positions + 1j * step * direction, VOLTAGE_SQUARED).imag / step
@@ -60,7 +63,7 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
     """Energy minus its quadratic model falls with the third power of the step, plate rotations included."""
     film = skewed_model
     positions, plate = deformed(film)
-    part = film.linearised(positions, plate, VOLTAGE_SQUARED)
+    part = film.linearised(State(positions, plate, VOLTAGE_SQUARED))
     rng = np.random.default_rng(3)
     free = 1e-3 * rng.normal(size=int(film.free.sum()))
     border = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
@@ -112,7 +115,7 @@ def test_assembly_agrees_with_scikit_fem_forms() -> None:
 
     matrix = tangent.assemble(vector, x=vector.interpolate(x))
     order = np.stack(nodes, axis=1)[film.free]
-    inner = film.linearised(positions, plate, 0.0).inner
+    inner = film.linearised(State(positions, plate)).inner
     assert abs(matrix[order][:, order] - inner).max() < 1e-12 * abs(inner).max()
 
 
@@ -170,12 +173,11 @@ def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
 
 def test_voltage_energy_gives_the_charge() -> None:
     """Q = −∂Π/∂U = C U with the capacitance of the recovered fields."""
-    from fem.fields import capacitance
-    from fem.state import State
+    from fem.controls import capacitance_of
 
     film = model(skewed(), refine=0.7, order=2)
     positions, plate = deformed(film)
     voltage, step = 2500.0, 1.0
     above, below = (film.energy(positions, (voltage + change) ** 2) for change in (step, -step))
     charge = -(above - below) / (2 * step)
-    assert charge == pytest.approx(capacitance(film, State(positions, plate)) * voltage, rel=1e-7)
+    assert charge == pytest.approx(capacitance_of(film, State(positions, plate)) * voltage, rel=1e-7)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from conftest import circular, model, skewed
 
+from fem.loading import Loading, Spring
 from fem.model import Model
 from fem.newton import newton
 from fem.paths import equilibrium
 from fem.sensitivity import heave_gradient, parameters
 from geometry.errors import InputError
 
-FORCE, VOLTAGE, SPRING = 0.2, 3000.0, 4.0
+FORCE, VOLTAGE, LOADING = 0.2, 3000.0, Loading((Spring(4.0),), gravity=9.81)
 
 
 def changed(specimen, path: str, factor: float):  # type: ignore[no-untyped-def]
@@ -32,14 +33,15 @@ def changed(specimen, path: str, factor: float):  # type: ignore[no-untyped-def]
 
 @pytest.fixture(scope="module")
 def solved(skewed_model: Model):
-    return skewed_model, equilibrium(skewed_model, FORCE, VOLTAGE, SPRING).solution
+    film = skewed_model.with_loading(LOADING)
+    return film, equilibrium(film, FORCE, VOLTAGE).solution
 
 
 @pytest.mark.parametrize("name", parameters(skewed()))
 def test_gradient_is_the_limit_of_differences(solved, name: str) -> None:
     """Central differences of re-solved equilibria, order two: the error falls fourfold when the step halves."""
     film, solution = solved
-    exact = heave_gradient(film, solution.state, [name], SPRING)[name]
+    exact = heave_gradient(film, solution.state, [name])[name]
     errors = []
     for step in (4e-3, 2e-3):
         heaves, value = [], 1.0
@@ -52,7 +54,7 @@ def test_gradient_is_the_limit_of_differences(solved, name: str) -> None:
             else:
                 value = np.real(_value(film.specimen, name))
                 other = film.with_specimen(changed(film.specimen, name, factor))
-            found = newton(other, state, "heave", SPRING)
+            found = newton(other, state)
             assert found.converged
             heaves.append(found.state.plate.heave)
         errors.append(abs((heaves[0] - heaves[1]) / (2 * step * value) - exact))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tympan import material, modes
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -44,9 +45,11 @@ def _parser() -> argparse.ArgumentParser:
     _study(commands)
     _solve(commands)
     _alpha(commands)
+    modes.add(commands)
     _report(commands)
     _export(commands)
     _materials(commands)
+    material.add(commands)
     return parser
 
 
@@ -176,6 +179,7 @@ def _materials(commands: Any) -> None:
 def _run_materials(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
+    from fem.breakdown import STRENGTHS
     from fem.library import MATERIALS
 
     if options.json:
@@ -184,3 +188,10 @@ def _run_materials(options: argparse.Namespace) -> None:
         return
     for name, entry in MATERIALS.items():
         print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")
+        if entry.film_source:
+            known = {"density": entry.density, "relative permittivity": entry.relative_permittivity}
+            numbers = ", ".join(f"{key} {value:g}" for key, value in known.items() if value is not None)
+            print(f"  film: {numbers} (kg/m³); {entry.film_source}")
+    print("\nelectric strengths, for membrane.breakdown")
+    for name, strength in STRENGTHS.items():
+        print(f"{name}\n  {strength.strength}\n  source: {strength.source}\n  beware: {strength.caveat}")

@@ -3,13 +3,22 @@
 W is per virgin volume [J/m³ = Pa], of an incompressible solid: λ₃ = 1/(λ₁λ₂).
 """
 
-from fem.laws.admissible import STRETCH_RANGE, checked, inadmissible_stretch, reachable_stretches
+from fem.laws.admissible import (
+    STRETCH_RANGE,
+    checked,
+    ellipticity_margin,
+    hill_margin,
+    inadmissible_stretch,
+    reachable_stretches,
+)
 from fem.laws.first_invariant import ArrudaBoyce, Gent, NeoHooke, Yeoh
 from fem.laws.mooney import MooneyRivlin
 from fem.laws.ogden import Ogden
 from fem.laws.registry import REGISTRY, register
+from fem.laws.separable import PrestretchedOgden, Separable
 
 __all__ = [
-    "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "Yeoh", "checked",
-    "inadmissible_stretch", "reachable_stretches", "register",
+    "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "PrestretchedOgden",
+    "Separable", "Yeoh", "checked", "ellipticity_margin", "hill_margin", "inadmissible_stretch", "reachable_stretches",
+    "register",
 ]

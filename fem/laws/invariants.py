@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from math import inf, nan
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ def second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
 
 class FirstInvariantLaw(ABC):
     """A law whose energy is a function f of I₁ − 3 alone."""
+
+    stress_free_when_virgin: ClassVar[bool] = True
 
     @property
     def locking(self) -> float:

@@ -27,6 +27,7 @@ class MooneyRivlin:
     """
 
     law: ClassVar[str] = "mooney_rivlin"
+    stress_free_when_virgin: ClassVar[bool] = True
     c10: float
     c01: float
 

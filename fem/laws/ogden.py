@@ -30,6 +30,7 @@ class Ogden:
     """
 
     law: ClassVar[str] = "ogden"
+    stress_free_when_virgin: ClassVar[bool] = True
     mu: tuple[float, ...]
     alpha: tuple[float, ...]
 

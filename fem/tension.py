@@ -1,0 +1,159 @@
+"""Tension field: what a film without bending stiffness stores once it wrinkles instead of carrying compression."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+_HALVINGS = 60
+_EXACT = 1e-14
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """A share of a material at each point: 1 where it is, 0 where it is not."""
+
+    material: Any
+    weight: Any
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """The material's W and its derivatives times the weight."""
+        return tuple(self.weight * value for value in self.material.derivatives(l1, l2))
+
+    def at(self, shape: tuple[int, ...], points: Array) -> Weighted:
+        """The same for some of the points."""
+        return replace(self, weight=np.broadcast_to(self.weight, shape)[points])
+
+
+@dataclass(frozen=True)
+class Rescaled:
+    """A material whose own virgin state is the film's at the stretch ``scale`` along both axes."""
+
+    material: Any
+    scale: float
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """W and its derivatives by the film's stretches."""
+        w, w1, w2, w11, w12, w22 = self.material.derivatives(l1 / self.scale, l2 / self.scale)
+        s = self.scale
+        return w, w1 / s, w2 / s, w11 / s**2, w12 / s**2, w22 / s**2
+
+
+@dataclass(frozen=True)
+class TensionField:
+    """The quasiconvex envelope of materials that act together, with a residual tension.
+
+    A film cannot bear compression: where the stress along its smaller stretch λ₂ would fall below zero it wrinkles,
+    takes its natural width λ₂*(λ₁), W₂(λ₁, λ₂*) = 0, and stores W(λ₁, λ₂*) (Pipkin, IMA J. Appl. Math. 36, 1986;
+    Steigmann, Proc. R. Soc. A 429, 1990; with voltage W includes the electrostatic energy, at constant potential).
+    That leaves no stiffness across the tension lines. So the film keeps a residual second Piola–Kirchhoff tension
+    ``residual`` there [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
+    tensions exceed κ is not touched at all.
+
+    As a material it wants λ₁ ≥ λ₂ and is symmetric in them otherwise.
+    """
+
+    materials: tuple[Any, ...]
+    residual: Any
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ of the envelope."""
+        plain = total(self.materials, l1, l2)
+        loose = self._loose(plain, l2)
+        if not loose.any():
+            return plain
+        shape = loose.shape
+        kind = np.result_type(*plain, l1, l2, self.residual, float)
+        values = [np.array(np.broadcast_to(value, shape), dtype=kind) for value in plain]
+        for value, relaxed in zip(values, self._relaxed(l1, l2, loose), strict=True):
+            value[loose] = np.where(np.isnan(relaxed), value[loose], relaxed)
+        return tuple(value[()] for value in values)
+
+    def natural(self, l1: Any, l2: Any) -> tuple[Any, Any]:
+        """Stretches of the material itself, those within the wrinkles included: λ₁* ≥ λ₁, λ₂* ≥ λ₂."""
+        loose = self._loose(total(self.materials, l1, l2), l2)
+        if not loose.any():
+            return l1, l2
+        first, second = (np.array(np.broadcast_to(value, loose.shape)) for value in (l1, l2))
+        for value, taken in zip((first, second), self._taken(l1, l2, loose), strict=True):
+            value[loose] = np.where(np.isnan(taken), value[loose], taken)
+        return first[()], second[()]
+
+    def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
+        return np.asarray(np.real(plain[2]) < np.real(self.residual * l2))
+
+    def _taken(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Natural stretches of the loose points, nan where the film has none."""
+        materials, a, b = self._at(l1, l2, loose)
+        k = self.residual
+
+        def across(s: Any) -> tuple[Any, Any]:
+            values = total(materials, a, s)
+            return values[2] - k * s, values[5] - k
+
+        def both(s: Any) -> tuple[Any, Any]:
+            values = total(materials, s, s)
+            return values[1] - k * s, values[3] + values[4] - k
+
+        slack = np.real(both(a)[0]) <= 0
+        width = _root(across, b, a)
+        # A film slack both ways: its natural stretch is sought up to four times what it has.
+        apart = _root(both, a, 4 * a)
+        return np.where(slack, apart, a), np.where(slack, apart, width)
+
+    def _relaxed(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, ...]:
+        materials, a, b = self._at(l1, l2, loose)
+        k = self.residual
+        first, second = self._taken(l1, l2, loose)
+        with np.errstate(invalid="ignore"):
+            return _envelope(total(materials, first, second), k, (a, b), (first, second))
+
+    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[tuple[Any, ...], Array, Array]:
+        shape = loose.shape
+        materials = tuple(m.at(shape, loose) if hasattr(m, "at") else m for m in self.materials)
+        return materials, np.broadcast_to(l1, shape)[loose], np.broadcast_to(l2, shape)[loose]
+
+
+def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
+    """Sum of the materials' W and derivatives."""
+    return tuple(sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials), strict=True))
+
+
+def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array], taken: tuple[Array, Array]) -> tuple[Array, ...]:
+    """W and derivatives at the stretches seen, from those of the material at the stretches it takes."""
+    (a, b), (first, second) = seen, taken
+    w, w1, _, w11, w12, w22 = at
+    slack = np.real(first) > np.real(a)
+    known = np.where(np.isnan(second), np.nan, 1.0)
+    energy = w + k / 2 * (a * a + b * b - first * first - second * second)
+    along = np.where(slack, k * a, w1), np.where(slack, k, w11 - w12 * w12 / (w22 - k))
+    return energy, along[0] * known, k * b * known, along[1] * known, 0 * known, k * known
+
+
+def _root(function: Any, low: Array, high: Array) -> Array:
+    """Where a function that is negative at ``low`` becomes positive below ``high``, else nan; Newton within bisection.
+
+    The last step is taken in the arguments' own arithmetic, so that an imaginary step on anything passes through.
+    """
+    with np.errstate(all="ignore"):
+        lower, upper = np.real(low).copy(), np.real(high).copy()
+        found = np.real(function(upper)[0]) > 0
+        point = lower
+        for _ in range(_HALVINGS):
+            value, slope = (np.real(part) for part in function(point))
+            lower, upper = np.where(value < 0, point, lower), np.where(value < 0, upper, point)
+            following = point - value / slope
+            inside = (following > lower) & (following < upper)
+            following = np.where(inside, following, (lower + upper) / 2)
+            moved = np.abs(following - point) > _EXACT * point
+            point = following
+            if not (moved & found).any():
+                break
+        value, slope = function(point)
+        point = point - value / slope
+    return np.where(found, point, np.nan)
