@@ -295,7 +295,7 @@ class Model:
         touching, rows = self._plate_elements
         freedoms = gradient.shape[2]
         padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
-        local = padded[rows].reshape(len(touching), -1, freedoms)
+        local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
         product = np.matmul(elements[touching], local)
         corner = np.einsum("eap,eaq->pq", local, product)
         nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
