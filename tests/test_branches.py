@@ -78,8 +78,8 @@ def test_voltage_and_charge_follow_the_same_branch(voltage_branch) -> None:
     assert voltages[-1] < 0.99 * max(voltages)
 
 
-def test_charge_is_the_energy_s_slope() -> None:
-    """At a held heave −dΠ/dU = Q, by stations of nearly the same deflection: Q = C U with C of the flat film at rest."""
+def test_charge_of_a_nearly_flat_film_is_a_plate_capacitor_s() -> None:
+    """Q = ε₀ε_r A/t U with the mounted area and thickness."""
     light = branch(Case(SOFT, 0.1e-3, 100.0), Settings(), "voltage")[0].stations[0]
     flat = 8.8541878128e-12 * 4.7 * np.pi * (45e-3**2 - 10e-3**2) * 5 / 1e-3
     assert light.charge_C == pytest.approx(flat * 100.0, rel=1e-3)
