@@ -110,10 +110,12 @@ class Adjoint:
 class Work:
     """Virtual work along fixed motions: the residual times each of them, without forming it.
 
-    ``deformation`` F and ``c`` of the film; ``strains`` what the stress works on, shape (motions, elements, points, 3);
+    ``model`` and ``state`` they start from; ``deformation`` F and ``c`` of the film; ``strains`` what the stress works on, shape (motions, elements, points, 3);
     ``nodal`` motions of the nodes (motions, nodes, 3); ``plate`` of the plate's freedoms (motions, freedoms).
     """
 
+    model: Model
+    state: State
     deformation: Array
     c: tuple[Array, Array, Array]
     strains: Array
@@ -126,12 +128,12 @@ class Work:
         f = model.deformation(state.positions)
         nodal = np.stack([_nodal(model, state, motion) for motion in motions])
         strains = np.stack([_strains(f, model.deformation(row)) for row in nodal])
-        return cls(f, cauchy_green(f), strains, nodal, np.stack([motion[1] for motion in motions]))
+        return cls(model, state, f, cauchy_green(f), strains, nodal, np.stack([motion[1] for motion in motions]))
 
     def against(self, model: Model, state: State) -> Array:
         """Work of all forces of another material or under other loads [J per unit of motion], shape (motions,)."""
-        weighted = model.density(state.voltage_squared)(self.c, tangent=False).stress * model.volumes[..., None]
-        work = np.tensordot(self.strains, weighted, axes=3)
+        same = model.specimen is self.model.specimen and state.voltage_squared == self.state.voltage_squared
+        work = self._own if same else self._by_stress(model, state)
         if model.specimen.membrane.density * model.loading.gravity:
             work = work - self.nodal[:, :, 2] @ model.weight[:, 2]
         if state.pressure:
@@ -139,6 +141,14 @@ class Work:
             work = work - state.pressure * np.tensordot(self.nodal[:, model.connectivity], first, axes=3)
         on_plate = model.loading.on_plate(state, model.centre, model.plate_area)[1][list(model.plate_freedoms)]
         return np.asarray(work + self.plate @ on_plate / model.mirrored)
+
+    def _by_stress(self, model: Model, state: State) -> Array:
+        weighted = model.density(state.voltage_squared)(self.c, tangent=False).stress * model.volumes[..., None]
+        return np.asarray(np.tensordot(self.strains, weighted, axes=3))
+
+    @cached_property
+    def _own(self) -> Array:
+        return self._by_stress(self.model, self.state)
 
 
 def _nodal(model: Model, state: State, motion: Parts) -> Array:

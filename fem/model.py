@@ -59,7 +59,7 @@ class Model:
     def _keeping(self, model: Model) -> Model:
         """The model, with what depends on the mesh and the outlines alone."""
         kept = ("basis", "connectivity", "shapes", "gradients", "weights", "covered", "reference", "centre",
-                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern")
+                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern", "velocities")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
 

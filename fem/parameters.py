@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fem.model import Model
-from fem.shape import Velocities, moved_by
+from fem.shape import Velocities, moved_by, velocities
 from fem.state import State
 from geometry.errors import InputError
 from geometry.specimen import Specimen
@@ -152,11 +152,8 @@ class Parameters:
             return LoadNumber(name)
         if path[0] == "loading":
             return LoadingNumber(path[1:])
-        return ShapeNumber(path, self._velocities) if name in shape_names(self.model.specimen) else FilmNumber(path)
-
-    @cached_property
-    def _velocities(self) -> Velocities:
-        return Velocities(self.model)
+        shape = name in shape_names(self.model.specimen)
+        return ShapeNumber(path, velocities(self.model)) if shape else FilmNumber(path)
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:
@@ -171,7 +168,8 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
     >>> film_names(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[:4]
     ('membrane.thickness', 'membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
     """
-    return (*numbers(specimen.membrane, "membrane"), "electrode.stiffness")
+    # Strength decides nothing but breakdown.
+    return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
 
 
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
@@ -207,14 +205,14 @@ def at_name(value: Any, name: str) -> Any:
 
 
 def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
-    """A copy with something added to the number at a path; a complex shape is not checked for being one."""
+    """A copy with something added to the number at a path; a complex specimen is not checked for being one."""
     if not path:
         return value + change
     if isinstance(value, tuple):
         index = int(path[0])
         return (*value[:index], with_change(value[index], path[1:], change), *value[index + 1 :])
     inner = with_change(getattr(value, path[0]), path[1:], change)
-    if isinstance(value, Specimen) and np.iscomplexobj(change) and path[0] != "membrane":
+    if isinstance(value, Specimen) and np.iscomplexobj(change):
         return unchecked(value, **{path[0]: inner})
     return replace(value, **{path[0]: inner})
 

@@ -54,6 +54,12 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> t
     return moved, replace(state, positions=moved.place(displaced, state.plate))
 
 
+def velocities(model: Model) -> Velocities:
+    """Those of a model, kept with what else depends on its mesh alone."""
+    kept: Velocities = vars(model).setdefault("velocities", Velocities(model))
+    return kept
+
+
 def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: Array) -> tuple[Array, Array]:
     """Gradients of the shape functions and areas at quadrature points, of nodes that may be complex.
 
@@ -93,7 +99,7 @@ class Velocities:
         Raises
         ------
         InputError
-            Where the electrode's edge runs into plate or frame, so that their nodes would have to slide.
+            Where an edge of the electrode runs into another edge, so that nodes would have to slide along it.
         """
         from fem.parameters import with_change
 
@@ -104,6 +110,10 @@ class Velocities:
             if edges[name] != stepped[name]:
                 known[nodes] = stepped[name].at(foot).imag / _STEP
         return np.column_stack([self._extended(axis, known[:, axis]) for axis in range(2)])
+
+    def check(self) -> None:
+        """Raise what :meth:`of` would."""
+        _ = self._feet
 
     @cached_property
     def _places(self) -> Array:
@@ -119,8 +129,8 @@ class Velocities:
             places = self._places[inner]
             miss = np.stack([np.linalg.norm(edge.at(edge.foot(places)) - places, axis=1) for edge in edges.values()])
             if (np.count_nonzero(miss < 1e-6 * model.size, axis=0) > 1).any():
-                raise InputError("leaves no derivatives by lengths: its edge runs into another edge, whose nodes would "
-                                 "have to slide along it", key="electrode", given=str(model.specimen.electrode.outline))
+                raise InputError("must have an edge of its own, away from plate, frame and margins, whose nodes could "
+                                 "not follow both", key="electrode", given=str(model.specimen.electrode.outline))
             owner = miss.argmin(axis=0)
             rims |= {name: inner[owner == number] for number, name in enumerate(edges) if name not in rims}
         return {name: (nodes, edges[name].foot(self._places[nodes])) for name, nodes in rims.items()}
