@@ -110,8 +110,9 @@ class Adjoint:
 class Work:
     """Virtual work along fixed motions: the residual times each of them, without forming it.
 
-    ``model`` and ``state`` they start from; ``deformation`` F and ``c`` of the film; ``strains`` what the stress works on, shape (motions, elements, points, 3);
-    ``nodal`` motions of the nodes (motions, nodes, 3); ``plate`` of the plate's freedoms (motions, freedoms).
+    ``model`` and ``state`` they start from; ``deformation`` F and ``c`` of the film; ``strains`` what the stress works
+    on, shape (motions, elements, points, 3); ``nodal`` motions of the nodes (motions, nodes, 3); ``plate`` of the
+    plate's freedoms (motions, freedoms).
     """
 
     model: Model

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.verification import closed_forms, membrane, references, stability
+from benchmarks.verification import closed_forms, membrane, references, stability, vibrations
 from benchmarks.verification.claim import CLAIMS, Claim, Pair
 from benchmarks.verification.membrane import ORDERS, errors
 
 #: Modules whose claims the page shows. One more module of claims is one more name here.
 CHAPTERS = {references: "The references themselves", closed_forms: "Closed forms",
-            membrane: "The axisymmetric membrane", stability: "Pull-in and loss of tension"}
+            membrane: "The axisymmetric membrane", stability: "Pull-in and loss of tension",
+            vibrations: "Small vibrations"}
 
 Judged = dict[Claim, list[tuple[Pair, bool]]]
 
