@@ -14,6 +14,7 @@ from fem.controls import Heave
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
 from fem.newton import NewtonSettings, Solution, extrapolate, moved, newton
+from fem.plate import HEAVE
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
 
@@ -83,10 +84,13 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     """
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
-    targets: tuple[tuple[Load, float], ...] = (("force", force), ("pressure", pressure), ("voltage", voltage**2))
-    for load, target in targets:
+    targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
+    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds it.
+    pushed = start is None and solution.state.force != 0
+    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure", "voltage")
+    for load in order:
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, load, target, settings)
+            outcome = ramp(model, outcome.solution, load, targets[load], settings)
     return outcome
 
 
@@ -98,6 +102,8 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     flat = newton(model, State.mounted(model), settings=settings.newton)
     if flat.converged and flat.stable and flat.tangent is not None and flat.tangent.wrinkling == 0:
         return flat
+    if HEAVE not in model.plate_freedoms:
+        return replace(flat, converged=False, advice="the film is slack when mounted, and its plate cannot move")
     x, y, _ = model.reference.T
     to_frame, to_plate = np.abs(model.specimen.frame.level(x, y)), np.abs(model.specimen.plate.level(x, y))
     heave = 0.2 * model.size
