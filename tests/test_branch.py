@@ -209,6 +209,8 @@ def test_hysteresis_of_a_magnet() -> None:
     snapped = equilibrium(film, LIGHT, 1.01 * snap)
     assert (snapped.status, snapped.limited) == ("no_equilibrium", "voltage")
     assert np.sqrt(snapped.limit) == pytest.approx(snap, rel=1e-5)
+    # However far the target, the ramp does not step over the snap to the state beyond.
+    assert [equilibrium(film, LIGHT, volts).status for volts in (4600.0, 5000.0, 7000.0)] == 3 * ["no_equilibrium"]
     beyond = held(film, 1.15 * far, 1.01 * snap)
     fallen = newton(film, beyond.state.under(force=LIGHT))
     assert fallen.converged
