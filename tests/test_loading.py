@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ from geometry.mesh import unfold
 from geometry.outlines import Circle
 from geometry.specimen import Plate
 from geometry.tables import Table
+from reports.html import settings
 from studies.cases import Case, Settings, build_model, solve
+from studies.study import _plain
 
 #: Every kind of bias mechanism once, near 4 mm; a new one must be added here.
 SAMPLES = {"spring": Spring(7.0, 1e-3), "magnet": Magnet(0.5, 12e-3, 6e-3, 3.3)}
@@ -297,3 +301,32 @@ def test_good_rig_keys_are_read() -> None:
                       biases=(Spring(5.0, 1e-3), Magnet(0.5, 12e-3, 6e-3, 3.3)))
     assert rig.force(0.01, 3e-4) == pytest.approx(0.01 * 9.80665 + 0.06)
     assert replace(rig, spring=2.0).loading.biases == (Spring(2.0), *rig.biases)
+
+
+def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
+    """The example in the README; its record goes through JSON into the report's lines with names and units."""
+    text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    example = next(block for block in text.split("```toml\n")[1:] if block.startswith("guide")).split("```")[0]
+    file = tmp_path / "rig.toml"
+    file.write_text(example, encoding="utf-8")
+    rig = Rig.read(file)
+    assert rig.biases == (Spring(5.0, 1e-3), Magnet(0.5, 12e-3, 6e-3, 4.0))
+    record = json.loads(json.dumps(_plain(rig.record())))
+    shown = {(line.where, line.name): line.value for line in settings(
+        {"rig": record, "settings": {}, "alpha_settings": {}, "libraries": {}, "python": ""})}
+    assert shown["Rig", "weight offset"] == "0.002, 0 m"
+    assert shown["Rig", "gas pressure"] == "50 Pa"
+    assert shown["Rig", "guide"] == "free"
+    assert shown["Rig", "biases, 1, law"] == "spring"
+    assert shown["Rig", "biases, 2, gap"] == "0.012 m"
+    plain = {(line.where, line.name): line.value for line in settings(
+        {"rig": json.loads(json.dumps(_plain(Rig().record()))), "settings": {}, "alpha_settings": {}, "libraries": {},
+         "python": ""})}
+    assert plain["Rig", "biases"] == "none"
+    assert plain["Rig", "sag voltage"] == "inf V"
+
+
+def test_a_limit_in_pressure_is_told_in_pascal() -> None:
+    result = solve(Case(circular(), 0.0, 0.0, Rig(gas_pressure=2000.0)), Settings())
+    assert result.status == "no_equilibrium"
+    assert result.warnings[0] == "the film pulls in at 1272 Pa of gas pressure"
