@@ -54,7 +54,8 @@ class TensionField:
     Steigmann, Proc. R. Soc. A 429, 1990; with voltage W includes the electrostatic energy, at constant potential).
     That leaves no stiffness across the tension lines. So the film keeps a residual second Piola–Kirchhoff tension
     ``residual`` there [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
-    tensions exceed κ is not touched at all.
+    tensions exceed κ is not touched at all. Under voltage a film may have no natural width: wrinkled, it would thin
+    without bound, and what is asked of it there is nan.
 
     As a material it wants λ₁ ≥ λ₂ and is symmetric in them otherwise.
     """
@@ -63,10 +64,7 @@ class TensionField:
     residual: Any
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ of the envelope; nan where it has none.
-
-        Under a voltage a loose film may have no natural width, its energy falling without bound.
-        """
+        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ of the envelope."""
         plain = total(self.materials, l1, l2)
         loose = self._loose(plain, l2)
         if not loose.any():
