@@ -100,10 +100,11 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     assert [specimen.name for specimen in found.specimens] == ["A", "B"]
     static, ranges, transients, coupons = found.tables.values()
     first = {field.name: getattr(static, field.name)[0] for field in fields(static)}
-    assert first == {"specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
-                     "displacement": pytest.approx(9e-3), "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
-                     "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
-                     "tilt": pytest.approx(1e-3), "line": 3}
+    assert first == {
+        "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3, "displacement": pytest.approx(9e-3),
+        "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
+        "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
+        "tilt": pytest.approx(1e-3), "line": 3}
     assert static.channels == ("capacitance", "film_voltage", "tilt")
     assert static.line.tolist() == [3, 4]
     assert [getattr(ranges, field.name)[0] for field in fields(ranges)][:5] == [
