@@ -63,7 +63,7 @@ FILES = ("static.csv", "range.csv", "transient.csv", "coupon.csv")
 
 
 def read_dataset(folder: Path | str) -> Dataset:
-    """Read a dataset's folder.
+    """Read a dataset's folder. The specimen of a coupon names its strip and need not be one of dataset.toml.
 
     Raises
     ------
