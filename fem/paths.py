@@ -167,6 +167,7 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
     if target == origin:
         return Outcome("equilibrium", start)
     solution, done, step = start, 0.0, settings.first
+    taut = start
     already = abs(origin / (target - origin))
     while done < 1:
         share = min(1.0, done + step)
@@ -174,25 +175,29 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         trial = newton(model, guess, settings=settings.newton)
         if trial.converged and trial.stable:
             solution, done, step = trial, share, 2 * step
+            taut = trial if _wrinkling(trial) == 0 else taut
         elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            return _followed(model, solution, load, target, settings)
+            return _followed(model, solution, taut, load, target, settings)
     return Outcome("equilibrium", solution)
 
 
-def _followed(model: Model, start: Solution, load: Load, target: float, settings: PathSettings) -> Outcome:
-    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle."""
+def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float, settings: PathSettings
+              ) -> Outcome:
+    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
+
+    ``taut`` is the last solution before ``start`` whose film resists all motions.
+    """
     outcome = Outcome("not_converged", start)
-    if start.tangent is not None and start.tangent.wrinkling == 0:
+    if _wrinkling(start) == 0:
         outcome = _along(model, start, load, target, settings, EVERY)
+        taut = outcome.solution
     if outcome.status != "not_converged":
         return outcome
     for waves in (0,) if model.axisymmetric else settings.waves:
-        smooth = SmoothMotions.of(model, waves)
-        # The last state found may already be wrinkled, and too far from the smooth branch.
-        for solution in {id(found): found for found in (outcome.solution, start)}.values():
-            trial = _along(model, solution, load, target, settings, smooth)
-            if trial.status != "not_converged":
-                return trial
+        # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
+        trial = _along(model, taut, load, target, settings, SmoothMotions.of(model, waves))
+        if trial.status != "not_converged":
+            return trial
     return replace(outcome, advice=trial.advice)
 
 
@@ -240,6 +245,10 @@ def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls i
     word = {"force": "load", "voltage": "voltage", "pressure": "pressure"}[load]
     return Outcome("no_equilibrium", last, f"the film {verb} before the {word} is reached", critical.state.load(load),
                    load, critical)
+
+
+def _wrinkling(solution: Solution) -> int:
+    return 0 if solution.tangent is None else solution.tangent.wrinkling
 
 
 def _tangent_of(point: Point) -> Tangent:
