@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks clean
+.PHONY: study test benchmarks scaling verification clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -14,6 +14,13 @@ test: .venv/ready
 
 benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
+	.venv/bin/python -m benchmarks.gradient
+
+scaling: .venv/ready
+	.venv/bin/python -m benchmarks.scaling --peers
+
+verification: .venv/ready
+	.venv/bin/python -m benchmarks.verification
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }

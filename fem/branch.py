@@ -100,11 +100,32 @@ class Branch:
 
     def limit(self, before: Point, after: Point) -> Point | None:
         """The limit point of the followed load between two points; its direction is the critical mode."""
-        return self._root(before, after, lambda point: point.rate)
+        return self.where(before, after, lambda point: point.rate)
 
     def reach(self, before: Point, after: Point, value: float) -> Point | None:
         """The point between two others at which the followed load has a value."""
-        return self._root(before, after, lambda point: point.state.load(self.load) - value)
+        return self.where(before, after, lambda point: point.state.load(self.load) - value)
+
+    def where(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
+        """The point between two others at which a function of the point vanishes; None if it does not change sign."""
+        moved_by = difference(self.model, after.state, before.state)
+        inner, plate = metric(self.model, before.direction)
+        found: dict[float, Point] = {0.0: before}
+
+        def at(step: float) -> float:
+            point = found.get(step) or self.at(before, step)
+            if point is None:
+                raise _Lost
+            found[step] = point
+            return value(point)
+
+        end = float(inner @ moved_by[0] + plate @ moved_by[1])
+        try:
+            if at(0.0) * at(end) > 0:
+                return None
+            return found[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
+        except (_Lost, KeyError):
+            return None
 
     @property
     def _free(self) -> tuple[Load, ...]:
@@ -143,26 +164,6 @@ class Branch:
 
     def _longer(self, point: Point, following: Point, step: float) -> float:
         return 1.6 * step if self._turn(point, following) < self.arc.turn / 3 else step
-
-    def _root(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
-        moved_by = difference(self.model, after.state, before.state)
-        inner, plate = metric(self.model, before.direction)
-        found: dict[float, Point] = {0.0: before}
-
-        def at(step: float) -> float:
-            point = found.get(step) or self.at(before, step)
-            if point is None:
-                raise _Lost
-            found[step] = point
-            return value(point)
-
-        end = float(inner @ moved_by[0] + plate @ moved_by[1])
-        try:
-            if at(0.0) * at(end) > 0:
-                return None
-            return found[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
-        except (_Lost, KeyError):
-            return None
 
 
 class _Lost(ArithmeticError):

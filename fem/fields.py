@@ -183,7 +183,7 @@ def _fields(model: Model, state: State, cells: Array, points: Array, along: Arra
     thickness = film.thickness / (l1 * l2)
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
-        electric_field=covered * np.sqrt(state.voltage_squared) / thickness,
+        electric_field=covered * np.sqrt(max(state.voltage_squared, 0.0)) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
         stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))

@@ -11,8 +11,12 @@ import skfem
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from fem.assembly import element_forces, element_tangents
 from fem.density import FilmDensity
+from fem.direct import Analysis, analyse
+from fem.dissection import elimination_order
 from fem.loading import GUIDES, Loading
+from fem.pattern import Pattern
 from fem.plate import FREEDOMS, PlateMotion
 from fem.volume import FilmVolume, plate_volume
 from geometry.mesh import CurvedTriangles
@@ -59,7 +63,7 @@ class Model:
     def _keeping(self, model: Model) -> Model:
         """The model, with what depends on the mesh and the outlines alone."""
         kept = ("basis", "connectivity", "shapes", "gradients", "covered", "reference", "centre", "plate_nodes", "arms",
-                "free", "size", "plate_area", "_plate_elements", "_pattern")
+                "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
 
@@ -262,34 +266,11 @@ class Model:
         return self._scatter(self._film_volume(positions).first())
 
     def _element_forces(self, f: Array, stress: Array) -> Array:
-        weighted = stress * self.volumes[..., None]
-        piola = np.empty(f.shape, dtype=np.result_type(f, weighted))
-        piola[..., 0] = f[..., 0] * weighted[..., None, 0] + f[..., 1] * weighted[..., None, 2]
-        piola[..., 1] = f[..., 0] * weighted[..., None, 2] + f[..., 1] * weighted[..., None, 1]
-        elements, points, local, _ = self.gradients.shape
-        left = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
-        return np.matmul(left, piola.transpose(0, 1, 3, 2).reshape(elements, points * 2, 3))
+        return element_forces(self.gradients, f, stress * self.volumes[..., None])
 
     def _element_tangents(self, f: Array, stress: Array, tangent: Any) -> Array:
         """Shape (elements, 3 local, 3 local), node-major."""
-        g = self.gradients
-        elements, points, local, _ = g.shape
-        by_node = np.empty((elements, points, 3, local, 3))
-        by_node[:, :, 0] = g[..., 0, None] * f[:, :, None, :, 0]
-        by_node[:, :, 1] = g[..., 1, None] * f[:, :, None, :, 1]
-        by_node[:, :, 2] = g[..., 0, None] * f[:, :, None, :, 1] + g[..., 1, None] * f[:, :, None, :, 0]
-        strain = by_node.reshape(elements, points, 3, 3 * local)
-        right = np.matmul(tangent * self.volumes[..., None, None], strain).reshape(elements, points * 3, 3 * local)
-        result = np.matmul(strain.reshape(elements, points * 3, 3 * local).transpose(0, 2, 1), right)
-        weighted = stress * self.volumes[..., None]
-        pull = np.stack([g[..., 0] * weighted[..., None, 0] + g[..., 1] * weighted[..., None, 2],
-                         g[..., 0] * weighted[..., None, 2] + g[..., 1] * weighted[..., None, 1]], axis=-2)
-        flat = g.transpose(0, 1, 3, 2).reshape(elements, points * 2, local)
-        geometric = np.matmul(flat.transpose(0, 2, 1), pull.reshape(elements, points * 2, local))
-        blocks = result.reshape(elements, local, 3, local, 3)
-        for axis in range(3):
-            blocks[:, :, axis, :, axis] += geometric
-        return result
+        return element_tangents(self.gradients, f, stress, tangent, self.volumes)
 
     def _scatter(self, element_forces: Array) -> Array:
         """Sum element vectors into nodal ones."""
@@ -323,8 +304,15 @@ class Model:
         return border[self.free.ravel()], corner
 
     @cached_property
-    def _pattern(self) -> _Pattern:
-        return _Pattern.of(self.connectivity, self.free)
+    def _pattern(self) -> Pattern:
+        return Pattern.of(self.connectivity, self.free)
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """What depends on the mesh alone in the factorisation of :attr:`Linearised.inner`."""
+        nodes = elimination_order(self.connectivity, self.reference[:, :2])
+        number = (np.cumsum(self.free) - 1).reshape(self.free.shape)
+        return analyse(self._pattern.indices, self._pattern.indptr, number[nodes][self.free[nodes]])
 
 
 @dataclass(frozen=True)
@@ -339,52 +327,6 @@ class Linearised:
     inner: csc_matrix
     border: Array
     corner: Array
-
-
-@dataclass(frozen=True)
-class _Pattern:
-    """Where each entry of the element tangents goes in the sparse one; computed once per mesh."""
-
-    target: Array
-    entries: int
-    indices: Array
-    indptr: Array
-
-    @classmethod
-    def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> _Pattern:
-        """Node pairs first (nine times fewer than components), then their 3×3 blocks, fixed components dropped."""
-        nodes = len(free)
-        elements, local = connectivity.shape
-        pairs = connectivity[:, None, :].astype(np.int64) * nodes + connectivity[:, :, None]
-        unique, place = np.unique(pairs, return_inverse=True)
-        column, row = unique // nodes, unique % nodes
-        start = np.searchsorted(column, np.arange(nodes + 1))
-        degree = np.diff(start)
-        axis = np.arange(3)
-        # Position in the full matrix, column by column with rows ascending.
-        base = 9 * start[column] + 3 * (np.arange(len(unique)) - start[column])
-        position = base[:, None, None] + 3 * degree[column][:, None, None] * axis + axis[:, None]
-        keep = free[row][:, :, None] & free[column][:, None, :]
-        number = np.cumsum(free.ravel()) - 1
-        compressed = np.full(9 * len(unique), -1)
-        kept_positions = np.sort(position[keep])
-        compressed[kept_positions] = np.arange(len(kept_positions))
-        full_row = np.empty(9 * len(unique), dtype=np.int64)
-        full_row[position] = number.reshape(nodes, 3)[row][:, :, None]
-        full_column = np.empty(9 * len(unique), dtype=np.int64)
-        full_column[position] = number.reshape(nodes, 3)[column][:, None, :]
-        target = compressed[position][place.reshape(elements, local, local)]
-        target = target.transpose(0, 1, 3, 2, 4).reshape(elements, 3 * local, 3 * local)
-        count = int(free.sum())
-        indptr = np.searchsorted(full_column[kept_positions], np.arange(count + 1))
-        target = np.where(target < 0, len(kept_positions), target).ravel()
-        return cls(target, len(kept_positions), full_row[kept_positions].astype(np.int32), indptr.astype(np.int32))
-
-    def assemble(self, elements: Array) -> csc_matrix:
-        """The sparse tangent of the free components."""
-        data = np.bincount(self.target, elements.ravel(), self.entries + 1)[:-1]
-        size = len(self.indptr) - 1
-        return csc_matrix((data, self.indices, self.indptr), shape=(size, size))
 
 
 def cauchy_green(f: Array) -> tuple[Array, Array, Array]:

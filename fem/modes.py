@@ -21,8 +21,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh
 
+from fem.direct import factorise
 from fem.loading import GUIDES
 from fem.model import Model
 from fem.plate import FREEDOMS, PlateMotion
@@ -274,11 +275,11 @@ class _System:
 
     def _massless_film(self) -> _Spectrum:
         """The film follows the plate; freedoms without inertia follow too."""
-        film = _factorise(self.inner)
+        film = factorise(self.inner)
         influence = np.asarray(film.solve(self.border)) if self.freedoms else self.border
         schur = self.corner - self.border.T @ influence
         schur = (schur + schur.T) / 2
-        unstable = _negative_pivots(film) + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
+        unstable = film.negative + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
         # Rotations are compared with translations over the frame's half extent.
         scale = np.where(np.array(self.freedoms, dtype=int) < 3, 1.0, 1 / self.model.size)
         weight, axes = np.linalg.eigh(scale[:, None] * self.plate * scale)
@@ -311,8 +312,8 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
         negative = int(np.count_nonzero(values < 0))
         kept = slice(max(0, negative - count), negative + count)
         return _Spectrum(values[kept], vectors[:, kept], negative)
-    factors = _factorise(stiffness)
-    negative = _negative_pivots(factors)
+    factors = factorise(stiffness)
+    negative = factors.negative
     inverse = LinearOperator((size, size), matvec=factors.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run, and in no mode's null space
     parts: list[Any] = []
@@ -323,13 +324,3 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     vectors = np.hstack([vectors for _, vectors in parts])
     order = np.argsort(values)
     return _Spectrum(values[order], vectors[:, order], negative)
-
-
-def _factorise(matrix: csc_matrix) -> Any:
-    """LDLᵀ in all but name: symmetric ordering, no pivoting off the diagonal."""
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def _negative_pivots(factors: Any) -> int:
-    """Number of negative eigenvalues, by Sylvester's law."""
-    return int(np.count_nonzero(factors.U.diagonal() < 0))

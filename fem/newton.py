@@ -85,6 +85,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
         equations = problem.equations(state)
         residual = problem.residual(state, part.forces, equations)
         balance = problem.balance(residual, part.forces)
+        tangent = None  # two at once would double the memory
         try:
             tangent = Tangent(model, part, state, free, equations, motions)
             correction = tangent.solve(_negative(residual))

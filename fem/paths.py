@@ -38,6 +38,10 @@ class PathSettings:
     reach: float = 1.5
     waves: tuple[int, ...] = (4, 2)
 
+    def around(self, model: Model) -> tuple[int, ...]:
+        """The numbers of waves for a model: none where it is axisymmetric."""
+        return (0,) if model.axisymmetric else self.waves
+
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
@@ -193,12 +197,36 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
         taut = outcome.solution
     if outcome.status != "not_converged":
         return outcome
-    for waves in (0,) if model.axisymmetric else settings.waves:
+    for waves in settings.around(model):
         # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
         trial = _along(model, taut, load, target, settings, SmoothMotions.of(model, waves))
         if trial.status != "not_converged":
             return trial
     return replace(outcome, advice=trial.advice)
+
+
+def branch_points(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
+                  ) -> Iterator[tuple[Branch, Point]]:
+    """Points of the branch from an equilibrium on, one load growing at first, each with the branch it was found on.
+
+    With all motions until the film, its plate held, has a direction without stiffness, which in a membrane means that
+    it wrinkles; from there with smooth motions.
+    """
+    last, sense = start, 1
+    branch = Branch(model, load, newton=settings.newton, arc=settings.arc)
+    for point in branch.points(start):
+        if _tangent_of(point).wrinkling:
+            break
+        yield branch, point
+        last, sense = point.state, 1 if point.rate >= 0 else -1
+    for waves in settings.around(model):
+        smooth = replace(branch, motions=SmoothMotions.of(model, waves))
+        points = smooth.points(last, sense)
+        # The first point is the last one again, by smooth motions.
+        if next(points, None) is not None and (first := next(points, None)) is not None:
+            yield smooth, first
+            yield from ((smooth, point) for point in points)
+            return
 
 
 def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings, motions: Motions

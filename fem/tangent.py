@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
-from scipy.sparse.linalg import splu
 
 from fem.controls import Equation
+from fem.direct import factorise
 from fem.model import Linearised, Model, Parts
 from fem.motions import AllMotions, Motions
 from fem.plate import HEAVE
@@ -33,7 +33,7 @@ class Tangent:
                  equations: Sequence[Equation] = (), motions: Motions = EVERY) -> None:
         self.model, self.free, self.motions = model, free, motions
         part = motions.reduced(part)
-        self._factor = _factorise(part.inner)
+        self._factor = _factorise(part.inner, model)
         loads = [motions.gather(model.by_load(state, name)) for name in free]
         rows = [_transposed(motions, equation) for equation in equations]
         self._plates = len(model.plate_freedoms)
@@ -106,21 +106,8 @@ def _transposed(motions: Motions, equation: Equation) -> Parts:
     return motions.gather((equation.inner, equation.plate))
 
 
-def _factorise(matrix: Any) -> Any:
-    return _Dense(matrix) if isinstance(matrix, np.ndarray) else _Sparse(matrix)
-
-
-class _Sparse:
-    """LDLᵀ in all but name: symmetric ordering, no pivoting off the diagonal."""
-
-    def __init__(self, matrix: Any) -> None:
-        self._lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        self.solve = self._lu.solve
-
-    @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues."""
-        return int(np.count_nonzero(self._lu.U.diagonal() < 0))
+def _factorise(matrix: Any, model: Model) -> Any:
+    return _Dense(matrix) if isinstance(matrix, np.ndarray) else factorise(matrix, model.analysis)
 
 
 class _Dense:

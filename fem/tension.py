@@ -53,7 +53,8 @@ class TensionField:
     Steigmann, Proc. R. Soc. A 429, 1990; with voltage W includes the electrostatic energy, at constant potential).
     That leaves no stiffness across the tension lines. So the film keeps a residual second Piola–Kirchhoff tension
     ``residual`` there [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
-    tensions exceed κ is not touched at all.
+    tensions exceed κ is not touched at all. Under voltage a film may have no natural width: wrinkled, it would thin
+    without bound, and what is asked of it there is nan.
 
     As a material it wants λ₁ ≥ λ₂ and is symmetric in them otherwise.
     """
@@ -71,7 +72,7 @@ class TensionField:
         kind = np.result_type(*plain, l1, l2, self.residual, float)
         values = [np.array(np.broadcast_to(value, shape), dtype=kind) for value in plain]
         for value, relaxed in zip(values, self._relaxed(l1, l2, loose), strict=True):
-            value[loose] = np.where(np.isnan(relaxed), value[loose], relaxed)
+            value[loose] = relaxed
         return tuple(value[()] for value in values)
 
     def natural(self, l1: Any, l2: Any) -> tuple[Any, Any]:

@@ -18,6 +18,7 @@ from fem.fields import Fields, cell_fields
 from fem.model import Model
 from fem.state import State
 from geometry.errors import InputError
+from geometry.mesh import ELEMENTS
 
 #: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack; ``breakdown_share`` is
 #: field over strength, 0 where the strength is unknown.
@@ -79,10 +80,11 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
     write_text(file, text.getvalue())
 
 
-def write_fields(file: Path, model: Model, state: State, parts: int = 6) -> None:
+def write_fields(file: Path, model: Model, state: State, parts: int = 6, **nodal: np.ndarray) -> None:
     """The fields of a whole film as VTU: deformed positions as points, each curved element as ``parts``² triangles.
 
-    Elements share no points, so jumps between them stay visible; the mounted position is the displacement away.
+    Elements share no points, so jumps between them stay visible; the mounted position is the displacement away. Further
+    ``nodal`` vectors, shape (nodes, 3), are interpolated.
     """
     points, triangles = lattice(parts)
     fields = cell_fields(model, state, points)
@@ -90,8 +92,16 @@ def write_fields(file: Path, model: Model, state: State, parts: int = 6) -> None
     cells = (offsets + triangles).reshape(-1, 3)
     mesh = meshio.Mesh(
         fields.position + fields.displacement, [("triangle", cells)],
-        point_data={name: _array(fields, name) for name in STORED})
+        point_data={name: _array(fields, name) for name in STORED}
+        | {name: interpolated(model, values, points) for name, values in nodal.items()})
     write_atomically(file, lambda path: meshio.write(path, mesh, file_format="vtu"))
+
+
+def interpolated(model: Model, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """A nodal vector field, shape (nodes, 3), at the same reference points of every element; element-major."""
+    element = ELEMENTS[model.mesh.order]()
+    values = np.stack([element.lbasis(points, number)[0] for number in range(model.connectivity.shape[1])])
+    return np.asarray(np.einsum("lp,elc->epc", values, nodal[model.connectivity]).reshape(-1, 3))
 
 
 def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -20,9 +20,8 @@ from fem.paths import Status
 from fem.plate import FREEDOMS
 from fem.state import State
 from geometry.errors import InputError
-from geometry.mesh import ELEMENTS
 from studies.cases import Case, Settings, find, state_warnings, why
-from studies.store import lattice, write_atomically
+from studies.store import interpolated, lattice, write_atomically
 
 Array = NDArray[np.float64]
 
@@ -126,16 +125,10 @@ def surface(vibration: Vibration, parts: int = 6) -> Surface:
     """The deformed film with each curved element as ``parts``² triangles; elements share no points."""
     model = vibration.model
     points, triangles = lattice(parts)
-    element = ELEMENTS[model.mesh.order]()
-    local = model.connectivity.shape[1]
-    values = np.stack([element.lbasis(points, number)[0] for number in range(local)])
-
-    def sample(nodal: Array) -> Array:
-        return np.einsum("lp,elc->epc", values, nodal[model.connectivity]).reshape(-1, 3)
-
     cells = len(points.T) * np.arange(model.mesh.nelements)[:, None, None] + triangles
-    return Surface(sample(vibration.state.positions), sample(model.reference), cells.reshape(-1, 3),
-                   np.stack([sample(shape) for shape in vibration.modes.shapes]))
+    return Surface(interpolated(model, vibration.state.positions, points), interpolated(model, model.reference, points),
+                   cells.reshape(-1, 3),
+                   np.stack([interpolated(model, shape, points) for shape in vibration.modes.shapes]))
 
 
 def write_modes(file: Path, vibration: Vibration) -> None:

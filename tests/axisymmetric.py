@@ -29,7 +29,10 @@ Two unrelated methods are provided, both with ``x = ln(R / a)`` as the independe
   built on it: :func:`solve_load`, :func:`pull_in`);
 * shooting on the Euler-Lagrange equations (:func:`shoot_deflection`), which never uses ``Pi``.
 
-A membrane without tension-field (wrinkling) theory is meant: a compressive hoop resultant is not relaxed.
+A plain membrane is meant: a compressive hoop resultant stays.  With ``Film.relaxed`` it is relaxed by
+tension-field theory (Pipkin 1986, IMA J. Appl. Math. 36, 85): the film may wrinkle, so that its hoop stretch is
+any ``l2* >= l2`` and ``Psi(l1, l2)`` becomes its minimum over these, ``Psi(l1, max(l2, n(l1)))`` with the natural
+width ``Psi_2(l1, n) = 0``.  The meridional stress must be tensile, as it is wherever a force is carried.
 All quantities are in SI units.
 """
 
@@ -199,7 +202,8 @@ class Film:
 
     ``inner`` (plate edge) and ``outer`` (frame) are mounted radii [m], ``thickness`` is that of the virgin
     film [m], ``prestretch`` the equibiaxial stretch per axis [-].  The permittivity is
-    ``relative_permittivity (l1 l2 / prestretch^2)^(-permittivity_exponent)`` times ``eps0`` [F/m].
+    ``relative_permittivity (l1 l2 / prestretch^2)^(-permittivity_exponent)`` times ``eps0`` [F/m].  ``relaxed``
+    says whether a compressive hoop stress is relaxed by wrinkling.
     """
 
     inner: float
@@ -210,6 +214,7 @@ class Film:
     relative_permittivity: float = 0.0
     permittivity_exponent: float = 0.0
     eps0: float = 8.8541878128e-12
+    relaxed: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.inner < self.outer:
@@ -253,7 +258,42 @@ class _Psi(NamedTuple):
 
 
 def _psi(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> _Psi:
-    """Energy per virgin volume, elastic plus electrical, at ``squared_voltage = U^2`` [V^2]."""
+    """Energy per virgin volume, elastic plus electrical, relaxed if the film is, at ``U^2`` [V^2]."""
+    plain = _plain(film, l1, l2, squared_voltage)
+    slack = plain.d2 < 0.0
+    if not (film.relaxed and np.any(slack)):
+        return plain
+    width = natural_width(film, np.atleast_1d(l1)[np.atleast_1d(slack)], np.atleast_1d(l2)[np.atleast_1d(slack)],
+                          squared_voltage)
+    wide = np.array(l2, dtype=np.float64, ndmin=1)
+    wide[np.atleast_1d(slack)] = width
+    at = _plain(film, l1, wide.reshape(np.shape(l2)), squared_voltage)
+    ratio = at.d12 / at.d22  # minus the slope of the natural width
+    zero = 0.0 * at.d2
+    wrinkled = _Psi(at.value, at.d1, zero, at.d11 - at.d12 * ratio, zero, zero, at.q1 - at.q2 * ratio, zero)
+    return _Psi(*(np.where(slack, there, here) for there, here in zip(wrinkled, plain, strict=True)))
+
+
+def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
+    """Smallest root ``n > l2`` of ``Psi_2(l1, n) = 0``, from ``Psi_2(l1, l2) < 0``; nan where there is none."""
+    with np.errstate(all="ignore"):  # points without a root end in nan
+        factor = 1.02
+        low, high = l2, l2 * factor
+        while np.any(below := _plain(film, l1, high, squared_voltage).d2 < 0.0) and np.all(high < 30.0 * l2):
+            factor = min(factor**1.5, 1.2)
+            low, high = np.where(below, high, low), np.where(below, factor * high, high)
+        width = np.where(below, np.nan, high)
+        for _ in range(20):  # Newton's method within the bracket
+            at = _plain(film, l1, width, squared_voltage)
+            before, width = width, np.clip(width - at.d2 / at.d22, low, high)
+            if not np.any(np.abs(width - before) > 1e-15 * width):
+                break
+        residual = np.abs(_plain(film, l1, width, squared_voltage).d2)
+        return np.where(residual < 1e-9 * np.abs(film.material.w1(l1, width)), width, np.nan)
+
+
+def _plain(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> _Psi:
+    """Energy per virgin volume without relaxation."""
     m = 2.0 - film.permittivity_exponent
     factor = 0.5 * film.eps0 * film.relative_permittivity / film.thickness**2
     unit = factor * film.prestretch ** (2.0 * film.permittivity_exponent) * (l1 * l2) ** m
@@ -444,6 +484,8 @@ class _Ritz:
         if max(l1.max(), l2.max()) > 1e3:
             return None
         psi = _psi(self.film, l1, l2, q)
+        if not np.all(np.isfinite(psi.value)):
+            return None
         ratio = self.film.prestretch / self.radius
         # derivatives of l1 by (dr/dx, dz/dx), of l2 by r
         n_r, n_z = ratio**2 * r_x / l1, ratio**2 * z_x / l1

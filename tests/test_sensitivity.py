@@ -58,7 +58,8 @@ def test_gradient_is_the_limit_of_differences(solved, name: str) -> None:
             assert found.converged
             heaves.append(found.state.plate.heave)
         errors.append(abs((heaves[0] - heaves[1]) / (2 * step * value) - exact))
-    scale = abs(exact)
+    # Where stiffening and thinning nearly cancel, what cancels is the scale.
+    scale = max(abs(exact), 0.01 * solution.state.plate.heave / value)
     assert errors[1] < 2e-4 * scale
     assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-7 * scale
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -47,6 +48,7 @@ class Row:
     relative_error: float
     seconds: float
     notes: str
+    peak_MB: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -77,15 +79,16 @@ def give_up(package: str, install: str) -> NoReturn:
 
 
 def measure(
-    peer: Peer, levels: int, repeat: int, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution]
+    peer: Peer, levels: int, repeat: int, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution],
+    first: int = 0,
 ) -> Iterator[Row]:
-    """Rows for the meshes `prepare(0) ... prepare(levels - 1)`; only `solve` is timed.
+    """Rows for the meshes `prepare(first) ... prepare(first + levels - 1)`; only `solve` is timed.
 
     Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run on the
     coarsest mesh goes before and is not counted: lazy imports and compile caches are not the subject.
     """
     solve(prepare(0))
-    for level in range(levels):
+    for level in range(first, first + levels):
         times: list[float] = []
         while len(times) < repeat and sum(times) < PATIENCE_S:
             mesh = prepare(level)
@@ -101,6 +104,8 @@ def measure(
             relative_error=abs(solution.force / PROBLEM.force - 1),
             seconds=min(times),
             notes=peer.notes,
+            peak_MB=max(resource.getrusage(who).ru_maxrss
+                        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024,
         )
 
 
@@ -109,6 +114,7 @@ def main(peer: Peer, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Sol
     parser = argparse.ArgumentParser(description=f"{peer.name}: {peer.method}")
     parser.add_argument("--levels", type=int, default=3, help="number of meshes, each twice as fine")
     parser.add_argument("--repeat", type=int, default=3, help="runs per mesh; the fastest counts")
+    parser.add_argument("--first", type=int, default=0, help="coarsest mesh")
     options = parser.parse_args()
-    for row in measure(peer, options.levels, options.repeat, prepare, solve):
+    for row in measure(peer, options.levels, options.repeat, prepare, solve, options.first):
         print(json.dumps(asdict(row)), flush=True)

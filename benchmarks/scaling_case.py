@@ -1,0 +1,158 @@
+"""One size of the scaling benchmark, in a process of its own; see `scaling.py`.
+
+python -m benchmarks.scaling_case ORDER UNKNOWNS SOLVER MEMORY_GB
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from benchmarks.tympan_rows import specimen
+from fem.direct import analyses, factorise
+from fem.dissection import elimination_order
+from fem.laws import Ogden
+from fem.model import Model
+from fem.paths import equilibrium
+from fem.state import State
+from geometry.mesh import from_meshio
+from geometry.mesher import MeshSettings, mesh_film
+
+FORCE, VOLTAGE = 0.0179 * 9.81, 5e3
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Seconds and the process's peak memory by the end of it, in MB above what the imports took."""
+
+    seconds: float
+    peak_MB: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """One size; ``ratio`` is assembly's time over that of moving its bytes at a copy's ``bandwidth`` [GB/s]."""
+
+    order: int
+    solver: str
+    unknowns: int
+    entries: int
+    meshing: Stage
+    setup: Stage
+    assembly: Stage
+    analysis: Stage
+    factorisation: Stage
+    path: Stage
+    bandwidth: float
+    ratio: float
+    error: float
+
+
+def exact_deflection() -> float:
+    """Deflection of the axisymmetric membrane [m] under them, neo-Hooke 20 kPa, by the tests' reference."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+    from axisymmetric import Film, neo_hooke, solve_load
+
+    return float(solve_load(Film(0.01, 0.045, 1e-3, math.sqrt(5), neo_hooke(20e3), 4.7), FORCE, VOLTAGE).deflection)
+
+
+def peak_mb() -> float:
+    """Peak resident memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def timed(work: Callable[[], T], base: float) -> tuple[T, Stage]:
+    """What the work returns, and its stage."""
+    began = time.perf_counter()
+    result = work()
+    return result, Stage(time.perf_counter() - began, peak_mb() - base)
+
+
+def film_model(order: int, unknowns: int) -> Model:
+    """The full annulus, neo-Hooke 20 kPa, meshed by gmsh to about so many unknowns."""
+    plain = specimen()
+    case = replace(plain, membrane=replace(plain.membrane, material=Ogden((20e3,), (2.0,))))
+    # Fine meshes of order 4 have 1800 unknowns times the square of their refinement.
+    factor = math.sqrt(unknowns / 1800) * 4 / order
+    return Model(case, from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset())))
+
+
+def copy_bandwidth() -> float:
+    """Bytes read and written per second by a large copy."""
+    source, target = np.ones(2**24), np.zeros(2**24)
+    seconds = []
+    for _ in range(5):
+        began = time.perf_counter()
+        np.copyto(target, source)
+        seconds.append(time.perf_counter() - began)
+    return 2 * source.nbytes / min(seconds)
+
+
+def least_bytes(model: Model, entries: int) -> int:
+    """Bytes assembly cannot avoid: gradients read, element tangents written and read, the sparse one written."""
+    elements, local = model.connectivity.shape
+    return 8 * (model.gradients.size + 2 * elements * (3 * local) ** 2 + entries)
+
+
+def prepare(model: Model, solver: str) -> Any:
+    """Choose the solver of this name for the model."""
+    nodes = elimination_order(model.connectivity, model.reference[:, :2])
+    number = (np.cumsum(model.free) - 1).reshape(model.free.shape)
+    pattern = model._pattern
+    choices = analyses(pattern.indices, pattern.indptr, number[nodes][model.free[nodes]])
+    vars(model)["analysis"] = next(choice for choice in choices if type(choice).__name__ == solver)
+
+
+def assembled(model: Model, base: float) -> Stage:
+    """Forces and tangent of a state, the faster of two."""
+    rest = State.mounted(model, 1e6)
+    stages = [timed(lambda: bool(model.linearised(rest)), base)[1] for _ in range(2)]
+    return min(stages, key=lambda stage: stage.seconds)
+
+
+def factorised(model: Model, solver: str, base: float) -> tuple[Stage, Stage, int]:
+    """The analysis with what it adds to the first factorisation; a second one; and the tangent's entries."""
+    inner = model.linearised(State.mounted(model, 1e6)).inner
+    _, order = timed(lambda: prepare(model, solver), base)
+    _, first = timed(lambda: bool(factorise(inner, model.analysis)), base)
+    _, again = timed(lambda: bool(factorise(inner, model.analysis)), base)
+    return Stage(order.seconds + max(0.0, first.seconds - again.seconds), first.peak_MB), again, int(inner.nnz)
+
+
+def measure(order: int, unknowns: int, solver: str) -> Case:
+    """All stages of one size."""
+    equilibrium(film_model(order, 500), FORCE, VOLTAGE)  # lazy imports are not the subject
+    base = peak_mb()
+    model, meshing = timed(lambda: film_model(order, unknowns), base)
+    _, setup = timed(lambda: (model.gradients, model.volumes, model._pattern, model._plate_elements), base)
+    assembly = assembled(model, base)
+    analysis, factorisation, entries = factorised(model, solver, base)
+    outcome, path = timed(lambda: equilibrium(model, FORCE, VOLTAGE), base)
+    bandwidth = copy_bandwidth()
+    error = abs(outcome.state.plate.heave / exact_deflection() - 1)
+    ratio = assembly.seconds * bandwidth / least_bytes(model, entries)
+    return Case(order, solver, model.unknowns, entries, meshing, setup, assembly, analysis, factorisation, path,
+                bandwidth / 1e9, ratio, error)
+
+
+def main() -> None:
+    """Command line."""
+    order, unknowns, solver, memory = sys.argv[1:]
+    limit = int(float(memory) * 2**30)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+    print(json.dumps(asdict(measure(int(order), int(float(unknowns)), solver))))
+
+
+if __name__ == "__main__":
+    main()

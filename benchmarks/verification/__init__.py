@@ -1,0 +1,1 @@
+"""Claims of what the program computes right, each beside an independent reference; ``make verification`` runs them."""

@@ -1,0 +1,115 @@
+"""Claims about pull-in, the branch beyond it, and the loss of tension before it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from axisymmetric import Film, neo_hooke, pull_in_voltage, shoot_deflection, solve_load
+from scipy.optimize import brentq
+from unstable import branch_voltage, slack_voltage
+
+from benchmarks.verification.claim import Pair, claim
+from benchmarks.verification.films import MU, A, B, G, annulus, oracle, quarter_annulus
+from fem.branch import Branch
+from fem.controls import Heave
+from fem.fields import edge_fields, whole
+from fem.laws import NeoHooke
+from fem.model import Model
+from fem.motions import SmoothMotions
+from fem.newton import newton
+from fem.paths import Outcome, equilibrium
+from fem.state import State
+from studies.cases import Settings, build_model
+
+SOFT, FORCE = 15e3, 17.9e-3 * G
+
+
+def reference() -> Film:
+    """The film of 15 kPa."""
+    return oracle(neo_hooke(SOFT))
+
+
+def soft_model() -> Model:
+    """The same in finite elements, at the default mesh."""
+    return build_model(annulus(NeoHooke(SOFT)), Settings())
+
+
+def beyond() -> Outcome:
+    """How the search for an equilibrium at 7 kV ends: there is none."""
+    outcome = equilibrium(soft_model(), FORCE, 7000.0)
+    if outcome.limit is None:
+        raise ArithmeticError(f"no limit was found: {outcome.advice}")
+    return outcome
+
+
+@claim("Pull-in voltage, neo-Hooke 15 kPa, ε_r 4.7, 17.9 g, by arc length", tolerance=1e-5,
+       reference="axisymmetric equations, fold of the Ritz branch; a membrane that cannot wrinkle")
+def pull_in() -> Iterator[Pair]:
+    """The largest voltage with an equilibrium of the membrane; the branch beyond it is followed below."""
+    outcome = beyond()
+    yield Pair("U", math.sqrt(outcome.limit or 0.0), pull_in_voltage(reference(), FORCE), "V")
+
+
+@claim("The unstable branch beyond pull-in: voltage at its heaves",
+       reference="axisymmetric equations, Ritz branch followed in the heave; a membrane that cannot wrinkle",
+       tolerance=1e-3)
+def unstable_branch() -> Iterator[Pair]:
+    """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the branch turns back also in the heave."""
+    model = soft_model()
+    start = equilibrium(model, FORCE, 6400.0).state
+    branch = Branch(model, "voltage", motions=SmoothMotions.of(model, waves=0))
+    for point in branch.points(start):
+        heave = point.state.plate.heave
+        if heave > 11e-3:
+            return
+        if heave > 9.8e-3:
+            yield Pair(f"U at {heave * 1e3:.3f} mm", math.sqrt(point.state.voltage_squared),
+                       branch_voltage(reference(), FORCE, heave), "V")
+
+
+@claim("Voltage at which the same film loses its hoop tension at the plate", tolerance=1e-4,
+       reference="axisymmetric equations: hoop stress with its Maxwell part by the Ritz method is zero")
+def loss_of_tension() -> Iterator[Pair]:
+    """A real film wrinkles there, and that is its limit: relaxed, it has no stable equilibrium beyond."""
+    model = soft_model()
+    start = equilibrium(model, FORCE, 6400.0).solution
+
+    def hoop(voltage: float) -> float:
+        outcome = equilibrium(model, FORCE, voltage, start=start)
+        if outcome.status != "equilibrium":
+            raise ArithmeticError(outcome.advice)
+        return float(edge_fields(*whole(model, outcome.state), "plate").fields.stress_circumferential.mean())
+
+    exact = slack_voltage(reference(), FORCE, 6700.0)
+    yield Pair("U", float(brentq(hoop, 6400.0, 6680.0, xtol=1e-2)), exact, "V")
+
+
+@claim("The loss of hoop tension by shooting", tolerance=1e-6,
+       reference="Ritz method: the plate carries 17.9 g, the hoop stress is zero")
+def loss_of_tension_by_shooting() -> Iterator[Pair]:
+    """At the heave and the voltage of the Ritz method."""
+    film = reference()
+    voltage = slack_voltage(film, FORCE, 6700.0)
+    shot = shoot_deflection(film, solve_load(film, FORCE, voltage).deflection, voltage)
+    yield Pair("F", shot.force, FORCE, "N")
+    yield Pair("σ₂ over σ₁ at the plate", float(shot.total2(A) / shot.total1(A)), 0.0)
+
+
+@claim("Force on a film mounted at 0.6 of its virgin size and partly wrinkled", tolerance=1e-3,
+       reference="tension-field theory in the axisymmetric equations, by shooting, natural width as a scalar root")
+def wrinkled_film() -> Iterator[Pair]:
+    """The program's film keeps a thousandth of its modulus as a tension across wrinkles."""
+    heave, model = 90e-3, quarter_annulus(4, 4)
+    film = replace(model.specimen.membrane, prestretch=(0.6, 0.6))
+    model = replace(model, specimen=replace(model.specimen, membrane=film), wrinkles=True)
+    cone = model.reference.copy()
+    cone[:, 2] = heave * (B - np.hypot(*cone.T[:2])) / (B - A)
+    start = State(cone, State.mounted(model).plate.raised_to(heave))
+    found = newton(model, start, ("force",), (Heave(heave),))
+    if not found.converged:
+        raise ArithmeticError(found.advice)
+    exact = shoot_deflection(replace(oracle(neo_hooke(MU)), prestretch=0.6, relaxed=True), heave)
+    yield Pair("F at 90 mm", found.state.force, exact.force, "N")
