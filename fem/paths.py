@@ -13,11 +13,13 @@ from fem.branch import ArcSettings, Branch, Point
 from fem.controls import Heave
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
-from fem.newton import NewtonSettings, Solution, extrapolate, moved, newton
+from fem.newton import STRAINED, NewtonSettings, Solution, extrapolate, moved, newton
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
+
+_WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,9 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
             solution, done, step = trial, share, 2 * step
             taut = trial if _wrinkling(trial) == 0 else taut
         elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            return _followed(model, solution, taut, load, target, settings)
+            outcome = _followed(model, solution, taut, load, target, settings)
+            locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
+            return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
     return Outcome("equilibrium", solution)
 
 
@@ -247,7 +251,8 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
         if sense * after.state.load(load) >= sense * target:
             reached = branch.reach(before, after, target)
             return _landed(model, stable, reached, load, target, settings)
-        if not after.solution.stable:
+        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign tells nothing.
+        if not after.solution.stable and _tangent_of(after).wrinkling == 0:
             return _pulled_in(stable, load, after, "loses its stability")
         if after.state.plate.heave > settings.reach * model.size:
             break
@@ -270,9 +275,8 @@ def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, t
 
 
 def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls in") -> Outcome:
-    word = {"force": "load", "voltage": "voltage", "pressure": "pressure"}[load]
-    return Outcome("no_equilibrium", last, f"the film {verb} before the {word} is reached", critical.state.load(load),
-                   load, critical)
+    return Outcome("no_equilibrium", last, f"the film {verb} before the {_WORDS[load]} is reached",
+                   critical.state.load(load), load, critical)
 
 
 def _wrinkling(solution: Solution) -> int:
