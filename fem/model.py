@@ -62,8 +62,9 @@ class Model:
 
     def _keeping(self, model: Model) -> Model:
         """The model, with what depends on the mesh and the outlines alone."""
-        kept = ("basis", "connectivity", "shapes", "gradients", "covered", "reference", "centre", "plate_nodes", "arms",
-                "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis")
+        kept = ("basis", "connectivity", "shapes", "gradients", "weights", "covered", "reference", "centre",
+                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis",
+                "velocities")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
 
@@ -89,10 +90,15 @@ class Model:
         return np.stack([np.atleast_2d(np.asarray(shape[0]))[0] for shape in self.basis.basis], axis=1)
 
     @cached_property
+    def weights(self) -> Array:
+        """Mounted area of every quadrature point of this mesh [m²], shape (elements, points)."""
+        return np.asarray(self.basis.dx)
+
+    @cached_property
     def volumes(self) -> Array:
         """Virgin volume of every quadrature point of this mesh [m³], shape (elements, points)."""
         film = self.specimen.membrane
-        return self.basis.dx * (film.thickness / film.area_prestretch)
+        return self.weights * (film.thickness / film.area_prestretch)
 
     @cached_property
     def covered(self) -> Array:
@@ -260,7 +266,7 @@ class Model:
 
     def _film_volume(self, positions: Array) -> FilmVolume:
         return FilmVolume(positions[self.connectivity], self.deformation(positions), self.shapes, self.gradients,
-                          self.basis.dx)
+                          self.weights)
 
     def _volume_forces(self, positions: Array) -> Array:
         return self._scatter(self._film_volume(positions).first())

@@ -86,7 +86,7 @@ class TensionField:
         return first[()], second[()]
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
-        return np.asarray(np.real(plain[2]) < np.real(self.residual * l2))
+        return np.asarray(np.real(plain[2]) < np.real(self.residual) * np.real(l2))
 
     def _taken(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Natural stretches of the loose points, nan where the film has none."""
