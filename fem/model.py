@@ -52,6 +52,11 @@ class Model:
     loading: Loading = field(default_factory=Loading)
     wrinkles: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse a weight that the mirror planes would repeat."""
+        if any(arm and plane in self.planes for plane, arm in zip("xy", self.loading.arm, strict=True)):
+            raise ValueError("a weight beside a mirror plane needs a mesh that is not mirrored there")
+
     def with_specimen(self, specimen: Specimen) -> Model:
         """The same mesh with another film or electrode of the same outlines; what depends on the mesh alone is kept."""
         return self._keeping(replace(self, specimen=specimen))
@@ -305,8 +310,10 @@ class Model:
         product = np.matmul(elements[touching], local)
         corner = np.einsum("eap,eaq->pq", local, product)
         nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
-        flat = product.reshape(-1, freedoms)
-        border = np.stack([np.bincount(nodes, flat[:, p], self.reference.size) for p in range(freedoms)], axis=1)
+        flat = product.reshape(len(nodes), freedoms)  # a fixed plate has none
+        border = np.empty((self.reference.size, freedoms))
+        for freedom in range(freedoms):
+            border[:, freedom] = np.bincount(nodes, flat[:, freedom], self.reference.size)
         return border[self.free.ravel()], corner
 
     @cached_property
