@@ -102,6 +102,8 @@ class Magnet:
         """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
         n, d = self.power, self.decay
         near = 1 + (self.gap - heave) / d
+        if np.real(near) <= 0:  # no step may end there, nor pass the pole
+            return np.nan, np.nan, np.nan
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
                 -self.force * n / d * near ** (-n - 1))
 

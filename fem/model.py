@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from fem.assembly import element_forces, element_tangents
-from fem.density import FilmDensity
+from fem.density import FilmDensity, principal_stretches
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
 from fem.loading import GUIDES, Loading
@@ -51,6 +51,11 @@ class Model:
     planes: frozenset[str] = frozenset()
     loading: Loading = field(default_factory=Loading)
     wrinkles: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a weight that the mirror planes would repeat."""
+        if any(arm and plane in self.planes for plane, arm in zip("xy", self.loading.arm, strict=True)):
+            raise ValueError("a weight beside a mirror plane needs a mesh that is not mirrored there")
 
     def with_specimen(self, specimen: Specimen) -> Model:
         """The same mesh with another film or electrode of the same outlines; what depends on the mesh alone is kept."""
@@ -199,6 +204,12 @@ class Model:
         """The film's energy density at U² [V²]."""
         return FilmDensity(self.specimen, voltage_squared, self.covered, self.wrinkles)
 
+    def tense(self, state: State) -> bool:
+        """Whether the film is in tension everywhere, at the quadrature points."""
+        c = cauchy_green(self.deformation(state.positions))
+        seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        return bool((self.density(state.voltage_squared).material.derivatives(*seen)[2] > 0).all())
+
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
         f = self.deformation(positions)
@@ -305,8 +316,10 @@ class Model:
         product = np.matmul(elements[touching], local)
         corner = np.einsum("eap,eaq->pq", local, product)
         nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
-        flat = product.reshape(-1, freedoms)
-        border = np.stack([np.bincount(nodes, flat[:, p], self.reference.size) for p in range(freedoms)], axis=1)
+        flat = product.reshape(len(nodes), freedoms)  # a fixed plate has none
+        border = np.empty((self.reference.size, freedoms))
+        for freedom in range(freedoms):
+            border[:, freedom] = np.bincount(nodes, flat[:, freedom], self.reference.size)
         return border[self.free.ravel()], corner
 
     @cached_property

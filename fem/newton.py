@@ -47,11 +47,8 @@ class Solution:
 
     @property
     def stable(self) -> bool:
-        """Whether the plate returns when pushed, the film following, under the given force and voltage.
-
-        A film that has lost tension may still wrinkle by itself: see :attr:`Tangent.wrinkling`.
-        """
-        return self.tangent is not None and self.tangent.plate_stable
+        """Whether the state is stable under the given loads; :attr:`Tangent.stable` says against what."""
+        return self.tangent is not None and self.tangent.stable
 
 
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tuple[Control, ...] = (),

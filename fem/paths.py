@@ -10,12 +10,17 @@ from typing import Literal
 import numpy as np
 
 from fem.branch import ArcSettings, Branch, Point
-from fem.controls import Heave
+from fem.controls import Heave, difference, length
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
 from fem.newton import STRAINED, NewtonSettings, Solution, extrapolate, moved, newton
+from fem.plate import HEAVE
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
+
+#: A natural step may miss its prediction by a share of its motion, and its end's rate must explain a share of it, but
+#: for motions that are small beside the frame. A film stiffening with the cube of its motion has 1/3 of it explained.
+_SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
@@ -89,10 +94,13 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     """
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
-    targets: tuple[tuple[Load, float], ...] = (("force", force), ("pressure", pressure), ("voltage", voltage**2))
-    for load, target in targets:
+    targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
+    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds it.
+    pushed = start is None and solution.state.force != 0
+    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure", "voltage")
+    for load in order:
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, load, target, settings)
+            outcome = ramp(model, outcome.solution, load, targets[load], settings)
     return outcome
 
 
@@ -104,6 +112,8 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     flat = newton(model, State.mounted(model), settings=settings.newton)
     if flat.converged and flat.stable and flat.tangent is not None and flat.tangent.wrinkling == 0:
         return flat
+    if HEAVE not in model.plate_freedoms:
+        return replace(flat, converged=False, advice="the film is slack when mounted, and its plate cannot move")
     x, y, _ = model.reference.T
     to_frame, to_plate = np.abs(model.specimen.frame.level(x, y)), np.abs(model.specimen.plate.level(x, y))
     heave = 0.2 * model.size
@@ -179,9 +189,9 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         share = min(1.0, done + step)
         guess = extrapolate(model, solution, **{load: origin + share * (target - origin)})
         trial = newton(model, guess, settings=settings.newton)
-        if trial.converged and trial.stable:
+        if trial.converged and trial.stable and _foreseen(model, solution.state, guess, trial, load):
             solution, done, step = trial, share, 2 * step
-            taut = trial if _wrinkling(trial) == 0 else taut
+            taut = trial if model.tense(trial.state) else taut
         elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             outcome = _followed(model, solution, taut, load, target, settings)
             locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
@@ -189,11 +199,22 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
     return Outcome("equilibrium", solution)
 
 
+def _foreseen(model: Model, origin: State, guess: State, found: Solution, load: Load) -> bool:
+    """Whether a step ended near enough to its prediction, and explains its motion, to have passed no limit points.
+
+    Up to a limit point the motion grows like a square root, to at most twice the prediction, and ever faster. A plate
+    that snapped to another branch went further than the predictions from either end say.
+    """
+    back = extrapolate(model, found, **{load: origin.load(load)})
+    missed, gone, explained = (length(model, difference(model, found.state, state)) for state in (guess, origin, back))
+    return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
+
+
 def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float, settings: PathSettings
               ) -> Outcome:
     """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
 
-    ``taut`` is the last solution before ``start`` whose film resists all motions.
+    ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
     """
     outcome = Outcome("not_converged", start)
     if _wrinkling(start) == 0:
