@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from fem.assembly import element_forces, element_tangents
-from fem.density import FilmDensity
+from fem.density import FilmDensity, principal_stretches
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
 from fem.loading import GUIDES, Loading
@@ -203,6 +203,12 @@ class Model:
     def density(self, voltage_squared: Any) -> FilmDensity:
         """The film's energy density at U² [V²]."""
         return FilmDensity(self.specimen, voltage_squared, self.covered, self.wrinkles)
+
+    def tense(self, state: State) -> bool:
+        """Whether the film is in tension everywhere, at the quadrature points."""
+        c = cauchy_green(self.deformation(state.positions))
+        seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        return bool((self.density(state.voltage_squared).material.derivatives(*seen)[2] > 0).all())
 
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""

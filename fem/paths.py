@@ -13,7 +13,7 @@ from fem.branch import ArcSettings, Branch, Point
 from fem.controls import Heave, difference, length
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
-from fem.newton import NewtonSettings, Solution, extrapolate, moved, newton
+from fem.newton import STRAINED, NewtonSettings, Solution, extrapolate, moved, newton
 from fem.plate import HEAVE
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
@@ -23,6 +23,8 @@ from fem.tangent import EVERY, Tangent
 _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
+
+_WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,7 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
     if target == origin:
         return Outcome("equilibrium", start)
     solution, done, step = start, 0.0, settings.first
+    taut = start
     already = abs(origin / (target - origin))
     while done < 1:
         share = min(1.0, done + step)
@@ -188,8 +191,11 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         trial = newton(model, guess, settings=settings.newton)
         if trial.converged and trial.stable and _foreseen(model, solution.state, guess, trial, load):
             solution, done, step = trial, share, 2 * step
+            taut = trial if model.tense(trial.state) else taut
         elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            return _followed(model, solution, load, target, settings)
+            outcome = _followed(model, solution, taut, load, target, settings)
+            locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
+            return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
     return Outcome("equilibrium", solution)
 
 
@@ -204,20 +210,23 @@ def _foreseen(model: Model, origin: State, guess: State, found: Solution, load: 
     return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
 
 
-def _followed(model: Model, start: Solution, load: Load, target: float, settings: PathSettings) -> Outcome:
-    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle."""
+def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float, settings: PathSettings
+              ) -> Outcome:
+    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
+
+    ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
+    """
     outcome = Outcome("not_converged", start)
-    if start.tangent is not None and start.tangent.wrinkling == 0:
+    if _wrinkling(start) == 0:
         outcome = _along(model, start, load, target, settings, EVERY)
+        taut = outcome.solution
     if outcome.status != "not_converged":
         return outcome
     for waves in settings.around(model):
-        smooth = SmoothMotions.of(model, waves)
-        # The last state found may already be wrinkled, and too far from the smooth branch.
-        for solution in {id(found): found for found in (outcome.solution, start)}.values():
-            trial = _along(model, solution, load, target, settings, smooth)
-            if trial.status != "not_converged":
-                return trial
+        # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
+        trial = _along(model, taut, load, target, settings, SmoothMotions.of(model, waves))
+        if trial.status != "not_converged":
+            return trial
     return replace(outcome, advice=trial.advice)
 
 
@@ -263,7 +272,8 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
         if sense * after.state.load(load) >= sense * target:
             reached = branch.reach(before, after, target)
             return _landed(model, stable, reached, load, target, settings)
-        if not after.solution.stable:
+        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign tells nothing.
+        if not after.solution.stable and _tangent_of(after).wrinkling == 0:
             return _pulled_in(stable, load, after, "loses its stability")
         if after.state.plate.heave > settings.reach * model.size:
             break
@@ -286,9 +296,12 @@ def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, t
 
 
 def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls in") -> Outcome:
-    word = {"force": "load", "voltage": "voltage", "pressure": "pressure"}[load]
-    return Outcome("no_equilibrium", last, f"the film {verb} before the {word} is reached", critical.state.load(load),
-                   load, critical)
+    return Outcome("no_equilibrium", last, f"the film {verb} before the {_WORDS[load]} is reached",
+                   critical.state.load(load), load, critical)
+
+
+def _wrinkling(solution: Solution) -> int:
+    return 0 if solution.tangent is None else solution.tangent.wrinkling
 
 
 def _tangent_of(point: Point) -> Tangent:
