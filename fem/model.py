@@ -238,6 +238,11 @@ class Model:
         outer = self._on_plate(state)[1][list(self.plate_freedoms)] / self.mirrored
         return forces[self.free], self.plate_forces(forces, state.plate) + outer
 
+    def unbalanced(self, state: State) -> float:
+        """Largest unbalanced force on a free component, relative to the largest nodal force."""
+        forces = self.nodal_forces(state)
+        return float(np.abs(forces[self.free]).max(initial=0.0) / np.abs(forces).max())
+
     def by_load(self, state: State, load: Load) -> Parts:
         """Derivative of the residual by the force, U² or the pressure, at a fixed configuration."""
         allowed = list(self.plate_freedoms)

@@ -34,7 +34,8 @@ class PathSettings:
     ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
     the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
     heave, relative to the frame's half extent, at which a search for equilibrium ends; ``waves``: numbers of waves
-    around the plate tried in turn for smooth motions where the film has lost tension.
+    around the plate tried in turn for smooth motions where the film has lost tension; ``unbalanced``: nodal force that
+    these may leave at a limit point, relative to the largest, if the mesh is to resolve it.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -44,6 +45,7 @@ class PathSettings:
     shortest: float = 2e-4
     reach: float = 1.5
     waves: tuple[int, ...] = (4, 2)
+    unbalanced: float = 1e-2
 
     def around(self, model: Model) -> tuple[int, ...]:
         """The numbers of waves for a model: none where it is axisymmetric."""
@@ -267,6 +269,9 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
             critical = branch.limit(before, after)
             if critical is None:
                 break
+            if model.unbalanced(critical.state) > settings.unbalanced:
+                return Outcome("not_converged", stable, "the film has lost tension, and the mesh does not resolve what "
+                               "follows: a finer one may")
             if sense * critical.state.load(load) < sense * target:
                 return _pulled_in(stable, load, critical)
         if sense * after.state.load(load) >= sense * target:

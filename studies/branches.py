@@ -15,7 +15,7 @@ from fem.controls import capacitance_of
 from fem.fields import whole
 from fem.model import Model
 from fem.newton import moved
-from fem.paths import Outcome, branch_points, equilibrium
+from fem.paths import Outcome, PathSettings, branch_points, equilibrium
 from fem.state import Load
 from fem.tautness import Tension
 from geometry.errors import InputError
@@ -100,7 +100,7 @@ class Reach:
 
     deflection: float = 1.0
     stretch: float = 6.0
-    unbalanced: float = 1e-2
+    unbalanced: float = PathSettings.unbalanced
     step: float = 0.015
 
 
@@ -173,7 +173,7 @@ def _ended(model: Model, station: Station, reach: Reach, point: Point, along: Al
 def _station(model: Model, point: Point) -> Station:
     state = point.state
     found = node_fields(model, state)
-    forces, tangent = model.nodal_forces(state), point.solution.tangent
+    tangent = point.solution.tangent
     assert tangent is not None
     voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
     capacitance = capacitance_of(model, state)
@@ -182,7 +182,7 @@ def _station(model: Model, point: Point) -> Station:
         charge_C=capacitance * voltage, capacitance_F=capacitance, max_stretch=float(found.stretch_1.max()),
         breakdown_share=float(found.breakdown_share.max()), stable=tangent.negative == 0,
         tense=bool((found.tension == Tension.TAUT).all()),
-        unbalanced=float(np.abs(forces[model.free]).max() / np.abs(forces).max()))
+        unbalanced=model.unbalanced(state))
 
 
 def _events(case: Case, on: Branch, before: Point, after: Point, along: Along,

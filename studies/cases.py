@@ -209,16 +209,11 @@ def _last_state(model: Model, outcome: Outcome) -> list[str]:
 
 
 def why(outcome: Outcome) -> str:
-    """Why there is no result, with the interval the limit is known to lie in when that is not short."""
+    """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
     if outcome.limited == "voltage":
-        unit = "kV across it"
-        reached, limit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3
-    elif outcome.limited == "pressure":
-        reached, limit, unit = outcome.state.pressure, outcome.limit, "Pa of gas pressure"
-    else:
-        reached, limit, unit = outcome.state.force, outcome.limit, "N on the plate"
-    if limit - reached > 0.01 * limit:
-        return f"the film pulls in above {reached:.4g} {unit}, by extrapolation near {limit:.3g}"
-    return f"the film pulls in at {limit:.4g} {unit}"
+        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it"
+    if outcome.limited == "pressure":
+        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure"
+    return f"the film pulls in at {outcome.limit:.4g} N on the plate"
