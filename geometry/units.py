@@ -22,6 +22,8 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "density": ("kg/m^3", "960 kg/m^3"),
     "force": ("N", "0.2 N"),
     "field": ("V/m", "30 MV/m"),
+    "time": ("s", "10 min"),
+    "speed": ("m/s", "1 um/min"),
 }
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)
