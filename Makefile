@@ -4,7 +4,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification clean
+.PHONY: study test benchmarks scaling verification robustness clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -21,6 +21,9 @@ scaling: .venv/ready
 
 verification: .venv/ready
 	.venv/bin/python -m benchmarks.verification
+
+robustness: .venv/ready
+	.venv/bin/python tests/robustness.py -o docs/robustness.md
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }

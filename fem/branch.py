@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from fem.model import Model, Parts
 from fem.motions import Motions
 from fem.newton import NewtonSettings, Solution, moved, newton
 from fem.state import Load, State
-from fem.tangent import EVERY
+from fem.tangent import EVERY, Tangent
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class Branch:
             point = found.get(step) or self.at(before, step)
             if point is None:
                 raise _Lost
-            found[step] = point
+            found[step] = point = self._renewed(point)
             return value(point)
 
         end = float(inner @ moved_by[0] + plate @ moved_by[1])
@@ -147,6 +147,14 @@ class Branch:
         motion, scale = self._unit(solution.tangent.along())
         rates = solution.tangent.along()[1][len(self.model.plate_freedoms) :] / scale
         return Point(solution, motion, rates)
+
+    def _renewed(self, point: Point) -> Point:
+        """The point with the tangent there: Newton's is that of an iterate before, too far off to place a limit."""
+        state = point.state
+        controls = (*self.controls, Arc(state, point.direction, 0.0))
+        equations = [control.equation(self.model, state, self._free) for control in controls]
+        tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations, self.motions)
+        return self._point(replace(point.solution, tangent=tangent))
 
     def _unit(self, change: Parts) -> tuple[Parts, float]:
         motion = change[0], change[1][: len(self.model.plate_freedoms)]

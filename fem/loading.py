@@ -28,6 +28,9 @@ GUIDES: dict[Guide, frozenset[str]] = {
     "fixed": frozenset(),
 }
 
+#: Among the plate's six freedoms.
+_UP = np.eye(6)[HEAVE]
+
 
 class Bias(Protocol):
     """A mechanism between plate and ground whose energy depends on the heave alone; ``law`` names it in rig files."""
@@ -99,6 +102,8 @@ class Magnet:
         """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
         n, d = self.power, self.decay
         near = 1 + (self.gap - heave) / d
+        if np.real(near) <= 0:  # no step may end there, nor pass the pole
+            return np.nan, np.nan, np.nan
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
                 -self.force * n / d * near ** (-n - 1))
 
@@ -136,10 +141,8 @@ class Loading:
         plate = state.plate
         energy, push, stiffness = self.bias(plate.heave)
         energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
-        first = -state.force * self.lift(plate)
-        second = plate.curvature(self._arm, np.array([[0.0, 0.0, -state.force]]))
-        first[HEAVE] += push
-        second[HEAVE, HEAVE] += stiffness
+        first = push * _UP - state.force * self.lift(plate)
+        second = plate.curvature(self._arm, np.array([[0.0, 0.0, -state.force]])) + stiffness * np.outer(_UP, _UP)
         if state.pressure:
             volume, by, bend = plate_volume(area, plate)
             energy = energy - state.pressure * volume

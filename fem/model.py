@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from fem.assembly import element_forces, element_tangents
-from fem.density import FilmDensity
+from fem.density import FilmDensity, principal_stretches
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
 from fem.loading import GUIDES, Loading
@@ -52,6 +52,11 @@ class Model:
     loading: Loading = field(default_factory=Loading)
     wrinkles: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse a weight that the mirror planes would repeat."""
+        if any(arm and plane in self.planes for plane, arm in zip("xy", self.loading.arm, strict=True)):
+            raise ValueError("a weight beside a mirror plane needs a mesh that is not mirrored there")
+
     def with_specimen(self, specimen: Specimen) -> Model:
         """The same mesh with another film or electrode of the same outlines; what depends on the mesh alone is kept."""
         return self._keeping(replace(self, specimen=specimen))
@@ -62,8 +67,9 @@ class Model:
 
     def _keeping(self, model: Model) -> Model:
         """The model, with what depends on the mesh and the outlines alone."""
-        kept = ("basis", "connectivity", "shapes", "gradients", "covered", "reference", "centre", "plate_nodes", "arms",
-                "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis")
+        kept = ("basis", "connectivity", "shapes", "gradients", "weights", "covered", "reference", "centre",
+                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis",
+                "velocities")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
 
@@ -89,10 +95,15 @@ class Model:
         return np.stack([np.atleast_2d(np.asarray(shape[0]))[0] for shape in self.basis.basis], axis=1)
 
     @cached_property
+    def weights(self) -> Array:
+        """Mounted area of every quadrature point of this mesh [m²], shape (elements, points)."""
+        return np.asarray(self.basis.dx)
+
+    @cached_property
     def volumes(self) -> Array:
         """Virgin volume of every quadrature point of this mesh [m³], shape (elements, points)."""
         film = self.specimen.membrane
-        return self.basis.dx * (film.thickness / film.area_prestretch)
+        return self.weights * (film.thickness / film.area_prestretch)
 
     @cached_property
     def covered(self) -> Array:
@@ -193,6 +204,12 @@ class Model:
         """The film's energy density at U² [V²]."""
         return FilmDensity(self.specimen, voltage_squared, self.covered, self.wrinkles)
 
+    def tense(self, state: State) -> bool:
+        """Whether the film is in tension everywhere, at the quadrature points."""
+        c = cauchy_green(self.deformation(state.positions))
+        seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        return bool((self.density(state.voltage_squared).material.derivatives(*seen)[2] > 0).all())
+
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
         f = self.deformation(positions)
@@ -260,7 +277,7 @@ class Model:
 
     def _film_volume(self, positions: Array) -> FilmVolume:
         return FilmVolume(positions[self.connectivity], self.deformation(positions), self.shapes, self.gradients,
-                          self.basis.dx)
+                          self.weights)
 
     def _volume_forces(self, positions: Array) -> Array:
         return self._scatter(self._film_volume(positions).first())
@@ -299,8 +316,10 @@ class Model:
         product = np.matmul(elements[touching], local)
         corner = np.einsum("eap,eaq->pq", local, product)
         nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
-        flat = product.reshape(-1, freedoms)
-        border = np.stack([np.bincount(nodes, flat[:, p], self.reference.size) for p in range(freedoms)], axis=1)
+        flat = product.reshape(len(nodes), freedoms)  # a fixed plate has none
+        border = np.empty((self.reference.size, freedoms))
+        for freedom in range(freedoms):
+            border[:, freedom] = np.bincount(nodes, flat[:, freedom], self.reference.size)
         return border[self.free.ravel()], corner
 
     @cached_property

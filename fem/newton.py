@@ -15,6 +15,9 @@ from fem.tangent import EVERY, Tangent
 
 Array = NDArray[np.float64]
 
+#: Why Newton's method stops where the law gives no stress.
+STRAINED = "the film would be strained beyond what its material can reach"
+
 
 @dataclass(frozen=True)
 class NewtonSettings:
@@ -44,11 +47,8 @@ class Solution:
 
     @property
     def stable(self) -> bool:
-        """Whether the plate returns when pushed, the film following, under the given force and voltage.
-
-        A film that has lost tension may still wrinkle by itself: see :attr:`Tangent.wrinkling`.
-        """
-        return self.tangent is not None and self.tangent.plate_stable
+        """Whether the state is stable under the given loads; :attr:`Tangent.stable` says against what."""
+        return self.tangent is not None and self.tangent.stable
 
 
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tuple[Control, ...] = (),
@@ -80,8 +80,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
-            return Solution(state, False, iteration, np.inf, None,
-                            "the film would be strained beyond what its material can reach: take smaller steps")
+            return Solution(state, False, iteration, np.inf, None, f"{STRAINED}: take smaller steps")
         equations = problem.equations(state)
         residual = problem.residual(state, part.forces, equations)
         balance = problem.balance(residual, part.forces)

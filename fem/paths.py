@@ -10,14 +10,21 @@ from typing import Literal
 import numpy as np
 
 from fem.branch import ArcSettings, Branch, Point
-from fem.controls import Heave
+from fem.controls import Heave, difference, length
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
-from fem.newton import NewtonSettings, Solution, extrapolate, moved, newton
+from fem.newton import STRAINED, NewtonSettings, Solution, extrapolate, moved, newton
+from fem.plate import HEAVE
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
 
+#: A natural step may miss its prediction by a share of its motion, and its end's rate must explain a share of it, but
+#: for motions that are small beside the frame. A film stiffening with the cube of its motion has 1/3 of it explained.
+_SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
+
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
+
+_WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
 
 
 @dataclass(frozen=True)
@@ -87,10 +94,13 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     """
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
-    targets: tuple[tuple[Load, float], ...] = (("force", force), ("pressure", pressure), ("voltage", voltage**2))
-    for load, target in targets:
+    targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
+    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds it.
+    pushed = start is None and solution.state.force != 0
+    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure", "voltage")
+    for load in order:
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, load, target, settings)
+            outcome = ramp(model, outcome.solution, load, targets[load], settings)
     return outcome
 
 
@@ -102,6 +112,8 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     flat = newton(model, State.mounted(model), settings=settings.newton)
     if flat.converged and flat.stable and flat.tangent is not None and flat.tangent.wrinkling == 0:
         return flat
+    if HEAVE not in model.plate_freedoms:
+        return replace(flat, converged=False, advice="the film is slack when mounted, and its plate cannot move")
     x, y, _ = model.reference.T
     to_frame, to_plate = np.abs(model.specimen.frame.level(x, y)), np.abs(model.specimen.plate.level(x, y))
     heave = 0.2 * model.size
@@ -171,32 +183,50 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
     if target == origin:
         return Outcome("equilibrium", start)
     solution, done, step = start, 0.0, settings.first
+    taut = start
     already = abs(origin / (target - origin))
     while done < 1:
         share = min(1.0, done + step)
         guess = extrapolate(model, solution, **{load: origin + share * (target - origin)})
         trial = newton(model, guess, settings=settings.newton)
-        if trial.converged and trial.stable:
+        if trial.converged and trial.stable and _foreseen(model, solution.state, guess, trial, load):
             solution, done, step = trial, share, 2 * step
+            taut = trial if model.tense(trial.state) else taut
         elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            return _followed(model, solution, load, target, settings)
+            outcome = _followed(model, solution, taut, load, target, settings)
+            locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
+            return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
     return Outcome("equilibrium", solution)
 
 
-def _followed(model: Model, start: Solution, load: Load, target: float, settings: PathSettings) -> Outcome:
-    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle."""
+def _foreseen(model: Model, origin: State, guess: State, found: Solution, load: Load) -> bool:
+    """Whether a step ended near enough to its prediction, and explains its motion, to have passed no limit points.
+
+    Up to a limit point the motion grows like a square root, to at most twice the prediction, and ever faster. A plate
+    that snapped to another branch went further than the predictions from either end say.
+    """
+    back = extrapolate(model, found, **{load: origin.load(load)})
+    missed, gone, explained = (length(model, difference(model, found.state, state)) for state in (guess, origin, back))
+    return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
+
+
+def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float, settings: PathSettings
+              ) -> Outcome:
+    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
+
+    ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
+    """
     outcome = Outcome("not_converged", start)
-    if start.tangent is not None and start.tangent.wrinkling == 0:
+    if _wrinkling(start) == 0:
         outcome = _along(model, start, load, target, settings, EVERY)
+        taut = outcome.solution
     if outcome.status != "not_converged":
         return outcome
     for waves in settings.around(model):
-        smooth = SmoothMotions.of(model, waves)
-        # The last state found may already be wrinkled, and too far from the smooth branch.
-        for solution in {id(found): found for found in (outcome.solution, start)}.values():
-            trial = _along(model, solution, load, target, settings, smooth)
-            if trial.status != "not_converged":
-                return trial
+        # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
+        trial = _along(model, taut, load, target, settings, SmoothMotions.of(model, waves))
+        if trial.status != "not_converged":
+            return trial
     return replace(outcome, advice=trial.advice)
 
 
@@ -242,7 +272,8 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
         if sense * after.state.load(load) >= sense * target:
             reached = branch.reach(before, after, target)
             return _landed(model, stable, reached, load, target, settings)
-        if not after.solution.stable:
+        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign tells nothing.
+        if not after.solution.stable and _tangent_of(after).wrinkling == 0:
             return _pulled_in(stable, load, after, "loses its stability")
         if after.state.plate.heave > settings.reach * model.size:
             break
@@ -265,9 +296,12 @@ def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, t
 
 
 def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls in") -> Outcome:
-    word = {"force": "load", "voltage": "voltage", "pressure": "pressure"}[load]
-    return Outcome("no_equilibrium", last, f"the film {verb} before the {word} is reached", critical.state.load(load),
-                   load, critical)
+    return Outcome("no_equilibrium", last, f"the film {verb} before the {_WORDS[load]} is reached",
+                   critical.state.load(load), load, critical)
+
+
+def _wrinkling(solution: Solution) -> int:
+    return 0 if solution.tangent is None else solution.tangent.wrinkling
 
 
 def _tangent_of(point: Point) -> Tangent:

@@ -32,7 +32,7 @@ class PlateMotion:
     @property
     def heave(self) -> float:
         """Deflection along the load [m]."""
-        return float(self.translation[HEAVE])
+        return self.translation[HEAVE].item()
 
     @property
     def tilt(self) -> float:
@@ -56,15 +56,16 @@ class PlateMotion:
 
     def gradient(self, arms: Array) -> Array:
         """Derivative of the positions by the six freedoms, shape (n, 3, 6)."""
-        result = np.zeros((len(arms), 3, 6))
+        turned = arms @ self.rotation.T
+        result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
         result[:, :, :3] = np.eye(3)
-        result[:, :, 3:] = np.cross(_AXES[:, None], arms @ self.rotation.T).transpose(1, 2, 0)
+        result[:, :, 3:] = np.cross(_AXES[:, None], turned).transpose(1, 2, 0)
         return result
 
     def curvature(self, arms: Array, forces: Array) -> Array:
         """Σ forces · second derivative of the positions, shape (6, 6): ½ (a × (b × r) + b × (a × r))."""
         r = arms @ self.rotation.T
         moment = np.einsum("ni,nj->ij", forces, r)
-        result = np.zeros((6, 6))
+        result = np.zeros((6, 6), dtype=moment.dtype)
         result[3:, 3:] = (moment + moment.T) / 2 - np.eye(3) * np.trace(moment)
         return result

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from fem.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
 from geometry.errors import InputError
@@ -69,6 +70,10 @@ class Rig:
         """What acts on film and plate besides force, voltage and gas pressure."""
         springs = (Spring(self.spring),) if self.spring else ()
         return Loading((*springs, *self.biases), self.weight_offset, self.guide, self.gravity)
+
+    def record(self) -> dict[str, Any]:
+        """All settings by name, as a study stores them."""
+        return {**asdict(self), "biases": [{"law": bias.law, **vars(bias)} for bias in self.biases]}
 
     def force(self, mass: float, plate_area: float = 0.0) -> float:
         """Force on the plate [N] of a nominal mass [kg] and the pressure on the plate's area [m²]."""

@@ -1,107 +1,139 @@
-"""Exact derivatives of an equilibrium by the specimen's numbers, its load and its voltage.
+"""Exact derivatives of scalar results by material, film, electrode, loads, surroundings and shape.
 
-The residual's derivative by a parameter is a complex step, exact to rounding; the equilibrium follows it through the
-tangent, factorised once. So one more parameter costs one evaluation of the forces and, for the adjoint, no solve.
+A quantity q of an equilibrium R(u, p) = 0, u the displacements of nodes and plate, changes with a parameter p by
+dq/dp = ∂q/∂p − λ·∂R/∂p, the tangent being K and K λ = ∂q/∂u (adjoint method; Choi & Kim, *Structural Sensitivity
+Analysis and Optimization*, 2005). One back-substitution into the factors the solve left serves all parameters; both
+partial derivatives are complex steps, exact to rounding.
+
+The factors belong to an iterate of Newton shortly before the equilibrium; :mod:`fem.adjoint` makes up for that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from fem.model import Model, Parts
-from fem.plate import HEAVE
-from fem.state import State
-from fem.tangent import Tangent
+from fem.adjoint import Adjoint, Work
+from fem.branch import Point
+from fem.model import Model
+from fem.newton import Solution
+from fem.parameters import LOADS, Parameter, Parameters
+from fem.paths import Outcome
+from fem.quantities import Heave, Quantity
+from fem.state import Load, State
 from geometry.errors import InputError
-from geometry.specimen import Specimen
-
-Array = NDArray[np.float64]
 
 _STEP = 1e-40
 
-
-def parameters(specimen: Specimen) -> tuple[str, ...]:
-    """Names of what can be differentiated by: every number of film and electrode, ``force`` and ``voltage``.
-
-    Examples
-    --------
-    >>> from fem.laws import Ogden
-    >>> from geometry.outlines import Circle
-    >>> from geometry.specimen import Film, Plate
-    >>> film = Film(1e-3, (2.2, 2.2), Ogden((20e3,), (2.0,)), 4.7)
-    >>> parameters(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[:4]
-    ('membrane.thickness', 'membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
-    """
-    film = _numbers(specimen.membrane, "membrane")
-    return (*film, "electrode.stiffness", "force", "voltage")
+#: Change of the load, relative to it, per arc length over the frame's half extent, below which a point is a limit.
+_FOLD = 1e-2
 
 
-def heave_gradient(model: Model, state: State, names: Sequence[str]) -> dict[str, float]:
-    """Derivatives of the heave at constant load and voltage by each named parameter [m per SI unit of it].
+def parameters(model: Model) -> tuple[str, ...]:
+    """Names of what can be differentiated by: numbers of film, electrode and shape, loads and surroundings."""
+    return Parameters(model).names
 
-    One adjoint solve serves them all.
+
+def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity, names: Sequence[str]
+             ) -> dict[str, float]:
+    """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
     Parameters
     ----------
-    state
-        An equilibrium of the model.
+    found
+        An equilibrium of the model. An outcome or a solution brings its factors; a bare state is factorised anew.
+    quantity
+        One of :mod:`fem.quantities`, or of your own.
     names
         Of :func:`parameters`.
 
     Raises
     ------
     InputError
-        For a name that is no parameter of the specimen.
+        For a name that is no parameter of the model; on a part of a film, for a parameter that breaks the mirror
+        symmetry and a quantity that is not the same for mirror images; for quantities that have no derivative.
     """
-    tangent = Tangent(model, model.linearised(state), state)
-    free = np.zeros(int(model.free.sum()))
-    row = np.zeros(len(model.plate_freedoms))
-    row[model.plate_freedoms.index(HEAVE)] = 1.0
-    inner, plate = tangent.respond((free, row))
-    result = {}
-    for name in names:
-        by = residual_derivative(model, state, name)
-        result[name] = -float(inner @ by[0] + plate @ by[1])
+    known = Parameters(model)
+    return gradient_many(model, found, {"": quantity}, {name: known[name] for name in names})[""]
+
+
+def gradient_many(model: Model, found: Outcome | Solution | State, quantities: Mapping[str, Quantity],
+                  by: Mapping[str, Parameter]) -> dict[str, dict[str, float]]:
+    """Derivatives of several quantities by several parameters, by their names: one adjoint solve for each quantity."""
+    state = found if isinstance(found, State) else found.state
+    if isinstance(found, Outcome) and found.status != "equilibrium":
+        raise InputError("has no derivatives: no equilibrium was found", key="state", given=found.advice)
+    solver = Adjoint.of(model, found)
+    motions = [solver.solve(quantity.slope(model, state)) for quantity in quantities.values()]
+    work = Work.of(model, state, motions)
+    result: dict[str, dict[str, float]] = {name: {} for name in quantities}
+    for name, parameter in by.items():
+        if parameter.odd & model.planes:
+            _refuse_odd(quantities, name)
+            for values in result.values():
+                values[name] = 0.0
+            continue
+        stepped = parameter.changed(model, state, 1j * _STEP)
+        done = Work.of(*stepped, motions) if parameter.moves else work
+        shares = done.against(*stepped).imag
+        for (label, quantity), share in zip(quantities.items(), shares, strict=True):
+            result[label][name] = float((quantity.value(*stepped).imag - share) / _STEP)
     return result
 
 
-def residual_derivative(model: Model, state: State, name: str) -> Parts:
-    """Derivative of the unbalanced forces (free components, plate) by a parameter at a fixed configuration."""
-    if name == "force":
-        return model.by_load(state, "force")
-    if name == "voltage":
-        by = model.by_load(state, "voltage")
-        slope = 2 * np.sqrt(state.voltage_squared)
-        return slope * by[0], slope * by[1]
-    if name not in parameters(model.specimen):
-        raise InputError(f"must be one of {', '.join(parameters(model.specimen))}", key="parameter", given=name)
-    stepped = model.with_specimen(_stepped(model.specimen, name.split(".")))
-    forces = stepped.nodal_forces(state).imag / _STEP
-    return forces[model.free], model.plate_forces(forces, state.plate)
+def heave_gradient(model: Model, found: Outcome | Solution | State, names: Sequence[str]) -> dict[str, float]:
+    """Derivatives of the heave at constant loads by each named parameter [m per SI unit of it]."""
+    return gradient(model, found, Heave(), names)
 
 
-def _numbers(value: Any, path: str) -> tuple[str, ...]:
-    """Paths of all numbers within a dataclass or tuple."""
-    if isinstance(value, float | int):
-        return (path,)
-    if isinstance(value, tuple):
-        return tuple(name for index, item in enumerate(value) for name in _numbers(item, f"{path}.{index}"))
-    if is_dataclass(value):
-        inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value))
-        return tuple(name for item, below in inner for name in _numbers(item, below))
-    return ()
+def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, Parameter]) -> dict[str, float]:
+    """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
+
+    At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p / φ·∂R/∂λ: no solve.
+
+    Parameters
+    ----------
+    critical
+        The limit point, such as :attr:`fem.paths.Outcome.critical`.
+    load
+        The load that has its limit there, such as :attr:`fem.paths.Outcome.limited`.
+
+    Raises
+    ------
+    InputError
+        Where the load has no limit: at a bifurcation, or away from the limit point.
+    """
+    state, mode = critical.state, critical.direction
+    if abs(critical.rate) > _FOLD * abs(state.load(load)):
+        raise InputError("has no derivatives: the load has no smooth limit there", key="limit", given=load)
+    work = Work.of(model, state, [mode])
+    loads: dict[str, Any] = {load: state.load(load) + 1j * _STEP}
+    share = work.against(model, state.under(**loads))[0].imag / _STEP
+    result = {}
+    for name, parameter in by.items():
+        if parameter.odd & model.planes:
+            result[name] = 0.0
+        elif name in LOADS and name == load:
+            raise InputError("is the load that has the limit", key="parameter", given=name)
+        else:
+            stepped = parameter.changed(model, state, 1j * _STEP)
+            done = Work.of(*stepped, [mode]) if parameter.moves else work
+            result[name] = float(-done.against(*stepped)[0].imag / _STEP / share)
+    return result
 
 
-def _stepped(value: Any, path: list[str]) -> Any:
-    """A copy with an imaginary step on the number at a path."""
-    if not path:
-        return value + 1j * _STEP
-    if isinstance(value, tuple):
-        index = int(path[0])
-        return (*value[:index], _stepped(value[index], path[1:]), *value[index + 1 :])
-    return replace(value, **{path[0]: _stepped(getattr(value, path[0]), path[1:])})
+def morphed(model: Model, state: State, name: str, change: float) -> tuple[Model, State]:
+    """Model and a starting state after a finite change of one parameter, on the same elements.
+
+    A length moves the nodes linearly; so frames and plates that are circles or ellipses keep their shape exactly, and
+    the edges of electrodes to first order in the change.
+    """
+    return Parameters(model)[name].changed(model, state, change)
+
+
+def _refuse_odd(quantities: Mapping[str, Quantity], parameter: str) -> None:
+    """Mirror images of equal value have no slope along what breaks the mirror; others need the whole film."""
+    for name, quantity in quantities.items():
+        if not quantity.even:
+            raise InputError("breaks the mirror symmetry of the meshed part: mesh the whole film (symmetry off)",
+                             key=parameter, given=name or type(quantity).__name__)

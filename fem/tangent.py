@@ -37,6 +37,7 @@ class Tangent:
         loads = [motions.gather(model.by_load(state, name)) for name in free]
         rows = [_transposed(motions, equation) for equation in equations]
         self._plates = len(model.plate_freedoms)
+        self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows, strict=True)]
         columns = np.column_stack([part.border, *(load[0] for load in loads)])
         self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
         corner = np.zeros((len(self._rows), columns.shape[1]))
@@ -45,7 +46,7 @@ class Tangent:
             corner[: self._plates, self._plates + index] = load[1]
             corner[self._plates + index, : self._plates] = row[1]
             corner[self._plates + index, self._plates :] = equation.loads
-        self._influence = self._factor.solve(columns)
+        self._corner, self._influence = corner, self._factor.solve(columns)
         self._schur = corner - self._rows @ self._influence
 
     @property
@@ -58,6 +59,15 @@ class Tangent:
     def plate_stable(self) -> bool:
         """Whether that stiffness is positive definite."""
         return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
+
+    @property
+    def stable(self) -> bool:
+        """Whether film and plate return when pushed.
+
+        Of a film whose every node moves by itself only the plate is asked, as far as it can move: without tension
+        such a film wrinkles, whatever the plate does. Motions that cannot wrinkle are asked altogether.
+        """
+        return self.plate_stable if isinstance(self.motions, AllMotions) else self.negative == 0
 
     @property
     def heave_stiffness(self) -> float:
@@ -74,6 +84,20 @@ class Tangent:
     def negative(self) -> int:
         """Number of negative eigenvalues of film and plate at given loads."""
         return self.wrinkling + int((np.linalg.eigvalsh(self.plate_stiffness) < 0).sum())
+
+    @property
+    def negative_closed(self) -> int:
+        """Number of negative eigenvalues of film and plate when the controls hold, the free loads following.
+
+        That is stability at constant charge, or with the plate held: of the tangent K within the motions that a hard
+        equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the load, where the load gives way by
+        δq = −e·δx/l. Both have the inertia of K bordered by e (Haynsworth), less one negative eigenvalue for each.
+        """
+        plate, rows = self._corner[: self._plates, : self._plates], self._corner[self._plates :, : self._plates]
+        corner = np.block([[plate, rows.T], [rows, np.diag(self._closures)]])
+        matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
+        negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
+        return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
 
     def solve(self, right: Parts) -> Parts:
         """Correction for a right-hand side of forces, on film and plate, and of the equations."""
@@ -104,6 +128,13 @@ class Tangent:
 
 def _transposed(motions: Motions, equation: Equation) -> Parts:
     return motions.gather((equation.inner, equation.plate))
+
+
+def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
+    """l t where an equation's row is e = t g and its derivative by the load of g is l; 0 if loads do not enter it."""
+    index = int(np.argmax(np.abs(equation.loads)))
+    give, load = float(equation.loads[index]), loads[index]
+    return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1] @ load[1])
 
 
 def _factorise(matrix: Any, model: Model) -> Any:

@@ -12,6 +12,7 @@ Array = NDArray[Any]
 
 _HALVINGS = 60
 _EXACT = 1e-14
+_OUTWARDS = (3.0, 2.0, 1.5, 1.25, 1.1, 1.03)
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,9 @@ class TensionField:
         return first[()], second[()]
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
-        return np.asarray(np.real(plain[2]) < np.real(self.residual * l2))
+        # A law may have no value so far pressed together.
+        least = np.real(self.residual) * np.real(l2)
+        return np.asarray(~(np.real(plain[2]) >= least) & np.isfinite(least))
 
     def _taken(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Natural stretches of the loose points, nan where the film has none."""
@@ -101,10 +104,14 @@ class TensionField:
             values = total(materials, s, s)
             return values[1] - k * s, values[3] + values[4] - k
 
-        slack = np.real(both(a)[0]) <= 0
+        slack = ~(np.real(both(a)[0]) > 0)
         width = _root(across, b, a)
-        # A film slack both ways: its natural stretch is sought up to four times what it has.
-        apart = _root(both, a, 4 * a)
+        # A film slack both ways: its natural stretch is sought up to four times what it has. Under voltage the tension
+        # falls again further out.
+        outer = 4 * a
+        for factor in _OUTWARDS:
+            outer = np.where(np.real(both(factor * a)[0]) > 0, factor * a, outer)
+        apart = _root(both, a, outer)
         return np.where(slack, apart, a), np.where(slack, apart, width)
 
     def _relaxed(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, ...]:
@@ -147,7 +154,8 @@ def _root(function: Any, low: Array, high: Array) -> Array:
         point = lower
         for _ in range(_HALVINGS):
             value, slope = (np.real(part) for part in function(point))
-            lower, upper = np.where(value < 0, point, lower), np.where(value < 0, upper, point)
+            above = value >= 0  # not where there is no value
+            lower, upper = np.where(above, lower, point), np.where(above, point, upper)
             following = point - value / slope
             inside = (following > lower) & (following < upper)
             following = np.where(inside, following, (lower + upper) / 2)

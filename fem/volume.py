@@ -80,7 +80,7 @@ class FilmVolume:
 def plate_volume(area: float, plate: PlateMotion) -> tuple[float, Array, Array]:
     """Volume under the plate [m³] and its first and second derivatives by the six freedoms."""
     heave, normal = plate.translation[HEAVE], plate.rotation @ _UP
-    turn = np.zeros(6)
+    turn = np.zeros(6, dtype=normal.dtype)
     turn[3:] = np.cross(_AXES, normal)[:, 2]
     lift = np.zeros(6)
     lift[HEAVE] = 1.0

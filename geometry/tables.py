@@ -40,7 +40,7 @@ class Table:
     def read(cls, file: Path | str) -> Table:
         """Parse a file; an unreadable or malformed one is an :class:`InputError` naming line and column."""
         try:
-            return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8")))
+            return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
         except OSError as error:
             raise InputError(f"cannot be read: {error.strerror}", file=file) from None
         except UnicodeDecodeError as error:

@@ -22,8 +22,10 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "density": ("kg/m^3", "960 kg/m^3"),
     "force": ("N", "0.2 N"),
     "field": ("V/m", "30 MV/m"),
-    "time": ("s", "10 min"),
     "speed": ("m/s", "1 um/min"),
+    "time": ("s", "30 s"),
+    "capacitance": ("F", "800 pF"),
+    "angle": ("rad", "5 mrad"),
 }
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)
@@ -81,3 +83,29 @@ def quantity(text: object, dimension: str) -> float:
         raise InputError(f"wrong dimension: {allowed}", given=text) from None
     except Exception:  # pint's parser raises whatever its tokeniser, evaluator or assertions raise
         raise InputError(f"unknown unit: {allowed}", given=text) from None
+
+
+def unit_factor(unit: str, dimension: str) -> float:
+    """The SI value of one ``unit``, a name of letters only.
+
+    Raises
+    ------
+    InputError
+        When it is no unit, or one of another dimension.
+
+    Examples
+    --------
+    >>> unit_factor("kV", "voltage"), unit_factor("min", "time")
+    (1000.0, 60.0)
+    """
+    import pint
+
+    example = DIMENSIONS[dimension][1].split()[1]
+    try:
+        if not unit.isalpha():
+            raise ValueError
+        return _factor(unit, dimension)
+    except pint.DimensionalityError:
+        raise InputError(f"wrong dimension: must be a unit of {dimension}, such as {example}", given=unit) from None
+    except Exception:  # as in quantity()
+        raise InputError(f"unknown unit: must be a unit of {dimension}, such as {example}", given=unit) from None

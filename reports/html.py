@@ -25,7 +25,8 @@ _BASES = (
 )
 _UNITS = {
     "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V", "sensor_zero": "m",
-    "masses": "kg", "voltages": "V",
+    "masses": "kg", "voltages": "V", "weight_offset": "m", "plate_pressure": "Pa", "gas_pressure": "Pa",
+    "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
 }
 
 
@@ -120,7 +121,10 @@ def _flat(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
         for key, item in value.items():
             yield from _flat(item, (*path, str(key)))
         return
-    shown = ", ".join(map(_shown, value)) if isinstance(value, list) else _shown(value)
+    if isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        yield from _flat({str(number): item for number, item in enumerate(value, 1)}, path)
+        return
+    shown = (", ".join(map(_shown, value)) or "none") if isinstance(value, list) else _shown(value)
     unit = _UNITS.get(path[-1], "") if path else ""
     yield ", ".join(part.replace("_", " ") for part in path), f"{shown} {unit}".strip()
 

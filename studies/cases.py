@@ -216,6 +216,8 @@ def why(outcome: Outcome) -> str:
     if outcome.limited == "voltage":
         unit = "kV across it"
         reached, limit = np.sqrt(outcome.state.voltage_squared) / 1e3, np.sqrt(outcome.limit) / 1e3
+    elif outcome.limited == "pressure":
+        reached, limit, unit = outcome.state.pressure, outcome.limit, "Pa of gas pressure"
     else:
         reached, limit, unit = outcome.state.force, outcome.limit, "N on the plate"
     if limit - reached > 0.01 * limit:

@@ -110,7 +110,7 @@ def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None
         "finished": time.strftime("%Y-%m-%d %H:%M:%S %z"),
         "mass_kg": study.mass,
         "voltage_V": study.voltage,
-        "rig": _plain(asdict(study.rig)),
+        "rig": _plain(study.rig.record()),
         "settings": _plain(asdict(study.settings)),
         "alpha_settings": _plain(asdict(study.alpha)),
         "specimens": [

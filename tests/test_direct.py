@@ -23,7 +23,7 @@ SOLVERS = ("SuperLU", *(["Pardiso"] if find_spec("pypardiso") else []))
 
 @pytest.fixture(scope="module", params=(2, 4))
 def film(request: pytest.FixtureRequest) -> Model:
-    return model(circular(), symmetry=False, refine=2 / request.param, order=request.param)
+    return model(circular(), symmetry=False, refine=1.6 / request.param, order=request.param)
 
 
 @pytest.fixture(scope="module")

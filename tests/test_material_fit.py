@@ -269,7 +269,7 @@ def test_reading(tmp_path) -> None:
     ("mode,nominal_stress_kPa\nuniaxial,2\n", "the column stretch is missing"),
     ("mode,stretch,stress\nuniaxial,2,3\n", "line 1, column 3: given 'stress': unknown column"),
     ("mode,stretch,stretch,nominal_stress_kPa\n", "line 1, column 3: given 'stretch': is there twice"),
-    ("mode,stretch,nominal_stress_kPa,nominal_stress_Pa\n", "one column of stress only"),
+    ("mode,stretch,nominal_stress_kPa,nominal_stress_Pa\n", "one column of nominal_stress only"),
     (HEAD + "uniaxial,2,35\nbiaxial,2,35\n", "line 3, column 1 (mode): given 'biaxial': must be one of uniaxial"),
     (HEAD + "uniaxial,two,35\n", "line 2, column 2 (stretch): given 'two': must be a number"),
     (HEAD + "uniaxial,,35\n", "line 2, column 2 (stretch): given '': must be a number"),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import effects, material, modes, path
+from tympan import data, effects, material, modes, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -46,7 +46,9 @@ def _parser() -> argparse.ArgumentParser:
     _solve(commands)
     _alpha(commands)
     modes.add(commands)
+    sensitivity.add(commands)
     path.add(commands)
+    data.add(commands)
     _report(commands)
     _export(commands)
     _materials(commands)

@@ -1,0 +1,220 @@
+"""How the results of a case answer to every number of its specimen, rig and load: derivatives and elasticities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from fem.model import Model
+from fem.parameters import Parameter, Parameters, at, film_names, numbers, shape_names, with_change
+from fem.paths import Outcome, Status
+from fem.quantities import Quantity, quantity
+from fem.sensitivity import gradient_many, limit_gradient
+from fem.shape import velocities
+from fem.state import Load, State
+from geometry.errors import InputError
+from studies.cases import Case, Settings, find, state_warnings, why
+
+#: Units of quantities; a pull-in load is the last three.
+UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J", "max_stretch": "1",
+         "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V", "pull_in_force": "N",
+         "pull_in_pressure": "Pa"}
+
+_PARAMETER_UNITS = {
+    "m": ("thickness", "radius", "semi_axes", "offset", "margin_frame", "margin_plate", "weight_offset", "rest", "gap",
+          "decay"),
+    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"), "kg": ("mass", "unaccounted_mass"),
+    "V": ("voltage", "sag_voltage"), "N/m": ("spring",), "N": ("force",), "m/s²": ("gravity",),
+    "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim", "lambda_lock", "exponent",
+          "power", "amplifier_gain"), "kg/m³": ("density",)}
+
+#: What of a case makes each load; at the load's own limit they have no say.
+_MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage"), "pressure": ("rig.gas_pressure",),
+         "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure")}
+
+
+@dataclass(frozen=True)
+class CaseNumber:
+    """The nominal mass, the nominal voltage or a number of the rig, as parameter; ``limited`` is left alone."""
+
+    case: Case
+    path: tuple[str, ...]
+    limited: Load | None = None
+    moves = False
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """The axis an offset of the weight is along."""
+        return frozenset("xy"[int(self.path[-1])]) if self.path[-2:-1] == ("weight_offset",) else frozenset()
+
+    def value(self, model: Model, state: State) -> float:
+        """As in the case."""
+        return float(at(self.case, self.path))
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Other loads and surroundings."""
+        mass, voltage = (getattr(self.case, name) + (change if self.path == (name,) else 0)
+                         for name in ("mass", "voltage"))
+        rig = with_change(self.case.rig, self.path[1:], change) if self.path[0] == "rig" else self.case.rig
+        loads = {"force": rig.force(mass, model.plate_area), "voltage": rig.film_voltage(voltage) ** 2,
+                 "pressure": rig.gas_pressure}
+        loads = {name: load for name, load in loads.items() if name != self.limited}
+        return model.with_loading(rig.loading), state.under(**loads)
+
+
+@dataclass(frozen=True)
+class UnderPressure:
+    """A length that changes the plate's area, and so the force of a pressure on the plate."""
+
+    inner: Parameter
+    case: Case
+
+    @property
+    def moves(self) -> bool:
+        """As the length itself."""
+        return self.inner.moves
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """As the length itself."""
+        return self.inner.odd
+
+    def value(self, model: Model, state: State) -> float:
+        """As the length itself."""
+        return self.inner.value(model, state)
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Another shape and another force."""
+        other, moved = self.inner.changed(model, state, change)
+        force: Any = self.case.rig.force(self.case.mass, other.plate_area)
+        return other, moved.under(force=force)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A quantity's ``derivative`` by a parameter [SI]; ``elasticity``: per cent per per cent, None where one is 0."""
+
+    parameter: str
+    value: float
+    derivative: float
+    elasticity: float | None
+
+    @property
+    def unit(self) -> str:
+        """Of the parameter; "SI" where its law alone knows."""
+        if self.parameter.startswith("rig.biases.") and self.parameter.endswith(".stiffness"):
+            return "N/m"
+        word = next(key for key in reversed(self.parameter.split(".")) if not key.isdigit())
+        return next((unit for unit, words in _PARAMETER_UNITS.items() if word in words), "SI")
+
+
+@dataclass(frozen=True)
+class Answers:
+    """A quantity and its answers to all parameters."""
+
+    quantity: str
+    value: float
+    answers: tuple[Answer, ...]
+
+    @property
+    def unit(self) -> str:
+        """Of the quantity."""
+        return UNITS.get(self.quantity, "SI")
+
+
+@dataclass(frozen=True)
+class SensitivityResult:
+    """What ``tympan sensitivity --json`` prints."""
+
+    specimen: str
+    mass_kg: float
+    voltage_V: float
+    status: Status
+    quantities: tuple[Answers, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        found = {one.quantity: {"value": one.value, "unit": one.unit, "by": {
+            answer.parameter: {"value": answer.value, "unit": answer.unit, "derivative": answer.derivative,
+                               "elasticity": answer.elasticity} for answer in one.answers}} for one in self.quantities}
+        return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V, "status": self.status,
+                "quantities": found, "warnings": list(self.warnings)}
+
+
+def sensitivity(case: Case, settings: Settings, names: Sequence[str] = ("heave",)) -> SensitivityResult:
+    """Derivatives of named quantities of a case by all it depends on; past pull-in, those of the pull-in load.
+
+    Raises
+    ------
+    InputError
+        For names that are no quantities, and for quantities without derivatives, such as the tilt of a level plate.
+    """
+    wanted = {name: quantity(name) for name in names}
+    model, outcome = find(case, settings)
+    result = SensitivityResult(case.specimen.name, case.mass, case.voltage, outcome.status)
+    left_out = tuple(_immovable(model))
+    if outcome.status == "equilibrium":
+        return replace(result, quantities=_at_equilibrium(case, model, outcome, wanted),
+                       warnings=(*state_warnings(model, outcome.state), *left_out))
+    if outcome.critical is None or outcome.limited is None:
+        return replace(result, warnings=(why(outcome),))
+    return replace(result, quantities=(_at_limit(case, model, outcome),), warnings=(why(outcome), *left_out))
+
+
+def case_parameters(case: Case, model: Model, limited: Load | None = None) -> dict[str, Parameter]:
+    """All a case depends on, by name: specimen, but for lengths the mesh cannot follow, nominal loads and rig."""
+    known = Parameters(model)
+    result: dict[str, Parameter] = {name: known[name] for name in film_names(case.specimen)}
+    for name in () if _immovable(model) else shape_names(case.specimen):
+        shape = known[name]
+        loads = case.rig.plate_pressure and limited != "force"
+        result[name] = UnderPressure(shape, case) if loads else shape
+    rig = [name for name in numbers(case.rig, "rig") if not name.startswith("rig.sensor")]
+    for name in ("mass", "voltage", *rig):
+        path = tuple(name.split("."))
+        if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):
+            result[name] = CaseNumber(case, path, limited)
+    return result
+
+
+def _immovable(model: Model) -> list[str]:
+    """Why the mesh cannot follow the lengths of the specimen, if it cannot."""
+    try:
+        velocities(model).check()
+    except InputError as error:
+        return [f"no derivatives by lengths: {error}"]
+    return []
+
+
+def _at_equilibrium(case: Case, model: Model, outcome: Outcome, wanted: dict[str, Quantity]) -> tuple[Answers, ...]:
+    by = case_parameters(case, model)
+    slopes = gradient_many(model, outcome, wanted, by)
+    state = outcome.state
+    return tuple(_answers(name, float(one.value(model, state)), slopes[name], by, model, state)
+                 for name, one in wanted.items())
+
+
+def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
+    assert outcome.critical is not None
+    assert outcome.limited is not None
+    load, critical = outcome.limited, outcome.critical
+    by = case_parameters(case, model, load)
+    slopes, value = limit_gradient(model, critical, load, by), critical.state.load(load)
+    if load == "voltage":
+        value = float(np.sqrt(value))
+        slopes = {name: slope / (2 * value) for name, slope in slopes.items()}
+    return _answers(f"pull_in_{load}", value, slopes, by, model, critical.state)
+
+
+def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, Parameter], model: Model, state: State
+             ) -> Answers:
+    answers = []
+    for parameter, slope in slopes.items():
+        number = by[parameter].value(model, state)
+        answers.append(Answer(parameter, number, slope, slope * number / value if number and value else None))
+    return Answers(name, value, tuple(answers))

@@ -1,0 +1,120 @@
+"""Derivatives by lengths and of pull-in: against the axisymmetric equations, new meshes, and scikit-fem's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import axisymmetric
+import numpy as np
+import pytest
+from conftest import ROOT5, circular, model, skewed
+
+from fem.laws import Ogden
+from fem.newton import newton
+from fem.parameters import Parameters, with_change
+from fem.paths import equilibrium
+from fem.sensitivity import heave_gradient, limit_gradient, morphed
+from fem.shape import isoparametric, velocities
+from geometry.errors import InputError
+from geometry.outlines import Circle, Ellipse
+from geometry.specimen import Electrode, Region, Specimen
+
+FORCE, VOLTAGE = 0.2, 3000.0
+FILM = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(25e3), 4.7)
+
+
+def slope(function: Callable[[float], float], value: float, step: float) -> float:
+    """Derivative by differences of order four."""
+    near, far = (function(value + d) - function(value - d) for d in (step, 2 * step))
+    return (8 * near - far) / (12 * step)
+
+
+def test_radii_against_the_axisymmetric_equations() -> None:
+    film = model(circular())
+    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), ["plate.outline.radius", "frame.radius"])
+
+    def heave(**radius: float) -> float:
+        return axisymmetric.solve_load(replace(FILM, **radius), FORCE, VOLTAGE).deflection
+
+    assert found["plate.outline.radius"] == pytest.approx(slope(lambda a: heave(inner=a), 10e-3, 1e-5), rel=1e-5)
+    assert found["frame.radius"] == pytest.approx(slope(lambda b: heave(outer=b), 45e-3, 5e-5), rel=1e-5)
+
+
+def test_pull_in_against_the_axisymmetric_equations() -> None:
+    """Without any solve: from the critical mode alone."""
+    force = 17.9e-3 * 9.81
+    film = model(circular(Ogden((15e3,), (2.0,))))
+    outcome = equilibrium(film, force, 7e3)
+    assert outcome.critical is not None
+    soft = replace(FILM, material=axisymmetric.neo_hooke(15e3))
+
+    def pull_in(load: float = force, **changes: float) -> float:
+        return axisymmetric.pull_in_voltage(replace(soft, **changes), load)
+
+    expected = {"plate.outline.radius": slope(lambda a: pull_in(inner=a), 10e-3, 1e-5),
+                "membrane.thickness": slope(lambda t: pull_in(thickness=t), 1e-3, 1e-6),
+                "force": slope(pull_in, force, 1e-3 * force)}
+    known = Parameters(film)
+    found = limit_gradient(film, outcome.critical, "voltage", {name: known[name] for name in expected})
+    voltage = np.sqrt(outcome.critical.state.voltage_squared)
+    for name, value in expected.items():
+        assert found[name] / (2 * voltage) == pytest.approx(value, rel=3e-4), name
+    with pytest.raises(InputError, match="is the load that has the limit"):
+        limit_gradient(film, outcome.critical, "voltage", {"voltage": known["voltage"]})
+    with pytest.raises(InputError, match="no smooth limit"):
+        limit_gradient(film, replace(outcome.critical, rates=np.array([1e9])), "voltage", {})
+
+
+@pytest.mark.parametrize("name", ["plate.offset.0", "electrode.margin_plate"])
+def test_lengths_against_new_meshes(name: str) -> None:
+    """Meshes made anew differ by their own error, which fourth-order elements keep small."""
+    def heave(change: float) -> float:
+        film = model(with_change(skewed(), name.split("."), change), order=4)
+        return equilibrium(film, FORCE, VOLTAGE).state.plate.heave
+
+    film = model(skewed(), order=4)
+    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    assert found == pytest.approx(slope(heave, 0.0, 3e-4), rel=1e-4)
+
+
+def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
+    film = model(skewed(), refine=0.7, order=3)
+    nodes = film.reference[:, :2][film.connectivity]
+    gradients, weights = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes)
+    np.testing.assert_allclose(gradients, film.gradients, rtol=1e-9, atol=1e-8 * np.abs(gradients).max())
+    np.testing.assert_allclose(weights, film.weights, rtol=1e-10)
+    motion = velocities(film).of(("frame", "semi_axes", "0"))[film.connectivity]
+    stepped = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes + 1e-30j * motion)[1].imag / 1e-30
+    # The film's area πab − πr² grows with a by πb.
+    assert stepped.sum() == pytest.approx(np.pi * 45e-3, rel=1e-5)
+
+
+def electrode(outline: Region) -> Specimen:
+    return replace(circular(), electrode=Electrode(outline=outline))
+
+
+def test_an_electrode_within_the_film_moves() -> None:
+    film = model(electrode(Region(Ellipse((8e-3, 6e-3)), (25e-3, 5e-3))), order=2)
+    state = equilibrium(film, FORCE, VOLTAGE).state
+    names = ["electrode.outline.outline.semi_axes.0", "electrode.outline.offset.1", "frame.radius"]
+    exact = heave_gradient(film, state, names)
+    for name in names:
+        errors = []
+        for step in (4e-4, 2e-4):
+            ends = []
+            for change in (step, -step):
+                found = newton(*morphed(film, state, name, change))
+                assert found.converged
+                ends.append(found.state.plate.heave)
+            errors.append(abs((ends[0] - ends[1]) / (2 * step) - exact[name]))
+        assert errors[1] < 1e-3 * abs(exact[name])
+        assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-7 * abs(exact[name])
+
+
+def test_an_electrode_across_the_frame_is_refused() -> None:
+    film = model(electrode(Region(Circle(20e-3), (40e-3, 0.0))), order=2)
+    state = equilibrium(film, FORCE, VOLTAGE).state
+    with pytest.raises(InputError, match="away from plate, frame and margins"):
+        heave_gradient(film, state, ["frame.radius"])
+    assert heave_gradient(film, state, ["force"])["force"] > 0
