@@ -242,8 +242,15 @@ def test_sag_is_a_gain_that_depends_on_the_voltage() -> None:
     lower = REGISTRY["amplifier_gain"].apply(NOMINAL, [1 / (1 + (5 / 20) ** 2) - 1])
     assert np.allclose(readings(sagging)[:, 0], readings(lower)[:, 0], rtol=1e-12)
     assert np.abs(readings(sagging)[:, 1] - readings(lower)[:, 1]).min() > 1e-6
-    twice = REGISTRY["voltage_sag"].apply(sagging, [20e3]).rig
-    assert twice.film_voltage(6e3) == pytest.approx(6e3 / (1 + 2 * 0.3**2), rel=1e-14)
+    twice = REGISTRY["voltage_sag"].apply(sagging, [30e3]).rig
+    assert twice.film_voltage(6e3) == pytest.approx(6e3 / (1 + 0.3**2 + 0.2**2), rel=1e-14)
+
+
+def test_gains_multiply() -> None:
+    rig = Rig(amplifier_gain=0.1, sensor_gain=0.2, sensor_zero=1e-3)
+    both = extended(replace(NOMINAL, rig=rig), [Use("amplifier_gain", (-0.2,)), Use("sensor_gain", (0.05,))]).rig
+    assert both.film_voltage(1e3) == pytest.approx(1e3 * 1.1 * 0.8, rel=1e-14)
+    assert both.reading(2e-3) == pytest.approx(2e-3 * 1.2 * 1.05 + 1e-3, rel=1e-14)
 
 
 def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> None:
