@@ -40,6 +40,8 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     """The film charged while flat, then the gas, then the weight."""
     way, case = "voltage first", drawn.case
     outcome = equilibrium(model, 0.0, case.rig.film_voltage(case.voltage))
+    if outcome.status != "equilibrium" and found.status == "equilibrium":
+        return Verdict(way, "silent", words="without its load the film has no equilibrium at this voltage")
     for load, value in (("pressure", case.rig.gas_pressure), ("force", case.rig.force(case.mass, model.plate_area))):
         if outcome.status == "equilibrium":
             outcome = ramp(model, outcome.solution, load, value)

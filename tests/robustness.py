@@ -216,7 +216,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Solve and check random specimens.")
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--sample", type=int, default=2, help="every how manieth case to reach from another direction")
+    parser.add_argument("--sample", type=int, default=8, help="every how manieth case to reach from another direction")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
     options = parser.parse_args()

@@ -76,8 +76,8 @@ def test_a_film_that_locks_says_so() -> None:
 
 @pytest.mark.study
 def test_five_hundred_random_specimens() -> None:
-    records = study(500, seed=1, sample=6, workers=1)
+    records = study(500, seed=1, sample=8, workers=1)
     told = table(records)
     assert not [record.number for record in records if record.status in ("raised", "hung")], told
     assert not [record.number for record in records if not record.balanced], told
-    assert sum(record.status == "not_converged" for record in records) <= 20, told
+    assert sum(record.status == "not_converged" for record in records) <= 30, told
