@@ -21,7 +21,8 @@ class Rig:
 
     Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs from the plate's
     centre [m], ``plate_pressure`` loads the plate like a weight of pressure times area [Pa], ``gas_pressure`` acts
-    below film and plate and follows them [Pa], ``biases`` are further mechanisms between plate and ground.
+    below film and plate and follows them [Pa], ``biases`` are further mechanisms between plate and ground, ``drift`` is
+    how fast the readings wander [m/s].
     """
 
     gravity: float = 9.80665
@@ -31,6 +32,7 @@ class Rig:
     sag_voltage: float = inf
     sensor_gain: float = 0.0
     sensor_zero: float = 0.0
+    drift: float = 0.0
     guide: Guide = "free"
     weight_offset: tuple[float, float] = (0.0, 0.0)
     plate_pressure: float = 0.0
@@ -48,6 +50,7 @@ class Rig:
             sag_voltage=table.quantity("sag_voltage", "voltage", "inf kV", _SAG),
             sensor_gain=table.number("sensor_gain", 0.0, _GAIN),
             sensor_zero=table.quantity("sensor_zero", "length", "0 um", FINITE),
+            drift=table.quantity("drift", "speed", "0 um/min", FINITE),
             guide=table.choice("guide", {name: name for name in GUIDES}, "free"),
             weight_offset=table.pair("weight_offset", "length", ("0 mm", "0 mm"), FINITE),
             plate_pressure=table.quantity("plate_pressure", "stress", "0 Pa", FINITE),
@@ -86,9 +89,15 @@ class Rig:
         """
         return (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
 
-    def reading(self, deflection: float) -> float:
-        """What the sensor shows [m] of a deflection."""
-        return (1 + self.sensor_gain) * deflection + self.sensor_zero
+    def reading(self, deflection: float, elapsed: float = 0.0) -> float:
+        """What the sensor shows [m] of a deflection, so long after the run began [s].
+
+        Examples
+        --------
+        >>> Rig(drift=1e-6).reading(0.5, elapsed=500_000.0)
+        1.0
+        """
+        return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
 
 
 def _bias(table: Table) -> Bias:

@@ -22,6 +22,7 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "density": ("kg/m^3", "960 kg/m^3"),
     "force": ("N", "0.2 N"),
     "field": ("V/m", "30 MV/m"),
+    "speed": ("m/s", "1 um/min"),
     "time": ("s", "30 s"),
     "capacitance": ("F", "800 pF"),
     "angle": ("rad", "5 mrad"),

@@ -40,12 +40,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """A specimen on a rig under a nominal mass [kg] and voltage [V]."""
+    """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s]."""
 
     specimen: Specimen
     mass: float
     voltage: float
     rig: Rig = field(default_factory=Rig)
+    elapsed: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse negative loads."""
@@ -142,7 +143,7 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
     return replace(
         result,
         deflection_m=state.plate.heave,
-        reading_m=case.rig.reading(state.plate.heave),
+        reading_m=case.rig.reading(state.plate.heave, case.elapsed),
         reaction_N=reaction(model, state),
         capacitance_F=capacitance_of(model, state),
         max_stretch=float(fields.stretch_1.max()),

@@ -13,7 +13,7 @@ from typing import Any
 import axisymmetric
 import numpy as np
 
-from fem.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, PrestretchedOgden, Separable, Yeoh
+from fem.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, PrestretchedOgden, Separable, Stiffened, Yeoh
 
 
 @dataclass(frozen=True)
@@ -122,4 +122,9 @@ SAMPLES = {
         'beta = ["40 kPa", "2 kPa"]\ngamma = ["3 kPa", "1.5 kPa"]\nalpha = [2, 4]\nreference = 2.1',
         prestretched_ogden(2.1),
         40e3 * 5 / 4.41 - 3e3 * 4.41**2 / 25 + 2e3 * 25 / 4.41**2 - 1.5e3 * 4.41**4 / 625),
+    "stiffened": Sample(
+        Stiffened(NeoHooke(20e3), 0.3, 9.0),
+        'nominal = { law = "neo_hooke", mu = "20 kPa" }\nexponent = 0.3\ninvariant = 9',
+        rivlin(lambda i1, _: 90e3 / 1.3 * ((i1 / 9) ** 1.3 - 3**-1.3), lambda i1: 10e3 * (i1 / 9) ** 0.3),
+        20e3 * 4.96 * (10.04 / 9) ** 0.3),
 }

@@ -53,7 +53,8 @@ def test_law_is_read_from_its_lines(sample: Sample) -> None:
     table.done()
     assert type(law) is type(sample.law)
     for item in fields(law):
-        assert getattr(law, item.name) == pytest.approx(getattr(sample.law, item.name), rel=1e-14)
+        got, stated = getattr(law, item.name), getattr(sample.law, item.name)
+        assert got == (stated if item.name == "nominal" else pytest.approx(stated, rel=1e-14))
     assert checked(law) is law
     assert len(type(law).__doc__.splitlines()) > 5
 
@@ -119,6 +120,8 @@ def test_prestress(sample: Sample) -> None:
 @each_law
 def test_constants_may_carry_a_complex_step(sample: Sample) -> None:
     for item in fields(sample.law):
+        if item.name == "nominal":
+            continue
         value = np.array(getattr(sample.law, item.name))
 
         def at(change, name=item.name, value=value):  # type: ignore[no-untyped-def]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import data, material, modes, path, sensitivity
+from tympan import data, effects, material, modes, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -53,6 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     _export(commands)
     _materials(commands)
     material.add(commands)
+    effects.add(commands)
     return parser
 
 
@@ -96,6 +97,8 @@ def _solve(commands: Any) -> None:
     parser.add_argument("--mass", required=True, help='on the plate, such as "17.9 g"')
     parser.add_argument("--voltage", default="0 kV", help='across the film, such as "3.5 kV" (default: %(default)s)')
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--elapsed", default="0 s", metavar="TIME",
+                        help="since the run began, for a rig whose readings drift (default: %(default)s)")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="also store the fields (VTU) and the numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
@@ -110,7 +113,8 @@ def _run_solve(options: argparse.Namespace) -> None:
 
     specimen = load_specimen(options.specimen)
     case = cases.Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
-                      parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig))
+                      parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig),
+                      parse_quantity(options.elapsed, "time", "--elapsed"))
     began = time.perf_counter()
     model, outcome = cases.find(case, read_settings(options))
     result = cases.summarise(case, model, outcome, time.perf_counter() - began)

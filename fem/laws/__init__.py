@@ -16,9 +16,10 @@ from fem.laws.mooney import MooneyRivlin
 from fem.laws.ogden import Ogden
 from fem.laws.registry import REGISTRY, register
 from fem.laws.separable import PrestretchedOgden, Separable
+from fem.laws.stiffened import Stiffened
 
 __all__ = [
     "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "PrestretchedOgden",
-    "Separable", "Yeoh", "checked", "ellipticity_margin", "hill_margin", "inadmissible_stretch", "reachable_stretches",
-    "register",
+    "Separable", "Stiffened", "Yeoh", "checked", "ellipticity_margin", "hill_margin", "inadmissible_stretch",
+    "reachable_stretches", "register",
 ]

@@ -1,0 +1,215 @@
+"""What an effect is: a named, parameterised edit of the specimens or the rig that the nominal model leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, log
+from typing import Literal
+
+import numpy as np
+
+from fem.rig import Rig
+from geometry.errors import InputError
+from geometry.specimen import Film, Specimen
+from geometry.units import quantity
+from studies.cases import Case
+
+#: ``even``: the sign changes no reading of a specimen that is its own mirror image.
+Sign = Literal["signed", "positive", "even"]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All an effect may edit: the specimens of a dataset, and the rig they were on."""
+
+    specimens: tuple[Specimen, ...]
+    rig: Rig
+
+    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0) -> Case:
+        """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s]."""
+        return Case(self.specimen(specimen), mass, voltage, self.rig, elapsed)
+
+    def specimen(self, name: str) -> Specimen:
+        """The specimen of that name; an :class:`InputError` where there is none."""
+        for specimen in self.specimens:
+            if specimen.name == name:
+                return specimen
+        raise InputError(f"must be one of {', '.join(specimen.name for specimen in self.specimens)}",
+                         key="specimen", given=name)
+
+    def with_films(self, change: Callable[[Film], Film], which: str | None = None) -> Setup:
+        """Every film changed, or that of one specimen."""
+        return self.with_specimens(lambda one: replace(one, membrane=change(one.membrane)), which)
+
+    def with_specimens(self, change: Callable[[Specimen], Specimen], which: str | None = None) -> Setup:
+        """Every specimen changed, or one."""
+        if which is not None:
+            self.specimen(which)
+        return replace(self, specimens=tuple(change(one) if which in (None, one.name) else one
+                                             for one in self.specimens))
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How a value becomes a size, in which no effect is 0 and the readings are smooth, and back."""
+
+    words: str
+    size: Callable[[float], float]
+    value: Callable[[float], float]
+
+
+PLAIN = Scale("", float, float)
+INVERSE_SQUARE = Scale("1/square", lambda value: value**-2.0, lambda size: inf if size == 0 else size**-0.5)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of an effect, in SI inside, with what is known of it before any data.
+
+    ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as standard deviation
+    the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why. ``unit`` is the one to show ("" for plain
+    numbers), of ``dimension``. Values that are not 0 but nearer to it than ``least`` cannot be built.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    dimension: str
+    width: float
+    low: float
+    high: float
+    sign: Sign
+    reason: str
+    scale: Scale = PLAIN
+    least: float = 0.0
+
+    def size(self, value: float) -> float:
+        """The size of a value: 0 where there is no effect."""
+        return self.scale.size(value)
+
+    def value(self, size: float) -> float:
+        """The value of a size."""
+        return self.scale.value(size)
+
+    def shown(self, value: float) -> float:
+        """A value in the unit to show."""
+        return value / quantity(f"1 {self.unit}", self.dimension) if self.unit else value
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest size."""
+        low, high = sorted((self.size(self.low), self.size(self.high)))
+        return low, high
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the size before the cut."""
+        return self.size(self.width)
+
+    def log_prior(self, size: float) -> float:
+        """Logarithm of the prior's density by the size; −∞ beyond the limits."""
+        low, high = self.limits
+        if not low <= size <= high:
+            return -inf
+        mass = _below(high / self.deviation) - _below(low / self.deviation)
+        return -0.5 * (size / self.deviation) ** 2 - log(self.deviation * (2 * np.pi) ** 0.5 * mass)
+
+    def draw(self, generator: np.random.Generator, count: int) -> np.ndarray:
+        """Sizes drawn from the prior, shape (count,)."""
+        from scipy.special import ndtri
+
+        low, high = (_below(limit / self.deviation) for limit in self.limits)
+        return np.asarray(self.deviation * ndtri(low + (high - low) * generator.random(count)))
+
+
+def _below(z: float) -> float:
+    """Share of a standard normal distribution below z."""
+    from scipy.special import ndtr
+
+    return float(ndtr(z))
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A pure edit of a :class:`Setup` by some parameters.
+
+    Parameters
+    ----------
+    edit
+        ``edit(setup, *values)``, for an effect on one specimen ``edit(setup, *values, which=name)``. It returns a new
+        setup; values of size 0 must change no number of the solution.
+    explanation
+        One sentence for someone in the laboratory.
+    on_one
+        Whether it happens to one specimen, which must be named, rather than to all or to the rig.
+    columns
+        Columns of static.csv without which it cannot be seen.
+    """
+
+    name: str
+    explanation: str
+    parameters: tuple[Parameter, ...]
+    edit: Callable[..., Setup]
+    on_one: bool = False
+    columns: tuple[str, ...] = ()
+
+    def choices(self, setup: Setup) -> tuple[str | None, ...]:
+        """What ``which`` may be."""
+        return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
+
+    def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
+        """The setup with this effect.
+
+        Parameters
+        ----------
+        values
+            One per parameter, in SI.
+        which
+            The specimen it happens to, for an effect on one.
+
+        Raises
+        ------
+        InputError
+            For values beyond their limits or of which no specimen can be built, and where ``which`` is missing.
+        """
+        for parameter, value in zip(self.parameters, values, strict=True):
+            if not parameter.low <= value <= parameter.high:
+                raise InputError(f"must be from {parameter.low:g} to {parameter.high:g} (SI)",
+                                 key=f"{self.name}.{parameter.name}", given=value)
+        if (which is not None) != self.on_one:
+            raise InputError("needs the specimen it happens to" if self.on_one else "happens to no single specimen",
+                             key=self.name, given=which)
+        return self.edit(setup, *values, which=which) if self.on_one else self.edit(setup, *values)
+
+    def at(self, setup: Setup, sizes: Sequence[float], which: str | None = None) -> Setup:
+        """The setup with this effect at given sizes of its parameters."""
+        values = [item.value(size) for item, size in zip(self.parameters, sizes, strict=True)]
+        return self.apply(setup, values, which)
+
+
+#: All effects by name, in the order in which several are applied.
+REGISTRY: dict[str, Effect] = {}
+
+
+def register(effect: Effect) -> Effect:
+    """Make an effect known to diagnoses, to the contract tests and to the documentation."""
+    REGISTRY[effect.name] = effect
+    return effect
+
+
+@dataclass(frozen=True)
+class Use:
+    """An effect by name, its values in SI, and the specimen it happens to, if it is on one."""
+
+    effect: str
+    values: tuple[float, ...]
+    which: str | None = None
+
+
+def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
+    """The setup with several effects, whatever their order: they are applied in that of the registry."""
+    order = list(REGISTRY)
+    for use in sorted(uses, key=lambda use: order.index(use.effect)):
+        setup = REGISTRY[use.effect].apply(setup, use.values, use.which)
+    return setup

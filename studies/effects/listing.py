@@ -1,0 +1,87 @@
+"""All effects with their parameters and priors: as data, as text for a terminal, as a page of the documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isinf
+from typing import Any
+
+from studies.effects import REGISTRY, Effect, Parameter
+
+_INTRODUCTION = """# Effects
+
+Written by `tympan effects --markdown`. An effect is something measured data may hold and the nominal model leaves out;
+it is an edit of the specimens or of the rig, so that `tympan solve` honours it. What is known of a parameter before any
+data is a normal distribution about no effect, with the standard deviation and limits given here, and the reason for it.
+A sign that is even cannot be seen on a specimen that is its own mirror image. Where a reason says "no source", it is a
+judgement: a diagnosis must say whether its verdict moves with it.
+"""
+
+
+def listing() -> dict[str, Any]:
+    """Every effect as a JSON object by its name; limits that are infinite are None."""
+    return {effect.name: _effect(effect) for effect in REGISTRY.values()}
+
+
+def text() -> str:
+    """Every effect in a few lines."""
+    return "\n".join(line for effect in REGISTRY.values() for line in _lines(effect))
+
+
+def markdown() -> str:
+    """The page ``docs/effects.md``."""
+    return "\n".join([_INTRODUCTION, *(line for effect in REGISTRY.values() for line in _section(effect))])
+
+
+def _effect(effect: Effect) -> dict[str, Any]:
+    return {"explanation": effect.explanation, "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
+            "parameters": {item.name: _parameter(item) for item in effect.parameters}}
+
+
+def _parameter(item: Parameter) -> dict[str, Any]:
+    low, high, width, least = (_rounded(item.shown(value)) for value in (item.low, item.high, item.width, item.least))
+    prior = {"distribution": "normal" if item.limits[0] < 0 else "half-normal", "of": _of(item), "width": width,
+             "low": low, "high": high, "reason": item.reason}
+    return {"meaning": item.meaning, "unit": item.unit, "sign": item.sign, "least": least, "prior": prior}
+
+
+def _of(item: Parameter) -> str:
+    """What the prior is a distribution of."""
+    return f"{item.scale.words} of {item.name}" if item.scale.words else item.name
+
+
+def _rounded(value: float) -> float | None:
+    return None if isinf(value) else float(f"{value:.9g}")
+
+
+def _lines(effect: Effect) -> Iterator[str]:
+    where = "of one specimen" if effect.on_one else ""
+    needs = f"needs {', '.join(effect.columns)}" if effect.columns else ""
+    yield f"{effect.name}\n  {effect.explanation}"
+    yield from (f"  {note}" for note in (where, needs) if note)
+    for item in effect.parameters:
+        yield f"  {_named(item)}: {item.meaning}; {item.sign}"
+        yield f"    prior: {_prior(item)}\n    why: {item.reason}"
+
+
+def _section(effect: Effect) -> Iterator[str]:
+    yield f"## {effect.name}\n"
+    notes = [effect.explanation, "It happens to one specimen." if effect.on_one else "",
+             f"It needs the column {', '.join(effect.columns)}." if effect.columns else ""]
+    yield " ".join(filter(None, notes)) + "\n"
+    yield "| parameter | meaning | sign | prior | reason |\n|---|---|---|---|---|"
+    for item in effect.parameters:
+        yield f"| {_named(item)} | {item.meaning} | {item.sign} | {_prior(item)} | {item.reason} |"
+    yield ""
+
+
+def _named(item: Parameter) -> str:
+    return f"{item.name} [{item.unit}]" if item.unit else item.name
+
+
+def _prior(item: Parameter) -> str:
+    kind = "normal" if item.limits[0] < 0 else "half-normal"
+    width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
+    of = f" in {_of(item)}" if item.scale.words else ""
+    unit = f" {item.unit}" if item.unit else ""
+    return f"{kind}{of}, width {width}{unit}, from {low} to {high}{unit}"
