@@ -174,7 +174,7 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None) -> di
         shape = known[name]
         loads = case.rig.plate_pressure and limited != "force"
         result[name] = UnderPressure(shape, case) if loads else shape
-    rig = [name for name in numbers(case.rig, "rig") if not name.startswith("rig.sensor")]
+    rig = [name for name in numbers(case.rig, "rig") if not name.startswith(("rig.sensor", "rig.drift"))]
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
         if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):

@@ -15,7 +15,7 @@ from robustness import SECONDS, judged, study, table
 
 from fem.fields import whole
 from fem.newton import STRAINED
-from fem.paths import equilibrium
+from fem.paths import PathSettings, equilibrium
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle
 from geometry.specimen import Plate
@@ -58,7 +58,9 @@ def test_smooth_motions_start_before_the_film_wrinkles() -> None:
                         relative_permittivity=permittivity, permittivity_exponent=exponent)
     specimen = replace(specimen, frame=Circle(b), plate=Plate(Circle(a)))
     force = 0.00691841794219932 * 9.80665
-    found = equilibrium(model(specimen, refine=0.6, order=3), force, 1053.7)
+    film = model(specimen, refine=0.6, order=3)
+    assert equilibrium(film, force, 1053.7).status == "not_converged"  # the mesh hardly resolves it
+    found = equilibrium(film, force, 1053.7, settings=PathSettings(unbalanced=0.1))
     reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity, exponent)
     assert found.status == "no_equilibrium"
     assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force), rel=3e-3)
