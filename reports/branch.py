@@ -43,7 +43,7 @@ def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float], up:
     axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round", zorder=1,
               label="part of the film without tension")
     for kind, colour, line, label in ((stable, _STABLE, "-", "stable"), (~stable, _UNSTABLE, "--", "unstable")):
-        _pieces(axes, x, y, kind, color=colour, linestyle=line, label=label)
+        _pieces(axes, x, y, kind, colour, line, label)
     for event in result.events:
         _mark(axes, event, across, up)
     axes.set_xlabel(across[0])
@@ -52,12 +52,12 @@ def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float], up:
     axes.set_axisbelow(True)
 
 
-def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, label: str, **line: str) -> None:
+def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str, label: str) -> None:
     """The stretches of the curve that are of a kind, each drawn on to the next point."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
     for number, (start, end) in enumerate(edges.reshape(-1, 2)):
         piece = slice(start, min(end + 1, len(x)))
-        axes.plot(x[piece], y[piece], zorder=2, label=label if number == 0 else None, **line)  # type: ignore[arg-type]
+        axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2, label=label if number == 0 else None)
 
 
 def _mark(axes: Axes, event: Event, across: tuple[str, str, float], up: tuple[str, str, float]) -> None:
