@@ -112,7 +112,7 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     An unstressed flat membrane has no stiffness across its plane, so its load path cannot start there.
     """
     flat = newton(model, State.mounted(model), settings=settings.newton)
-    if flat.converged and flat.stable and flat.tangent is not None and flat.tangent.wrinkling == 0:
+    if flat.converged and flat.stable and model.tense(flat.state):
         return flat
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False, advice="the film is slack when mounted, and its plate cannot move")
