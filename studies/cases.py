@@ -204,9 +204,10 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
 
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
-    """Warnings about the last state before the failure, said to be that."""
-    found = state_warnings(model, outcome.state)
-    return [f"at the last equilibrium before that, {words}" for words in found]
+    """Warnings about the limit point, or the last state before the failure, said to be that."""
+    if outcome.critical is not None:
+        return [f"before it gets there, {words}" for words in state_warnings(model, outcome.critical.state)]
+    return [f"at the last equilibrium before that, {words}" for words in state_warnings(model, outcome.state)]
 
 
 def why(outcome: Outcome) -> str:
