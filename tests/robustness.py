@@ -15,7 +15,7 @@ import sys
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -30,6 +30,7 @@ from fem.paths import Outcome
 from geometry.errors import InputError
 from geometry.mesher import MeshSettings
 from studies.cases import Settings, find
+from studies.store import write_text
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
@@ -142,9 +143,11 @@ class Worker:
         other.close()
 
 
-def study(count: int, seed: int, sample: int, workers: int) -> list[Record]:
-    """All cases judged, progress on standard error."""
+def study(count: int, seed: int, sample: int, workers: int,
+          keep: Callable[[list[Record]], None] = lambda records: None) -> list[Record]:
+    """All cases judged, progress on standard error; ``keep`` gets what is done after every 25."""
     free = [Worker(sample) for _ in range(workers)]
+    done: list[Record] = []
 
     def judge(drawn: Drawn) -> Record:
         worker = free.pop()
@@ -153,6 +156,9 @@ def study(count: int, seed: int, sample: int, workers: int) -> list[Record]:
         print(f"{record.number:4d} {record.status:14s} {record.seconds:6.1f} s  {record.wrong}", file=sys.stderr)
         if record.wrong or record.status == "not_converged":
             print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
+        done.append(record)
+        if len(done) % 25 == 0:
+            keep(sorted(done, key=lambda one: one.number))
         return record
 
     with ThreadPoolExecutor(workers) as pool:
@@ -220,13 +226,19 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
     options = parser.parse_args()
-    told = table(study(options.count, options.seed, options.sample, options.workers))
+    head = f"seed {options.seed}, every {options.sample}th case from other directions, mesh {MESH}"
+
+    def keep(records: list[Record]) -> None:
+        if options.output:
+            early = f"\nstopped early: {len(records)} of {options.count}" if len(records) < options.count else ""
+            text = f"{PAGE}\n```\n{head}{early}\n{table(records)}\n```\n"
+            write_text(options.output, text)
+
+    records = study(options.count, options.seed, options.sample, options.workers, keep)
+    keep(records)
+    print(table(records))
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    told += f"\n\npeak memory of a process {peak:.0f} MiB"
-    print(told)
-    if options.output:
-        head = f"seed {options.seed}, every {options.sample}th case from other directions, mesh {MESH}"
-        options.output.write_text(f"{PAGE}\n```\n{head}\n{told}\n```\n", encoding="utf-8")
+    print(f"\npeak memory of a process {peak:.0f} MiB")
 
 
 PAGE = """# Random specimens
