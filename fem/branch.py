@@ -29,7 +29,7 @@ class ArcSettings:
 
     first: float = 5e-3
     longest: float = 0.05
-    shortest: float = 1e-6
+    shortest: float = 5e-5
     turn: float = 0.3
     points: int = 500
 
