@@ -1,4 +1,5 @@
-# The two commands of the README. Both make their own environment in .venv from requirements.lock.
+# The two commands of the README. Both make their own environment in .venv from requirements.lock. Where two processes
+# work side by side, each has one thread for its small dense matrices: more only get in each other's way.
 
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
@@ -10,7 +11,7 @@ study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
 
 test: .venv/ready
-	.venv/bin/python -m pytest -n 2
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n 2
 
 benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
@@ -23,7 +24,7 @@ verification: .venv/ready
 	.venv/bin/python -m benchmarks.verification
 
 robustness: .venv/ready
-	.venv/bin/python tests/robustness.py -o docs/robustness.md
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python tests/robustness.py --workers 2 -o docs/robustness.md
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
