@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import axisymmetric
@@ -132,11 +131,8 @@ def test_files_and_json(tmp_path: Path, capsys) -> None:
     assert np.abs(mode[at_frame]).max() < 1e-12 * np.abs(mode).max()
 
 
-def test_mode_is_the_branch_s_direction() -> None:
-    """Between two points close to the limit on either side, the film has moved along the critical mode."""
+def test_the_load_rests_along_the_critical_mode_while_the_plate_sinks() -> None:
     result, limits = branch(Case(SOFT, 17.9e-3, 0.0), Settings(), "voltage")
-    (model, point), = limits
+    (_, point), = limits
     assert point.direction[1][0] > 0
     assert abs(point.rate) < 1e-4 * abs(result.stations[-1].voltage_V ** 2)
-    assert replace(point.state).plate.heave == event(result, "limit").station.deflection_m
-    assert model.specimen.name == result.specimen
