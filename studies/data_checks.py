@@ -142,7 +142,8 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
             if name != "coupon.csv" and rows.any():
                 for column in ("mass", "voltage", "voltage_max", "displacement", "range"):
                     if hasattr(table, column):
-                        yield from _slip(name, specimen, column, float(np.abs(getattr(table, column)[rows]).max()))
+                        largest = float(np.abs(np.nan_to_num(getattr(table, column)[rows])).max())
+                        yield from _slip(name, specimen, column, largest)
 
 
 def _slip(name: str, specimen: Specimen, column: str, largest: float) -> Iterator[str]:

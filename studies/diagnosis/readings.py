@@ -84,9 +84,11 @@ def readings_of(dataset: Dataset) -> Readings:
 def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
     """A noise for every row, and how well it is known."""
     unknown = np.isnan(table.sigma)
-    repeats = repeat_noise(dataset)
+    repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
     remarks = ["tilt readings are not used"] if dataset.static is not None and "tilt" in dataset.static.channels else []
     assumed = bool(unknown.any())
+    if assumed and np.isnan(table.value).any():
+        raise InputError("is needed to plan: the standard deviation of one reading", key="noise", given=None)
     if assumed:
         size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
         table = table.with_sigma(np.where(unknown, size, table.sigma))

@@ -14,7 +14,8 @@ from geometry.units import quantity
 from studies.diagnosis.diagnose import Diagnosis, rmse
 from studies.diagnosis.fit import Fit
 from studies.diagnosis.judgement import interval
-from studies.diagnosis.knowable import Detectable, knowable
+from studies.diagnosis.knowable import knowable
+from studies.diagnosis.plan import detectable
 from studies.diagnosis.simulation import Cause
 from studies.effects import Parameter
 from studies.store import write_csv, write_json, write_text
@@ -41,7 +42,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "baseline": baseline(judged.nominal),
         "priors_swept": {"moves": found.moves, "verdicts": [verdict for verdict, _ in found.swept]},
         "model_error_um": 1e6 * found.model_error,
-        "knowable": [_detectable(one) for one in knowable(
+        "knowable": [detectable(one) for one in knowable(
             found.simulation, judged.table, judged.nominal.unknowns, found.readings.causes).effects],
         "warnings": found.warnings(),
     }
@@ -115,11 +116,6 @@ def baseline(nominal: Fit) -> dict[str, Any]:
         value, low, high = np.exp(interval(nominal, number)).tolist()
         found[name] = {"value": value, "low": low, "high": high}
     return found
-
-
-def _detectable(one: Detectable) -> dict[str, Any]:
-    return {"effect": str(one.cause), "parameter": one.parameter, "unit": one.unit, "seen_from": one.seen,
-            "told_from": one.told, "rival": one.rival, "prior_width": one.prior}
 
 
 def write(found: Diagnosis, content: dict[str, Any], folder: Path) -> None:
