@@ -198,8 +198,9 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         if onward is not None and _foreseen(ahead, guess, onward):
             solution, done, step, ahead = trial, share, 2 * step, onward
             taut = trial if model.tense(trial.state) else taut
-        elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            trial.release()
+            continue
+        trial.release()
+        if (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             outcome = _followed(model, solution, taut, load, target, settings)
             locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
             return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
@@ -225,7 +226,9 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
     ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
     """
     outcome = Outcome("not_converged", start)
-    if _wrinkling(start) == 0:
+    wrinkles = _wrinkling(start) > 0
+    start.release()
+    if not wrinkles:
         outcome = _along(model, start, load, target, settings, EVERY)
         taut = outcome.solution
     if outcome.status != "not_converged":
