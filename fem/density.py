@@ -68,15 +68,16 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Stretching:
-    """Principal stretches from a virgin state, of shape s, and their changes along k directions, of shape (k, *s)."""
+    """Principal stretches from a virgin state, and their weighted changes along k directions, shape (k, points)."""
 
     prestretch: tuple[Any, Any]
     stretches: tuple[Any, Any]
     changes: tuple[Any, Any]
 
     @classmethod
-    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any]) -> Stretching:
-        """At C of the mounted film that changes.
+    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any], weights: Any
+           ) -> Stretching:
+        """At C of the mounted film, points of any shape s, that changes, shapes (k, *s); ``weights`` of shape s.
 
         Where the stretches are equal, their difference has no derivative; a stress that is equal too does not ask.
         """
@@ -84,13 +85,13 @@ class Stretching:
         mean, by_half, by_shear, _ = _circle(changes, prestretch)
         l1, l2 = np.sqrt(circle[0] + radius), np.sqrt(circle[0] - radius)
         by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
-        return cls(prestretch, (l1, l2), ((mean + by_radius) / (2 * l1), (mean - by_radius) / (2 * l2)))
+        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean - by_radius) / (2 * l2)
+        return cls(prestretch, (l1, l2), (first.reshape(len(first), -1), second.reshape(len(second), -1)))
 
-    def power(self, material: Any, weights: Any) -> Any:
+    def power(self, material: Any) -> Any:
         """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
         _, w1, w2, *_ = material.derivatives(*self.stretches)
-        axes = weights.ndim
-        return sum(np.tensordot(change, weights * w, axes) for change, w in zip(self.changes, (w1, w2), strict=True))
+        return self.changes[0] @ np.ravel(w1) + self.changes[1] @ np.ravel(w2)
 
 
 @dataclass(frozen=True)

@@ -229,10 +229,16 @@ def _geometry(model: Model, specimen: Specimen, nodes: Array) -> dict[str, Array
     """What a model has of its geometry, for complex nodes and lengths; the rest follows when it is asked for."""
     centre = np.array([*specimen.plate.offset, 0.0])
     reference = np.column_stack([nodes, np.zeros(len(nodes))])
-    fine = specimen.plate.outline.points(_COUNT)
-    inside, rougher = (_enclosed(points) for points in (fine.T, fine[:, ::2].T))
-    area = (inside + (inside - rougher) / 3) * np.sign(inside.real)
+    same = specimen.plate.outline is model.specimen.plate.outline
+    area = model.plate_area if same else _area(specimen.plate.outline)
     return {"reference": reference, "centre": centre, "plate_area": area, "arms": reference[model.plate_nodes] - centre}
+
+
+def _area(outline: Outline) -> Any:
+    """As :func:`geometry.outlines.area`, for lengths that may be complex."""
+    fine = outline.points(_COUNT)
+    inside, rougher = (_enclosed(points) for points in (fine.T, fine[:, ::2].T))
+    return (inside + (inside - rougher) / 3) * np.sign(inside.real)
 
 
 def _enclosed(points: Array) -> Any:

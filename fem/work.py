@@ -68,12 +68,11 @@ class Work:
 
     def _power(self, part: Part) -> Any:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N]."""
-        weights = self.own.model.weights
         if part.prestretch == self._stretching.prestretch:
-            return self._stretching.power(part.material, weights)
+            return self._stretching.power(part.material)
         # Where stretches are all but equal, directions have no derivative by another prestretch; the stress has.
         stress = plane_stress((part.material,), self.own.c, part.prestretch, tangent=False).stress
-        return np.tensordot(self._strains, stress * weights[..., None], axes=3)
+        return np.tensordot(self._strains, stress * self.own.model.weights[..., None], axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
         """By nodes that move within the plane of the mounted film, every one keeping its displacement."""
@@ -129,8 +128,9 @@ class Work:
 
     @cached_property
     def _stretching(self) -> Stretching:
-        by = np.moveaxis(self._strains, -1, 0)
-        return Stretching.of(self.own.c, (2 * by[0], 2 * by[1], by[2]), self.own.model.specimen.membrane.prestretch)
+        by, model = np.moveaxis(self._strains, -1, 0), self.own.model
+        changes = 2 * by[0], 2 * by[1], by[2]
+        return Stretching.of(self.own.c, changes, model.specimen.membrane.prestretch, model.weights)
 
 
 def _matrix(triple: Array) -> Array:
