@@ -99,7 +99,8 @@ def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
         own = table.states.specimen == number
         charges[number] = max(_ROOM[1] * share * _seen(simulation.setup, table, number), 1e4)
         if heave is not None:
-            heaves[number] = min(max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap), _LARGEST * specimen.gap)
+            largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
+            heaves[number] = min(largest, _LARGEST * specimen.gap)
     return np.array([heaves, charges])
 
 
