@@ -36,8 +36,8 @@ MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
 PATIENCE = 600.0  #: seconds on the clock after which a case counts as hanging
 #: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is summed by another
-#: quadrature here, and slope of the potential, which is a difference.
-UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-5
+#: quadrature here; and slope of the potential.
+UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,21 @@ from dataclasses import replace
 import axisymmetric
 import numpy as np
 import pytest
-from balance import balance
+from balance import balance, displaced, nodal_forces, slope
 from conftest import circular, model
 from laws import SAMPLES
 from random_specimens import design
-from robustness import SECONDS, judged, study, table
+from robustness import SECONDS, STEEP, UNBALANCED, judged, study, table
 
 from fem.fields import whole
+from fem.loading import Magnet
 from fem.newton import STRAINED
 from fem.paths import PathSettings, equilibrium
+from fem.rig import Rig
+from fem.state import State
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle
-from geometry.specimen import Plate
+from geometry.specimen import Electrode, Plate
 
 QUICK = 40
 
@@ -46,7 +49,42 @@ def test_the_checker_would_see_an_unbalanced_state() -> None:
     assert balance(made, found.state.under(force=0.2002)).force > 1e-5
     assert balance(made, found.state.under(voltage=3010.0**2)).worst > 1e-5
     full, state = whole(made, found.state)
-    assert balance(full, state.under(force=0.2002)).slope > 10 * balance(full, state).slope
+    assert balance(full, state).slope < 1e-10
+    assert balance(full, state.under(force=0.2002)).slope > STEEP
+
+
+@pytest.mark.parametrize("law", SAMPLES)
+def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
+    """At a state that is no equilibrium, against differences of the potential itself."""
+    rig = Rig(biases=(Magnet(0.1, 0.05, 0.03),)).loading
+    film = circular(SAMPLES[law].law, prestretch=(2.0, 1.8))
+    made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2, symmetry=False)
+    made, random = made.with_loading(rig), np.random.default_rng(3)
+    moved = displaced(made, State.mounted(made), random.normal(size=made.free.sum()) * made.size, np.ones(6), 1e-4)
+    state = moved.under(force=0.2, voltage=1e6, pressure=5.0)
+    forces = nodal_forces(made, state)
+
+    def rise(nodes: np.ndarray, motion: np.ndarray, step: float) -> float:
+        ends = [made.potential(displaced(made, state, nodes, motion, sign * step)) for sign in (1, -1)]
+        return (ends[0] - ends[1]) / (2 * step)
+
+    draws = np.random.default_rng(5)
+    nodes, motion = draws.standard_normal(int(made.free.sum())) * made.size, draws.standard_normal(6)
+    motion[:3] *= made.size
+    size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum() * made.size**2)
+    by_differences = (4 * rise(nodes, motion, 5e-7) - rise(nodes, motion, 1e-6)) / 3
+    found = slope(made, state, forces, tries=1)
+    assert found > STEEP
+    assert found == pytest.approx(abs(by_differences) / size / np.abs(forces).max(), rel=1e-5)
+
+
+@pytest.mark.parametrize("number", [349, 377])
+def test_slopes_are_seen_near_locking(number: int) -> None:
+    """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a film that locks."""
+    drawn = next(one for one in design(number + 1) if one.number == number)
+    record = judged(drawn, MeshSettings(), sample=10**9)
+    assert record.balance.slope < STEEP
+    assert record.balance.worst < UNBALANCED
 
 
 def test_smooth_motions_start_before_the_film_wrinkles() -> None:
