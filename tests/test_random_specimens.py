@@ -10,8 +10,9 @@ import pytest
 from balance import balance, displaced, nodal_forces, slope
 from conftest import circular, model
 from laws import SAMPLES
+from other_direction import oracle
 from random_specimens import design
-from robustness import SECONDS, STEEP, UNBALANCED, judged, study, table
+from robustness import MESH, SECONDS, STEEP, UNBALANCED, judged, study, table
 
 from fem.fields import whole
 from fem.loading import Magnet
@@ -22,6 +23,7 @@ from fem.state import State
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle
 from geometry.specimen import Electrode, Plate
+from studies.cases import Settings, find, why
 
 QUICK = 40
 
@@ -97,11 +99,37 @@ def test_smooth_motions_start_before_the_film_wrinkles() -> None:
     specimen = replace(specimen, frame=Circle(b), plate=Plate(Circle(a)))
     force = 0.00691841794219932 * 9.80665
     film = model(specimen, refine=0.6, order=3)
-    assert equilibrium(film, force, 1053.7).status == "not_converged"  # the mesh hardly resolves it
-    found = equilibrium(film, force, 1053.7, settings=PathSettings(unbalanced=0.1))
+    # The mesh hardly resolves it: one kind of smooth motions alone is not believed.
+    assert equilibrium(film, force, 1053.7, settings=PathSettings(agreement=0.0)).status == "not_converged"
+    found = equilibrium(film, force, 1053.7)
+    assert 0 < found.spread < 0.02
     reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity, exponent)
     assert found.status == "no_equilibrium"
     assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force), rel=3e-3)
+
+
+@pytest.mark.parametrize("number", [47, 101])
+def test_no_pull_in_is_invented(number: int) -> None:
+    """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations have none."""
+    drawn = next(one for one in design(number + 1) if one.number == number)
+    film, found = find(drawn.case, Settings(MESH))
+    assert found.status == "not_converged"
+    alone = replace(PathSettings(), annular=(20,), unbalanced=np.inf)
+    wrong = find(drawn.case, Settings(MESH, path=alone))[1]
+    assert wrong.status == "no_equilibrium"
+    assert oracle(film, drawn, wrong).says == "differs"
+
+
+def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
+    drawn = next(one for one in design(88) if one.number == 87)
+    film, found = find(drawn.case, Settings(MESH))
+    assert found.status == "no_equilibrium"
+    assert film.unbalanced(found.critical.state) > PathSettings().unbalanced
+    assert 1e-3 < found.spread < PathSettings().agreement
+    assert oracle(film, drawn, found).says == "agrees"
+    assert "ways to keep it from wrinkling differ" in why(found)
+    near = np.sqrt(found.limit * 1.01)  # closer to the limits than they may be apart
+    assert find(replace(drawn.case, voltage=near), Settings(MESH))[1].status == "not_converged"
 
 
 def test_a_film_that_locks_says_so() -> None:
