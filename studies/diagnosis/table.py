@@ -1,0 +1,132 @@
+"""The readings of a dataset as one table of numbers to predict, whatever file they are from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance [F], voltage on the
+#: film [V], force that holds the plate at a heave [N].
+Kind = Literal["displacement", "range", "capacitance", "film_voltage", "force"]
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """States of the actuators that are read, shape (n,) each.
+
+    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the voltage got there
+    (1 up, -1 down, 0 not known), and the heave at which the plate is held [m], nan where it is free.
+    """
+
+    specimen: Numbers
+    mass: Array
+    voltage: Array
+    elapsed: Array
+    direction: Array
+    heave: Array
+
+    @classmethod
+    def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array, voltage: Sequence[float] | Array,
+           elapsed: Array | None = None, direction: Array | None = None, heave: Array | None = None) -> States:
+        """With nothing known of time and direction unless given, and the plate free."""
+        numbers = np.asarray(specimen, dtype=np.int64)
+        none = np.zeros(len(numbers))
+        return cls(numbers, np.asarray(mass, float), np.asarray(voltage, float), none if elapsed is None else elapsed,
+                   none if direction is None else direction, none + np.nan if heave is None else heave)
+
+    def __len__(self) -> int:
+        return len(self.specimen)
+
+    @cached_property
+    def of_specimen(self) -> tuple[Numbers, ...]:
+        """Numbers of the states of each specimen."""
+        count = int(self.specimen.max(initial=-1)) + 1
+        return tuple(np.flatnonzero(self.specimen == number) for number in range(count))
+
+    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> States:
+        return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def joined(self, other: States) -> States:
+        """These and others."""
+        return States(*(np.concatenate([getattr(self, name), getattr(other, name)])
+                        for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows to predict: ``kind``, the ``state`` read and for a range the one it is counted from (``since``, else -1).
+
+    ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan
+    where not known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to.
+    """
+
+    states: States
+    kind: NDArray[np.str_]
+    state: Numbers
+    since: Numbers
+    value: Array
+    sigma: Array
+    order: Array
+    run: NDArray[np.str_]
+    file: NDArray[np.str_]
+    line: Numbers
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> Table:
+        """Some of the rows; states are all kept."""
+        named = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "states"}
+        return Table(self.states, **named)
+
+    @property
+    def specimen(self) -> Numbers:
+        """Number of the specimen of each row."""
+        return self.states.specimen[self.state]
+
+    @property
+    def mass(self) -> Array:
+        """Nominal mass of each row [kg]."""
+        return self.states.mass[self.state]
+
+    @property
+    def voltage(self) -> Array:
+        """Nominal voltage of each row [V]."""
+        return self.states.voltage[self.state]
+
+    @cached_property
+    def rows_of(self) -> dict[str, Numbers]:
+        """Rows of each kind."""
+        return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
+
+    def with_values(self, value: Array) -> Table:
+        """The same rows with other readings."""
+        return replace(self, value=value)
+
+    def with_sigma(self, sigma: Array) -> Table:
+        """The same rows with another noise."""
+        return replace(self, sigma=sigma)
+
+    def joined(self, other: Table) -> Table:
+        """These rows and others."""
+        named = {name: np.concatenate([getattr(self, name), getattr(other, name)])
+                 for name in self.__dataclass_fields__ if name not in ("states", "state", "since")}
+        count = len(self.states)
+        return Table(self.states.joined(other.states), state=np.concatenate([self.state, other.state + count]),
+                     since=np.concatenate([self.since, np.where(other.since < 0, -1, other.since + count)]), **named)
+
+
+def rows(states: States, kind: Kind, sigma: float | Array, value: Array | None = None) -> Table:
+    """One row of a kind for each state."""
+    count = len(states)
+    return Table(states, np.full(count, kind), np.arange(count), np.full(count, -1), np.zeros(count) if value is None
+                 else value, np.broadcast_to(np.asarray(sigma, float), (count,)).copy(), np.full(count, np.nan),
+                 np.full(count, ""), np.full(count, ""), np.zeros(count, dtype=np.int64))
