@@ -148,4 +148,5 @@ def test_five_hundred_random_specimens() -> None:
     told = table(records)
     assert not [record.number for record in records if record.status in ("raised", "hung")], told
     assert not [record.number for record in records if not record.balanced], told
-    assert sum(record.status == "not_converged" for record in records) <= 30, told
+    assert sum(record.status == "not_converged" for record in records) <= 40, told
+    assert not [record.number for record in records if record.wrong], told
