@@ -34,7 +34,7 @@ from studies.store import write_text
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
-PATIENCE = 600.0  #: seconds on the clock after which a case counts as hanging
+PATIENCE = 1800.0  #: seconds on the clock, with the checks from other directions, after which a case counts as hanging
 #: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is summed by another
 #: quadrature here; and slope of the potential.
 UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
