@@ -82,8 +82,9 @@ def _first_reach(setup: Setup, table: Table) -> tuple[Array, Array]:
 
 def _seen(setup: Setup, table: Table, number: int) -> float:
     """The largest U² a specimen's film sees."""
-    own = table.states.specimen == number
-    return max((setup.rig.film_voltage(voltage) ** 2 for voltage in table.states.voltage[own].tolist()), default=0.0)
+    states, own = table.states, table.states.specimen == number
+    seen = np.asarray(setup.rig.film_voltage(states.voltage[own], states.direction[own]))
+    return float((seen**2).max(initial=0.0))
 
 
 def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
@@ -129,8 +130,9 @@ def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) ->
         states = table.states
         specimen: Specimen = setup.specimens[int(states.specimen[state])]
         model = build_model(specimen, FINE, setup.rig.loading)
-        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area),
-                              setup.rig.film_voltage(float(states.voltage[state])), setup.rig.gas_pressure)
+        voltage = setup.rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
+        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area), voltage,
+                              setup.rig.gas_pressure)
         if outcome.status == "equilibrium":
             worst = max(worst, abs(outcome.state.plate.heave - float(one.heave[state])))
     return worst
