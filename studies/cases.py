@@ -225,8 +225,13 @@ def why(outcome: Outcome) -> str:
     """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
-    if outcome.limited == "voltage":
-        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it"
+    if outcome.limited == "voltage":  # the limit and its spread are those of U²
+        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it" + _within(outcome.spread / 2)
     if outcome.limited == "pressure":
-        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure"
-    return f"the film pulls in at {outcome.limit:.4g} N on the plate"
+        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure" + _within(outcome.spread)
+    return f"the film pulls in at {outcome.limit:.4g} N on the plate" + _within(outcome.spread)
+
+
+def _within(spread: float) -> str:
+    """How far to trust a limit that the mesh does not resolve."""
+    return f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling differ)" if spread else ""
