@@ -173,4 +173,5 @@ def _new_run(bench: Bench, specimen: Array, mass: Array, voltage: Array) -> Stat
     """States in a run of its own, in this order, as fast as the readings so far."""
     pace = float(np.ptp(np.nan_to_num(bench.states.elapsed))) / max(len(bench.states) - 1, 1)
     direction = np.full(len(specimen), float(np.any(bench.states.direction != 0)))
-    return States.of(specimen.astype(np.int64), mass, voltage, pace * np.arange(len(specimen)), direction)
+    elapsed = pace * np.arange(float(len(specimen)))
+    return States.of(specimen.astype(np.int64), mass, voltage, elapsed, direction)

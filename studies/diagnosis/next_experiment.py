@@ -44,7 +44,8 @@ class Proposal:
     expected
         Expected Δχ² between these two, whichever of them is true.
     value, mean
-        Mean over all pairs by their probability, each counted up to where it is told beyond doubt, and in full.
+        Mean Δχ² over which rival is true and which one is told from it, by their probabilities; each pair counted up
+        to where it is told beyond doubt, and in full.
     """
 
     what: str
@@ -132,14 +133,21 @@ def _proposal(experiment: Experiment, bench: Bench, fits: Sequence[Fit], weights
         return None
     distances = expected(bench.simulation, fits, table)
     told = np.minimum(distances, distances.T)
-    chance = np.outer(weights, weights) + 1e-300
-    np.fill_diagonal(chance, 0.0)
+    chance = _chances(weights)
     value = float(np.sum(chance * np.minimum(distances, SEEN)) / chance.sum())
     able = told >= TOLD
-    pair = np.unravel_index(np.argmax(np.where(able, chance, -1.0) if able.any() else chance * told), told.shape)
+    both = chance + chance.T
+    pair = np.unravel_index(np.argmax(np.where(able, both, 0.0) if able.any() else both * (told + 1e-9)), told.shape)
     one, other = sorted(int(number) for number in pair)
     return Proposal(experiment.words(table), _apart(fits[one].hypothesis, fits[other].hypothesis),
                     float(told[one, other]), value, float(np.sum(chance * distances) / chance.sum()))
+
+
+def _chances(weights: Array) -> Array:
+    """Probability that one rival is true and another, drawn by its share of the rest, is to be told from it."""
+    chance = np.tile(weights + 1e-9, (len(weights), 1))
+    np.fill_diagonal(chance, 0.0)
+    return np.asarray((weights + 1e-9)[:, None] * chance / chance.sum(1, keepdims=True))
 
 
 def possible(experiment: Experiment, bench: Bench, fits: Sequence[Fit]) -> Table | None:
