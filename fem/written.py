@@ -6,19 +6,20 @@ from dataclasses import fields
 from typing import Any
 
 from fem.laws import STRETCH_RANGE, inadmissible_stretch
+from fem.laws.scaled import STRESSES
 from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.written import law_content, quantity_text, specimen_content, toml
 
 #: Dimensions of the constants of laws and of bias mechanisms; a constant that is not here is a plain number.
-_LAWS = dict.fromkeys(("mu", "c", "c10", "c01", "beta", "gamma"), "stress")
+_LAWS = dict.fromkeys(STRESSES, "stress")
 _BIASES = {"stiffness": "stiffness per length", "rest": "length", "force": "force", "gap": "length", "decay": "length"}
 
 #: Dimensions of the keys of a rig file.
 _RIG = {"gravity": "acceleration", "unaccounted_mass": "mass", "spring": "stiffness per length",
         "sag_voltage": "voltage", "sensor_zero": "length", "drift": "speed", "weight_offset": "length",
-        "plate_pressure": "stress", "gas_pressure": "stress"}
+        "plate_pressure": "stress", "gas_pressure": "stress", "lag_voltage": "voltage"}
 
 #: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.
 _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0), (1.0, 1.5))

@@ -163,12 +163,13 @@ def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[
     own = (powers > 0).sum(1) < 2
     coefficients = []
     for values in table:
-        alone = np.linalg.lstsq(design[np.ix_(single, own)], values[single].reshape(single.sum(), -1), rcond=None)[0]
-        rest = values[~single].reshape((~single).sum(), -1) - _cut(grid, design[np.ix_(~single, own)] @ alone)
-        pairs = (np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0] if (~own).any()
-                 else np.zeros((0, values[0].size)))
-        full = np.zeros((len(powers), values[0].size))
-        full[own], full[~own] = alone, pairs
+        flat = values.reshape(len(values), -1)
+        alone = np.linalg.lstsq(design[np.ix_(single, own)], flat[single], rcond=None)[0]
+        full = np.zeros((len(powers), flat.shape[1]))
+        full[own] = alone
+        if not single.all():
+            rest = flat[~single] - _cut(grid, design[np.ix_(~single, own)] @ alone)
+            full[~own] = np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0]
         coefficients.append(full.reshape(len(powers), *values.shape[1:]))
     return ForceLaw(grid, axes, powers, coefficients[0], coefficients[1])
 
