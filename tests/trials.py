@@ -12,7 +12,9 @@ MASSES = (17.9e-3, 22.45e-3)
 
 
 def every_cause(simulation: Simulation) -> list[Cause]:
-    return [Cause(name, which) for name, effect in REGISTRY.items() for which in effect.choices(simulation.setup)]
+    """All but those that only a way up and down shows."""
+    return [Cause(name, which) for name, effect in REGISTRY.items() if "direction" not in effect.columns
+            for which in effect.choices(simulation.setup)]
 
 
 def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES) -> Table:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studies.diagnosis.black_box import Process
-from studies.diagnosis.fit import Fit, fit, fit_all
+from studies.diagnosis.fit import Fit, fit_all, nominal_fit
 from studies.diagnosis.judgement import Judgement
 from studies.diagnosis.knowable import SAME, signatures
 from studies.diagnosis.simulation import Cause, Hypothesis, Simulation, hypotheses_of
@@ -175,7 +175,7 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
     counted = split.test & np.isin(table.kind, LENGTHS)
     test = compact(table[counted])
     known = {simulation.setup.specimens[k].name for k in np.unique(train.specimen)}
-    nominal = fit(simulation, (), train)
+    nominal = nominal_fit(simulation, train)
     chosen, wrong = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)], nominal,
                            classes)
     chosen = chosen or nominal
