@@ -208,11 +208,13 @@ def posterior_draws(one: Fit, count: int, generator: np.random.Generator) -> Arr
     return inside[:count] if len(inside) else one.unknowns[None, :]
 
 
-def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array, widen: float = 1.0
-            ) -> list[Fit]:
-    """Every hypothesis fitted, from the nominal one's unknowns; pairs from the fits of their members."""
-    found: dict[Hypothesis, Fit] = {}
+def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array, widen: float = 1.0,
+            known: Sequence[Fit] = ()) -> list[Fit]:
+    """Every hypothesis fitted but the ``known``, from the nominal one's unknowns; pairs from their members' fits."""
+    found = {one.hypothesis: one for one in known}
     for hypothesis in hypotheses:
+        if hypothesis in found:
+            continue
         first = start[:2]
         if len(hypothesis) == 2:
             members = [found.get((cause,)) for cause in hypothesis]
