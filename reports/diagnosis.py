@@ -49,7 +49,7 @@ def page(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
                                      lstrip_blocks=True)
-    environment.filters |= {"number": number, "percent": percent, "chance": chance}
+    environment.filters |= {"number": number, "percent": percent, "chance": chance, "error": error}
     text = resources.files("reports").joinpath("diagnosis.html").read_text(encoding="utf-8")
     template = environment.from_string(text)
     return template.render(found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
@@ -111,6 +111,11 @@ def listed(words: Sequence[str], last: str) -> str:
 def number(value: float | None) -> str:
     """Three digits; infinity where there is none."""
     return "∞" if value is None else f"{value:.3g}"
+
+
+def error(value: float | None) -> str:
+    """An error; a dash where there is none."""
+    return "–" if value is None else number(value)
 
 
 def percent(share: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from geometry.units import quantity
 from studies.diagnosis.attempts import Attempt, attempts
 from studies.diagnosis.diagnose import Diagnosis, rmse
 from studies.diagnosis.fit import Fit
+from studies.diagnosis.gain import GainReport, SplitGain
 from studies.diagnosis.judgement import interval
 from studies.diagnosis.knowable import knowable
+from studies.diagnosis.next_experiment import Proposals
 from studies.diagnosis.plan import detectable
 from studies.diagnosis.simulation import Cause
 from studies.effects import Parameter
@@ -34,8 +37,8 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "causes": [] if judged.weighing is None else causes(found),
         "indistinguishable": [sorted({cause.effect for cause in group}) for group in judged.indistinguishable],
         "misfit": misfit(found),
-        "gain": None,
-        "next_experiment": None,
+        "gain": gain(found.gain),
+        "next_experiment": next_experiment(found.proposals),
         "not_visible": sorted({cause.effect for cause in judged.invisible}),
         "probability": {"nothing": 1.0 if judged.weighing is None else judged.weighing.nothing,
                         "unknown": 0.0 if judged.weighing is None else judged.weighing.unknown},
@@ -109,6 +112,30 @@ def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
     lengths = np.isin(table.kind, ("displacement", "range"))
     return {"rmse_um": 1e6 * rmse(one.residual[lengths], table.sigma[lengths]),
             "p_value": None if test is None else test.p_value, "effects": [str(cause) for cause in one.hypothesis]}
+
+
+def gain(found: GainReport) -> dict[str, Any] | None:
+    """The gain of design §6, and that of each split."""
+    if found.overall is None:
+        return None
+    return {**asdict(found.overall), "splits": [_split(one) for one in found.splits],
+            "impossible": list(found.impossible)}
+
+
+def _split(one: SplitGain) -> dict[str, Any]:
+    errors = {key: 1e6 * value if np.isfinite(value) else None for key, value in one.rmse.items()}
+    return {"held_out": one.split.held_out, "chosen": [str(cause) for cause in one.chosen],
+            "wrong": [str(cause) for cause in one.wrong], "rmse_um": errors, "note": one.note}
+
+
+def next_experiment(found: Proposals) -> dict[str, Any] | None:
+    """The best experiment in words; None where nothing is to be told apart."""
+    if not found.ranked:
+        return None
+    best = next((one for one in found.ranked if one.enough), found.ranked[0])
+    return {"what": found.sentence, "separates": list(best.effects), "expected_chi_squared": best.expected,
+            "menu": [{"what": one.what, "separates": list(one.effects), "expected_chi_squared": one.expected,
+                      "enough": one.enough} for one in found.ranked]}
 
 
 def _attempt(one: Attempt) -> dict[str, Any]:
