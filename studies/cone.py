@@ -1,13 +1,16 @@
-"""The paper's straight cone: the force of one circular actuator, Eqs. (2)–(5)."""
+"""The paper's lumped model: a film that is a straight cone, Eqs. (2)–(5), and mixtures of such circles, Eq. (5)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from fem.density import maxwell
+from geometry.errors import InputError
 from geometry.specimen import Specimen
+
+_RINGS = 12
 
 
 @dataclass(frozen=True)
@@ -16,10 +19,15 @@ class ConeCircle:
 
     Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ = radius − r, with r
     the plate's mean radius and λ_p the mean prestretch. The material is the specimen's own.
+
+    ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r) of a weightless
+    membrane that is hardly deflected (1): its slope at a distance ρ from the axis is
+    y ((1 − c)/l₀ + c/(ρ ln(radius/r))).
     """
 
     specimen: Specimen
     radius: float
+    profile: float = 0.0
 
     @property
     def plate_radius(self) -> float:
@@ -27,14 +35,87 @@ class ConeCircle:
         return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
 
     def force(self, deflection: float, voltage: float) -> float:
-        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at a deflection [m] and a voltage [V]."""
+        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
+
+        As in the paper it is what the film there pulls with, not the derivative of the film's energy.
+        """
         film = self.specimen.membrane
-        width = self.radius - self.plate_radius
+        slope = deflection * float(self._steepness(np.array(self.plate_radius)))
         prestretch = np.sqrt(film.area_prestretch)
-        radial = prestretch * np.hypot(1.0, deflection / width)
+        radial = prestretch * np.hypot(1.0, slope)
         thickness = film.thickness / (radial * prestretch)
         elastic = film.material.derivatives(radial, prestretch)[1]
         electric = maxwell(self.specimen, voltage**2).derivatives(radial, prestretch)[1]
         stress = radial * (elastic + electric)
-        slope = deflection / np.hypot(width, deflection)
-        return float(2 * np.pi * self.plate_radius * thickness * slope * stress)
+        return float(2 * np.pi * self.plate_radius * thickness * slope / np.hypot(1.0, slope) * stress)
+
+    def capacitance(self, deflection: float) -> float:
+        """ε₀ε_r dA/z over the film [F] at a deflection [m]."""
+        film = self.specimen.membrane
+        nodes, weights = np.polynomial.legendre.leggauss(_RINGS)
+        half = (self.radius - self.plate_radius) / 2
+        at = self.plate_radius + half * (1 + nodes)
+        prestretch = np.sqrt(film.area_prestretch)
+        radial = prestretch * np.hypot(1.0, deflection * self._steepness(at))
+        energy = maxwell(self.specimen, 1.0).derivatives(radial, prestretch)[0]
+        volume = 2 * np.pi * at * weights * half * film.thickness / film.area_prestretch
+        return float(-2 * volume @ energy)
+
+    def _steepness(self, at: np.ndarray) -> np.ndarray:
+        """Slope over deflection [1/m] at distances from the axis [m]."""
+        c, inner = self.profile, self.plate_radius
+        return np.asarray((1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner)))
+
+
+@dataclass(frozen=True)
+class Lumped(Specimen):
+    """An actuator as the lumped model has it: circles of its semi-axes, the shortest first, with weights α.
+
+    ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness, the plate's offset
+    and the direction of the prestretch do not enter.
+
+    Examples
+    --------
+    >>> from fem.laws import NeoHooke
+    >>> from geometry.outlines import Circle, Ellipse
+    >>> from geometry.specimen import Film, Plate
+    >>> film = Film(1e-3, (5**0.5, 5**0.5), NeoHooke(25e3), 4.7)
+    >>> oval = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3)), film)
+    >>> [circle.radius for circle in Lumped.of(oval, (0.7, 0.3)).circles]
+    [0.045, 0.06]
+    """
+
+    weights: tuple[float, ...] = (1.0,)
+    profile: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no mixture."""
+        super().__post_init__()
+        if len(self.weights) != len(self._radii) or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
+            raise InputError(f"must be {len(self._radii)} numbers from 0 that add up to 1, one for each semi-axis",
+                             key="weights", given=self.weights)
+
+    @classmethod
+    def of(cls, specimen: Specimen, weights: tuple[float, ...] = (1.0,)) -> Lumped:
+        """A specimen seen so; an ellipse needs its two weights."""
+        return cls(**{item.name: getattr(specimen, item.name) for item in fields(Specimen)}, weights=weights)
+
+    @property
+    def circles(self) -> tuple[ConeCircle, ...]:
+        """The circles it is mixed of."""
+        return tuple(ConeCircle(self, radius, self.profile) for radius in self._radii)
+
+    def force(self, deflection: float, voltage: float) -> float:
+        """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
+        parts = (circle.force(deflection, voltage) for circle in self.circles)
+        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+
+    def capacitance(self, deflection: float) -> float:
+        """Σ α_j C_j [F] at a deflection [m]."""
+        parts = (circle.capacitance(deflection) for circle in self.circles)
+        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+
+    @property
+    def _radii(self) -> tuple[float, ...]:
+        short, long = sorted(self.frame.semi_axes)
+        return (short, long) if long > short * (1 + 1e-9) else (short,)

@@ -47,11 +47,14 @@ class Reading:
 
 READINGS = (Reading(17.9e-3, 5e3, 3600.0, 1.0), Reading(22.45e-3, 3e3, 1800.0, -1.0))
 
-each_effect = pytest.mark.parametrize("effect", REGISTRY.values(), ids=REGISTRY)
+#: Those of the lumped model are in test_lumped_diagnosis.py.
+EFFECTS = {name: effect for name, effect in REGISTRY.items() if not effect.lumped}
+
+each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 each_parameter = pytest.mark.parametrize(
     ("effect", "number"),
     [pytest.param(effect, number, id=f"{effect.name}-{item.name}")
-     for effect in REGISTRY.values() for number, item in enumerate(effect.parameters)])
+     for effect in EFFECTS.values() for number, item in enumerate(effect.parameters)])
 
 
 @cache

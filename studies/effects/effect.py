@@ -14,6 +14,7 @@ from geometry.errors import InputError
 from geometry.specimen import Film, Specimen
 from geometry.units import quantity
 from studies.cases import Case
+from studies.cone import Lumped
 
 #: ``even``: the sign changes no reading of a specimen that is its own mirror image.
 Sign = Literal["signed", "positive", "even"]
@@ -145,6 +146,8 @@ class Effect:
         Whether it happens to one specimen, which must be named, rather than to all or to the rig.
     columns
         Columns of static.csv without which it cannot be seen.
+    lumped
+        Whether it is one of the lumped model's actuators, not of films and rigs as they are.
     """
 
     name: str
@@ -153,9 +156,12 @@ class Effect:
     edit: Callable[..., Setup]
     on_one: bool = False
     columns: tuple[str, ...] = ()
+    lumped: bool = False
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
-        """What ``which`` may be."""
+        """What ``which`` may be; nothing where it cannot happen."""
+        if self.lumped and not all(isinstance(one, Lumped) for one in setup.specimens):
+            return ()
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:

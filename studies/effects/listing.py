@@ -35,6 +35,7 @@ def markdown() -> str:
 
 def _effect(effect: Effect) -> dict[str, Any]:
     return {"explanation": effect.explanation, "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
+            "lumped_model_only": effect.lumped,
             "parameters": {item.name: _parameter(item) for item in effect.parameters}}
 
 
@@ -58,7 +59,8 @@ def _lines(effect: Effect) -> Iterator[str]:
     where = "of one specimen" if effect.on_one else ""
     needs = f"needs {', '.join(effect.columns)}" if effect.columns else ""
     yield f"{effect.name}\n  {effect.explanation}"
-    yield from (f"  {note}" for note in (where, needs) if note)
+    model = "of the lumped model only" if effect.lumped else ""
+    yield from (f"  {note}" for note in (where, needs, model) if note)
     for item in effect.parameters:
         yield f"  {_named(item)}: {item.meaning}; {item.sign}"
         yield f"    prior: {_prior(item)}\n    why: {item.reason}"
@@ -67,7 +69,8 @@ def _lines(effect: Effect) -> Iterator[str]:
 def _section(effect: Effect) -> Iterator[str]:
     yield f"## {effect.name}\n"
     notes = [effect.explanation, "It happens to one specimen." if effect.on_one else "",
-             f"It needs the column {', '.join(effect.columns)}." if effect.columns else ""]
+             f"It needs the column {', '.join(effect.columns)}." if effect.columns else "",
+             "It is one of the lumped model only." if effect.lumped else ""]
     yield " ".join(filter(None, notes)) + "\n"
     yield "| parameter | meaning | sign | prior | reason |\n|---|---|---|---|---|"
     for item in effect.parameters:
