@@ -72,7 +72,7 @@ def cone_data(setup: Setup) -> Table:
 
 
 def _missing(heave: float, one: Specimen, load: float, voltage: float) -> float:
-    """Force less load [N] of a film 2.3 times as stiff and as permittive, so that it sinks about as far as a membrane."""
+    """Force less load [N] of a film 2.3 times as stiff and permittive, so that it sinks about as far as a membrane."""
     assert isinstance(one, Lumped)
     return 2.3 * one.force(heave, voltage) - load
 
