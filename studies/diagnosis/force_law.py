@@ -153,24 +153,60 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
 
 def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array], capacitance: list[Array]
            ) -> ForceLaw:
-    """The law through samples; values at the nodes of the grid, for pairs at those of the coarse one."""
+    """The law through samples; values at the nodes of the grid, for pairs at those of the coarse one.
+
+    Values are nan where a film could not be solved. The nominal film's are continued along the charge there, those of
+    one axis along that axis, so that they bend nothing where there are some; of pairs, what they add is continued.
+    """
     powers = _powers(axes)
     over = [values / grid_of(grid, sample).nodes[0][:, None] if grid.odd else values
             for sample, values in zip(where, force, strict=True)]
-    table = [np.stack([_padded(grid, values) for values in column]) for column in (over, capacitance)]
     design = np.stack([np.prod(sample.coordinates(len(axes))[None, :] ** powers, axis=1) for sample in where])
     single = np.array([len(sample.axes) < 2 for sample in where])
     own = (powers > 0).sum(1) < 2
     coefficients = []
-    for values in table:
-        alone = np.linalg.lstsq(design[np.ix_(single, own)], values[single].reshape(single.sum(), -1), rcond=None)[0]
-        rest = values[~single].reshape((~single).sum(), -1) - _cut(grid, design[np.ix_(~single, own)] @ alone)
-        pairs = (np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0] if (~own).any()
-                 else np.zeros((0, values[0].size)))
-        full = np.zeros((len(powers), values[0].size))
-        full[own], full[~own] = alone, pairs
-        coefficients.append(full.reshape(len(powers), *values.shape[1:]))
+    for values in (over, capacitance):
+        ones = [one for one, alone in zip(where, single, strict=True) if alone]
+        known = _along_axes(grid, ones, [item for item, alone in zip(values, single, strict=True) if alone])
+        flat = np.stack([_padded(grid, item) for item in known]).reshape(len(known), -1)
+        full = np.zeros((len(powers), flat.shape[1]))
+        full[own] = np.linalg.lstsq(design[np.ix_(single, own)], flat, rcond=None)[0]
+        if not single.all():
+            expected = _on_coarse(grid, design[np.ix_(~single, own)] @ full[own])
+            pairs = [item for item, alone in zip(values, single, strict=True) if not alone]
+            added = [_along_charge(grid.coarse(), item - sums) for item, sums in zip(pairs, expected, strict=True)]
+            rest = np.stack([_padded(grid, item) for item in added]).reshape(len(added), -1)
+            full[~own] = np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0]
+        coefficients.append(full.reshape(len(powers), grid.heaves, grid.charges))
     return ForceLaw(grid, axes, powers, coefficients[0], coefficients[1])
+
+
+def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Array]:
+    """The nominal film's values and those of single axes, completed by the polynomial through what an axis has."""
+    nominal = next(_along_charge(grid, item) for sample, item in zip(where, values, strict=True) if not sample.axes)
+    found = []
+    for sample, item in zip(where, values, strict=True):
+        item = nominal.copy() if not sample.axes else item.copy()
+        for node in np.argwhere(np.isnan(item)):
+            place = tuple(node)
+            known = {0.0: nominal[place]} | {other.at[0]: values[number][place] for number, other in enumerate(where)
+                                             if other.axes == sample.axes and np.isfinite(values[number][place])}
+            item[place] = np.polyval(np.polyfit(list(known), list(known.values()), len(known) - 1), sample.at[0])
+        found.append(item)
+    return found
+
+
+def _along_charge(grid: Grid, values: Array) -> Array:
+    """Values continued beyond the last charge that has one: a parabola through the last three, a line through two."""
+    charges, values = grid.nodes[1], values.copy()
+    for row in values:
+        have = int(np.isfinite(row).sum())
+        if have < len(row):
+            degree = min(2, have - 1)
+            last = slice(have - 1 - degree, have)
+            unit = charges[have - 1]
+            row[have:] = np.polyval(np.polyfit(charges[last] / unit, row[last], degree), charges[have:] / unit)
+    return values
 
 
 def grid_of(grid: Grid, sample: Sample) -> Grid:
@@ -195,10 +231,9 @@ def _padded(grid: Grid, values: Array) -> Array:
     return np.pad(found, [(0, full - have) for full, have in wanted])
 
 
-def _cut(grid: Grid, flat: Array) -> Array:
-    """The part of coefficients that the coarse grid has: its interpolation of the fine polynomial."""
+def _on_coarse(grid: Grid, flat: Array) -> Array:
+    """Values at the coarse grid's nodes of polynomials of the fine one, shape (count, heaves, charges)."""
     coarse = grid.coarse()
     v, q = (chebyshev.chebvander(_points(few), many - 1)
             for few, many in ((coarse.heaves, grid.heaves), (coarse.charges, grid.charges)))
-    nodal = np.einsum("ai,bj,tij->tab", v, q, flat.reshape(len(flat), grid.heaves, grid.charges))
-    return np.stack([_padded(grid, values) for values in nodal]).reshape(len(flat), -1)
+    return np.asarray(np.einsum("ai,bj,tij->tab", v, q, flat.reshape(len(flat), grid.heaves, grid.charges)))

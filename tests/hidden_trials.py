@@ -1,0 +1,261 @@
+"""One trial: something hidden in readings, what the truth allows to be known, and what the diagnosis made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from hidden import ALIASES, NOISE, Array, Design, Means, Truth, hidden
+from hidden_strangers import STRANGERS
+
+from studies.diagnosis.fit import Fit, fit, fit_all
+from studies.diagnosis.judgement import Judgement, interval, judge
+from studies.diagnosis.knowable import SEEN, TOLD
+from studies.diagnosis.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from studies.diagnosis.table import Table
+
+#: Widths of the priors for fits to readings without noise, where only the readings are to count.
+_LOOSE = 5.0
+_NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
+_MISJUDGED = 1.5
+
+
+@dataclass(frozen=True)
+class Record:
+    """A trial and its end.
+
+    ``seen``: χ² by which the nominal model misses the readings without noise more than the truth does (of a stranger:
+    by which the best of the library does); ``told``: the same for the best hypothesis that is not the truth. ``ranked``
+    are the causes with their stated probabilities. ``covered``: whether the 95 % set of hypotheses has the truth,
+    ``inside``: whether the 95 % intervals of its sizes have the true ones, None where that was not asked. ``reported``:
+    whether an alias was called one.
+    """
+
+    population: str
+    number: int
+    means: str
+    truth: tuple[str, ...]
+    again: int
+    seen: float
+    told: float
+    verdict: str = "refused"
+    named: tuple[str, ...] = ()
+    ranked: tuple[tuple[str, float], ...] = ()
+    best: tuple[str, ...] = ()
+    wrong: float = 0.0
+    unknown: float = 0.0
+    p_value: float = 1.0
+    after: float = 1.0
+    noise: float = 1.0
+    covered: bool | None = None
+    inside: tuple[bool, ...] = ()
+    reported: bool | None = None
+    words: str = ""
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the truth stands out by itself."""
+        return self.seen >= SEEN and self.told >= TOLD
+
+    @property
+    def misnamed(self) -> bool:
+        """Whether a cause was named that is not there."""
+        return bool(set(self.named) - set(self.truth))
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return asdict(self)
+
+    @classmethod
+    def of_json(cls, found: dict[str, Any]) -> Record:
+        """From one."""
+        lists = {name: tuple(map(tuple, value)) if name == "ranked" else tuple(value)
+                 for name, value in found.items() if isinstance(value, list)}
+        return cls(**(found | lists))
+
+
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """The two designs with their fitted models, and the study's seed."""
+
+    paper: tuple[Design, Simulation]
+    circles: tuple[Design, Simulation]
+    seed: int
+
+    def run(self, population: str, number: int) -> list[Record]:
+        """The trial of that number."""
+        generator = np.random.default_rng([self.seed, list(POPULATIONS).index(population), number])
+        return POPULATIONS[population](self, generator, number)
+
+    def by(self, number: int) -> tuple[Design, Simulation, Means]:
+        """Elements in half of the trials, the equations in a quarter, another law in a quarter."""
+        means: Means = ("elements", "equations", "elements", "another law")[number % 4]
+        return (*(self.circles if means == "equations" else self.paper), means)
+
+
+def measured(design: Design, values: Array, generator: np.random.Generator, number: int) -> Table:
+    """Readings with noise."""
+    sigma = _NOISES[number // 4 % len(_NOISES)]
+    table = design.table.with_sigma(np.full(len(values), sigma))
+    return table.with_values(values + generator.normal(0, sigma, len(values)))
+
+
+def _null(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    truth, values, again = hidden(design, generator, (), means)
+    record = Record("null", number, means, (), again, 0.0, 0.0)
+    return [judged(record, design, simulation, measured(design, values, generator, number), truth)]
+
+
+def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    causes = [cause for cause in design.causes if cause.effect not in ALIASES]
+    hypothesis = (causes[int(generator.integers(len(causes)))],)
+    truth, values, again = hidden(design, generator, hypothesis, means)
+    table = measured(design, values, generator, number)
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values), [(cause,) for cause in causes])
+    record = Record("single", number, means, (str(hypothesis[0]),), again, seen, told)
+    found = [judged(record, design, simulation, table, truth)]
+    if record.identifiable and number % 2 == 0:
+        without = replace(design, causes=tuple(c for c in design.causes if c.effect != hypothesis[0].effect))
+        found.append(judged(replace(record, population="deleted"), without, simulation, table, truth))
+    return found
+
+
+def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    every = hypotheses_of([cause for cause in design.causes if cause.effect not in ALIASES])
+    pairs = [one for one in every if len(one) == 2]
+    hypothesis = pairs[int(generator.integers(len(pairs)))]
+    means: Means = "another law" if number % 3 == 2 else "elements"
+    truth, values, again = hidden(design, generator, hypothesis, means)
+    table = measured(design, values, generator, number)
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values), every)
+    record = Record("pair", number, means, tuple(map(str, hypothesis)), again, seen, told)
+    return [judged(record, design, simulation, table, truth)]
+
+
+def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    name = list(STRANGERS)[number % len(STRANGERS)]
+    stranger = STRANGERS[name](generator, design)
+    truth, values, again = hidden(design, generator, (), "elements", stranger)
+    table = measured(design, values, generator, number)
+    library = hypotheses_of([cause for cause in design.causes if cause.effect not in ALIASES])
+    least = best_of(simulation, library, table.with_values(values))
+    record = Record("outside", number, "elements", (name,), again, least, least)
+    return [judged(record, design, simulation, table, truth)]
+
+
+def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    kind = number % 3
+    effect = ("amplifier_gain", "unaccounted_mass", "drift" if number % 2 else "sensor_zero")[kind]
+    if kind == 1:
+        design = design.only(design.table.mass == design.table.mass[0])
+    elif kind == 2:
+        design = design.after(3 * 3600.0)
+    truth, values, again = hidden(design, generator, (Cause(effect),), "elements")
+    record = Record("alias", number, "elements", (effect,), again, 0.0, 0.0)
+    found, verdict = _judged(record, design, simulation, measured(design, values, generator, number), truth)
+    if verdict is None:
+        return [found]
+    group = {Cause("drift"), Cause("sensor_zero")}
+    reported = (any(group <= set(one) for one in verdict.indistinguishable) if kind == 2
+                else Cause(effect) in verdict.invisible)
+    return [replace(found, reported=reported and not verdict.named)]
+
+
+def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    truth, values, again = hidden(design, generator, (), means)
+    table = measured(design, values, generator, number)
+    return [judged(Record(f"noise stated {words}", number, means, (), again, 0.0, 0.0), design, simulation,
+                   table.with_sigma(table.sigma * factor), truth)
+            for words, factor in (("too small", 1 / _MISJUDGED), ("too large", _MISJUDGED))]
+
+
+def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    causes = [cause for cause in design.causes if cause.effect not in ALIASES]
+    hypothesis: Hypothesis = (causes[int(generator.integers(len(causes)))],) if number % 2 else ()
+    truth, values, again = hidden(design, generator, hypothesis, "form error")
+    table = measured(design, values, generator, number)
+    library = [(cause,) for cause in causes]
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values), library) if hypothesis else (0.0, 0.0)
+    record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, seen, told)
+    return [judged(record, design, simulation, table, truth)]
+
+
+POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
+    "null": _null, "single": _single, "pair": _pair, "outside": _outside, "alias": _alias, "noise": _noise,
+    "form": _form}
+
+
+def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, nominal: Fit) -> float:
+    """Of the best fit, the priors counting for little."""
+    first = fit(simulation, hypothesis, table, nominal.unknowns)
+    found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.found else first
+    return min(found.chi_squared, first.chi_squared)
+
+
+def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: Sequence[Hypothesis]
+               ) -> tuple[float, float]:
+    """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does."""
+    nominal = fit(simulation, (), exact)
+    if not nominal.found:
+        return 0.0, 0.0
+    own = _chi_squared(simulation, truth, exact, nominal)
+    told = np.inf
+    for rival in (rival for rival in rivals if set(rival) != set(truth)):
+        told = min(told, _chi_squared(simulation, rival, exact, nominal) - own)
+        if told < TOLD:
+            break
+    return nominal.chi_squared - own, float(told)
+
+
+def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: Table) -> float:
+    """χ² by which the best of the library misses readings without noise."""
+    nominal = fit(simulation, (), exact)
+    if not nominal.found or nominal.chi_squared < SEEN:
+        return nominal.chi_squared if nominal.found else 0.0
+    return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns, _LOOSE))
+
+
+def judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> Record:
+    """The record with what the diagnosis said."""
+    return _judged(record, design, simulation, table, truth)[0]
+
+
+def _judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth
+            ) -> tuple[Record, Judgement | None]:
+    try:
+        found = judge(simulation, table, design.causes, seed=record.number)
+    except ArithmeticError as error:
+        return replace(record, words=str(error)), None
+    record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)), p_value=found.test.p_value,
+                     noise=found.test.noise, words=found.test.strongest)
+    asked = truth.hypothesis and record.population in ("single", "pair", "form")
+    if asked:
+        record = replace(record, inside=_inside(simulation, found, truth))
+    if found.weighing is None or found.after is None:
+        return record, found
+    weighing = found.weighing
+    ranked = tuple((str(cause), float(share)) for cause, share in list(weighing.of_causes().items())[:5])
+    covered = any(set(one.hypothesis) == set(truth.hypothesis) for one in weighing.credible()) if asked else None
+    return replace(record, ranked=ranked, best=tuple(map(str, weighing.best.hypothesis)), wrong=weighing.wrong,
+                   unknown=weighing.unknown, after=found.after.p_value, covered=covered), found
+
+
+def _inside(simulation: Simulation, found: Judgement, truth: Truth) -> tuple[bool, ...]:
+    """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
+    one = fit(simulation, truth.hypothesis, found.table, found.nominal.unknowns)
+    if not one.found:
+        return tuple(False for _ in truth.sizes)
+    limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]
+    sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size for number, size in enumerate(truth.sizes)]
+    return tuple(low <= size <= high for size, (low, high) in zip(sizes, limits, strict=True))
+
+
