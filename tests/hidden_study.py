@@ -1,0 +1,99 @@
+"""Effects hidden in hundreds of sets of readings, and how often they are found.
+
+    python tests/hidden_study.py [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [-o docs/hidden-effects.md]
+
+Trials that FILE has already are not run again, so that a study may be stopped and taken up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from hidden import circles, paper
+from hidden_rates import draw_power, page, rates
+from hidden_trials import Lab, Record
+
+from studies.store import write_text
+from tympan.progress import bar
+
+#: Trials drawn of each population; what of them is identifiable follows from the draw.
+COUNTS = {"null": 300, "single": 900, "pair": 250, "outside": 220, "alias": 102, "noise": 100, "form": 100}
+
+_labs: list[Lab] = []
+
+
+def _start(lab: Lab) -> None:
+    _labs.append(lab)
+
+
+def _run(trial: tuple[str, int]) -> tuple[str, int, list[Record]]:
+    return (*trial, _labs[0].run(*trial))
+
+
+def lab_of(seed: int, workers: int) -> Lab:
+    """Both designs with their force laws: the dearest part."""
+    designs = paper(), circles()
+    return Lab(*((one, one.simulation(workers)) for one in designs), seed)
+
+
+def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
+    """All trials, those of all populations mixed, so that a study stopped early has some of each."""
+    every = [((number + 0.5) / count, name, number) for name, count in counts.items() for number in range(count)]
+    return ((name, number) for _, name, number in sorted(every))
+
+
+def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None) -> list[Record]:
+    """All trials run, or read from where they were kept."""
+    records, done = _kept(keep)
+    trials = [trial for trial in order(counts) if trial not in done]
+    with ProcessPoolExecutor(workers, get_context("spawn"), _start, (lab,)) as pool, bar(len(trials)) as step:
+        for name, number, found in pool.map(_run, trials):
+            step(f"{name} {number}")
+            records += found
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as file:
+                    rows = [one.json() for one in found]
+                    file.write(json.dumps({"trial": [name, number], "records": rows}) + "\n")
+    return records
+
+
+def _kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
+    rows = [json.loads(line) for line in keep.read_text(encoding="utf-8").splitlines()] if keep and keep.exists() else []
+    done = {(row["trial"][0], row["trial"][1]) for row in rows}
+    return [Record.of_json(one) for row in rows for one in row["records"]], done
+
+
+def write(records: Sequence[Record], about: str, file: Path) -> None:
+    """The page and its picture."""
+    write_text(file, page(records, about))
+    draw_power(records, file.with_suffix(".png"))
+
+
+def main() -> None:
+    """Run the study and print its rates."""
+    parser = argparse.ArgumentParser(description="Hide effects in readings and have them found.")
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on the number of trials")
+    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="file the trials are kept in as they are done, one JSON line each")
+    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the rates in; its picture beside it")
+    options = parser.parse_args()
+    counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
+    records = study(lab_of(options.seed, options.workers), counts, options.workers, options.keep)
+    again = sum(one.again for one in records)
+    about = (f"Seed {options.seed}; drawn: {', '.join(f'{n} {name}' for name, n in counts.items())}; drawn again for "
+             f"want of an equilibrium {again} times.")
+    if options.output:
+        write(records, about, options.output)
+    print(about, *(rate.row() for rate in rates(records)), sep="\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
