@@ -95,6 +95,7 @@ class Branch:
         loads = np.concatenate([change[1], step * point.rates])
         guess = moved(self.model, point.state, (change[0], loads), self._free)
         arc = Arc(point.state, point.direction, step)
+        point.solution.release()
         solution = newton(self.model, guess, self._free, (*self.controls, arc), self.newton, self.motions)
         return self._point(solution) if solution.converged else None
 
@@ -111,13 +112,16 @@ class Branch:
         moved_by = difference(self.model, after.state, before.state)
         inner, plate = metric(self.model, before.direction)
         found: dict[float, Point] = {0.0: before}
+        after.solution.release()
 
         def at(step: float) -> float:
             point = found.get(step) or self.at(before, step)
             if point is None:
                 raise _Lost
             found[step] = point = self._renewed(point)
-            return value(point)
+            result = value(point)
+            point.solution.release()
+            return result
 
         end = float(inner @ moved_by[0] + plate @ moved_by[1])
         try:
@@ -139,6 +143,7 @@ class Branch:
         right = -sense * by[0], np.concatenate([-sense * by[1], np.zeros(len(self.controls))])
         motion = self._unit(at_loads.tangent.solve(right))[0]
         arc = Arc(at_loads.state, motion, 0.0)
+        at_loads.release()
         solution = newton(self.model, at_loads.state, self._free, (*self.controls, arc), self.newton, self.motions)
         return self._point(solution) if solution.converged else None
 
@@ -151,6 +156,7 @@ class Branch:
     def _renewed(self, point: Point) -> Point:
         """The point with the tangent there: Newton's is that of an iterate before, too far off to place a limit."""
         state = point.state
+        point.solution.release()
         controls = (*self.controls, Arc(state, point.direction, 0.0))
         equations = [control.equation(self.model, state, self._free) for control in controls]
         tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations, self.motions)

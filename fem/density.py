@@ -58,6 +58,43 @@ class Density:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A material, the stretches from its virgin state to the mounted film, and the numbers it is made of."""
+
+    material: Any
+    prestretch: tuple[Any, Any]
+    key: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Stretching:
+    """Principal stretches from a virgin state, and their weighted changes along k directions, shape (k, points)."""
+
+    prestretch: tuple[Any, Any]
+    stretches: tuple[Any, Any]
+    changes: tuple[Any, Any]
+
+    @classmethod
+    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any], weights: Any
+           ) -> Stretching:
+        """At C of the mounted film, points of any shape s, that changes, shapes (k, *s); ``weights`` of shape s.
+
+        Where the stretches are equal, their difference has no derivative; a stress that is equal too does not ask.
+        """
+        _, half, shear, radius = circle = _circle(c, prestretch)
+        mean, by_half, by_shear, _ = _circle(changes, prestretch)
+        l1, l2 = np.sqrt(circle[0] + radius), np.sqrt(circle[0] - radius)
+        by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
+        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean - by_radius) / (2 * l2)
+        return cls(prestretch, (l1, l2), (first.reshape(len(first), -1), second.reshape(len(second), -1)))
+
+    def power(self, material: Any) -> Any:
+        """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
+        _, w1, w2, *_ = material.derivatives(*self.stretches)
+        return self.changes[0] @ np.ravel(w1) + self.changes[1] @ np.ravel(w2)
+
+
+@dataclass(frozen=True)
 class FilmDensity:
     """The film's energy at a given voltage: elastic, electrostatic where covered, electrode where covered.
 
@@ -78,20 +115,41 @@ class FilmDensity:
     @property
     def material(self) -> Any:
         """All that shares the film's principal axes, as one material."""
-        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
-        materials: tuple[Any, ...] = (film.material, self.maxwell)
-        if grease and _equal(film):
-            materials = (*materials, Weighted(Rescaled(_grease(grease), film.prestretch[0]), self.covered))
+        film = self.specimen.membrane
+        materials = tuple(part.material for part in self._simple.values() if part.prestretch == film.prestretch)
         return TensionField(materials, residual_tension(film) if self.wrinkles else -np.inf)
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """Materials whose energies add up to the film's, by name; one that wrinkles does so with all on its axes."""
+        if not self.wrinkles:
+            return self._simple
+        film = self.specimen.membrane
+        key = film, self.specimen.electrode.stiffness, self.voltage_squared
+        apart = {name: part for name, part in self._simple.items() if part.prestretch != film.prestretch}
+        return {"film": Part(self.material, film.prestretch, key), **apart}
+
+    @property
+    def _simple(self) -> dict[str, Part]:
+        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
+        electric = maxwell(self.specimen, self.voltage_squared)
+        result = {"elastic": Part(film.material, film.prestretch, film.material),
+                  "electric": Part(self.maxwell, film.prestretch, electric)}
+        if grease and _equal(film):
+            material = Weighted(Rescaled(_grease(grease), film.prestretch[0]), self.covered)
+            result["grease"] = Part(material, film.prestretch, grease)
+        elif grease:
+            # Stress-free at a state that is stretched unequally, the grease has principal axes of its own.
+            result["grease"] = Part(Weighted(_grease(grease), self.covered), (1.0, 1.0), grease)
+        return result
 
     def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
         """Density, stress and tangent at C of the mounted film."""
-        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
+        film, grease = self.specimen.membrane, self._simple.get("grease")
         result = plane_stress((self.material,), c, film.prestretch, tangent=tangent)
-        if not grease or _equal(film):
+        if grease is None or grease.prestretch == film.prestretch:
             return result
-        # Stress-free at a state that is stretched unequally, the grease has principal axes of its own.
-        own = plane_stress((Weighted(_grease(grease), self.covered),), c, (1.0, 1.0), tangent=tangent)
+        own = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
         return Density(result.energy + own.energy, result.stress + own.stress,
                        None if result.tangent is None or own.tangent is None else result.tangent + own.tangent)
 

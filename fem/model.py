@@ -15,6 +15,7 @@ from fem.assembly import element_forces, element_tangents
 from fem.density import FilmDensity, principal_stretches
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
+from fem.isoparametric import isoparametric
 from fem.loading import GUIDES, Loading
 from fem.pattern import Pattern
 from fem.plate import FREEDOMS, PlateMotion
@@ -86,6 +87,8 @@ class Model:
     @cached_property
     def gradients(self) -> Array:
         """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""
+        if np.iscomplexobj(self.reference):
+            return self._complex_geometry[0]
         stacked = np.stack([shape[0].grad for shape in self.basis.basis])
         return np.ascontiguousarray(stacked.transpose(2, 3, 0, 1))
 
@@ -97,7 +100,12 @@ class Model:
     @cached_property
     def weights(self) -> Array:
         """Mounted area of every quadrature point of this mesh [m²], shape (elements, points)."""
-        return np.asarray(self.basis.dx)
+        return self._complex_geometry[1] if np.iscomplexobj(self.reference) else np.asarray(self.basis.dx)
+
+    @cached_property
+    def _complex_geometry(self) -> tuple[Array, Array]:
+        """Of nodes with an imaginary step (:func:`fem.shape.moved_by`), which scikit-fem does not map."""
+        return isoparametric(self.mesh, self.basis.X, self.basis.W, self.reference[self.connectivity, :2])
 
     @cached_property
     def volumes(self) -> Array:
@@ -176,12 +184,18 @@ class Model:
         """Area of the whole plate [m²]."""
         return area(self.specimen.plate.outline)
 
+    @property
+    def pull(self) -> Any:
+        """The film's own weight per mounted area [Pa]."""
+        film = self.specimen.membrane
+        return film.density * self.loading.gravity * (film.thickness / film.area_prestretch)
+
     @cached_property
     def weight(self) -> Array:
         """Nodal forces of the film's own mass [N], shape (nodes, 3)."""
-        pull = self.specimen.membrane.density * self.loading.gravity
-        elements = np.zeros((*self.connectivity.shape, 3), dtype=np.result_type(self.volumes, pull))
-        elements[..., 2] = pull * np.matmul(self.volumes, self.shapes)
+        pull = self.pull
+        elements = np.zeros((*self.connectivity.shape, 3), dtype=np.result_type(self.weights, pull))
+        elements[..., 2] = pull * np.matmul(self.weights, self.shapes)
         return self._scatter(elements)
 
     def boundary_nodes(self, name: str) -> Array:

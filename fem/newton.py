@@ -50,6 +50,11 @@ class Solution:
         """Whether the state is stable under the given loads; :attr:`Tangent.stable` says against what."""
         return self.tangent is not None and self.tangent.stable
 
+    def release(self) -> None:
+        """Drop the factors of a large film before those of the next state are made: two would double the memory."""
+        if self.tangent is not None:
+            self.tangent.release()
+
 
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tuple[Control, ...] = (),
            settings: NewtonSettings = NewtonSettings(), motions: Motions = EVERY) -> Solution:
@@ -105,21 +110,30 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
                     "the iteration limit was reached: start closer or take smaller steps")
 
 
-def extrapolate(model: Model, solution: Solution, **loads: float) -> State:
-    """Euler predictor: the state moved along the path's tangent to new loads, by the names of :data:`~fem.state.Load`.
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """States moved along a path's tangent to new values of one load: Euler's predictor, without the factors.
 
-    The tangent belongs to the solution's last iterate, which is close enough for a prediction.
+    ``response``: motion of film and plate per unit of the load.
     """
-    state, tangent = solution.state, solution.tangent
-    assert tangent is not None
-    right = np.zeros(int(model.free.sum())), np.zeros(len(model.plate_freedoms))
-    names: tuple[Load, ...] = ("force", "voltage", "pressure")
-    for name in names:
-        change = loads.get(name, state.load(name)) - state.load(name)
-        if change:
-            by = model.by_load(state, name)
-            right = right[0] - change * by[0], right[1] - change * by[1]
-    return moved(model, state.under(**loads), tangent.respond(right))
+
+    model: Model
+    origin: State
+    load: Load
+    response: Parts
+
+    @classmethod
+    def of(cls, model: Model, solution: Solution, load: Load) -> Prediction:
+        """By the tangent of the solution's last iterate, which is close enough for a prediction."""
+        assert solution.tangent is not None
+        by = model.by_load(solution.state, load)
+        return cls(model, solution.state, load, solution.tangent.respond(_negative(by)))
+
+    def at(self, value: float) -> State:
+        """The state at a value of the load."""
+        loads = {self.load: value}
+        return moved(self.model, self.origin.under(**loads), self.response,
+                     fraction=value - self.origin.load(self.load))
 
 
 def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] = (), fraction: float = 1.0) -> State:

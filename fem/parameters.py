@@ -133,9 +133,12 @@ class Parameters:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """All names: of film and electrode, loads, surroundings, shape."""
-        specimen = self.model.specimen
         loading = (name for name in numbers(self.model.loading, "loading") if isfinite(at_name(self.model, name)))
-        return (*film_names(specimen), *LOADS, *loading, *shape_names(specimen))
+        return (*film_names(self.model.specimen), *LOADS, *loading, *self._lengths)
+
+    @cached_property
+    def _lengths(self) -> tuple[str, ...]:
+        return shape_names(self.model.specimen)
 
     def __getitem__(self, name: str) -> Parameter:
         """The parameter of a name.
@@ -152,8 +155,7 @@ class Parameters:
             return LoadNumber(name)
         if path[0] == "loading":
             return LoadingNumber(path[1:])
-        shape = name in shape_names(self.model.specimen)
-        return ShapeNumber(path, velocities(self.model)) if shape else FilmNumber(path)
+        return ShapeNumber(path, velocities(self.model)) if name in self._lengths else FilmNumber(path)
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from fem.branch import ArcSettings, Branch, Point
 from fem.controls import Heave, difference, length
 from fem.model import Model
 from fem.motions import Motions, SmoothMotions
-from fem.newton import STRAINED, NewtonSettings, Solution, extrapolate, moved, newton
+from fem.newton import STRAINED, NewtonSettings, Prediction, Solution, moved, newton
 from fem.plate import HEAVE
 from fem.state import Load, State
 from fem.tangent import EVERY, Tangent
@@ -159,6 +159,7 @@ def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | Non
         share = min(1.0, done + step)
         target = origin + share * (heave - origin)
         guess = _lifted(model, solution, target).under(voltage=charge + share * (voltage**2 - charge))
+        solution.release()
         trial = newton(model, guess, ("force",), (Heave(target),), settings.newton)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
@@ -187,28 +188,34 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
     solution, done, step = start, 0.0, settings.first
     taut = start
     already = abs(origin / (target - origin))
+    ahead = Prediction.of(model, solution, load)
     while done < 1:
         share = min(1.0, done + step)
-        guess = extrapolate(model, solution, **{load: origin + share * (target - origin)})
+        guess = ahead.at(origin + share * (target - origin))
+        solution.release()
         trial = newton(model, guess, settings=settings.newton)
-        if trial.converged and trial.stable and _foreseen(model, solution.state, guess, trial, load):
-            solution, done, step = trial, share, 2 * step
+        onward = Prediction.of(model, trial, load) if trial.converged and trial.stable else None
+        if onward is not None and _foreseen(ahead, guess, onward):
+            solution, done, step, ahead = trial, share, 2 * step, onward
             taut = trial if model.tense(trial.state) else taut
-        elif (step := step / 2) < max(settings.handover * (already + done), 1e-12):
+            continue
+        trial.release()
+        if (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             outcome = _followed(model, solution, taut, load, target, settings)
             locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
             return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
     return Outcome("equilibrium", solution)
 
 
-def _foreseen(model: Model, origin: State, guess: State, found: Solution, load: Load) -> bool:
+def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
     """Whether a step ended near enough to its prediction, and explains its motion, to have passed no limit points.
 
     Up to a limit point the motion grows like a square root, to at most twice the prediction, and ever faster. A plate
     that snapped to another branch went further than the predictions from either end say.
     """
-    back = extrapolate(model, found, **{load: origin.load(load)})
-    missed, gone, explained = (length(model, difference(model, found.state, state)) for state in (guess, origin, back))
+    model, found, origin = onward.model, onward.origin, ahead.origin
+    back = onward.at(origin.load(ahead.load))
+    missed, gone, explained = (length(model, difference(model, found, state)) for state in (guess, origin, back))
     return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
 
 
@@ -219,7 +226,9 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
     ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
     """
     outcome = Outcome("not_converged", start)
-    if _wrinkling(start) == 0:
+    wrinkles = _wrinkling(start) > 0
+    start.release()
+    if not wrinkles:
         outcome = _along(model, start, load, target, settings, EVERY)
         taut = outcome.solution
     if outcome.status != "not_converged":
@@ -292,6 +301,7 @@ def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, t
             ) -> Outcome:
     """The equilibrium at the target, of all motions, from the point of the branch that reaches it."""
     if reached is not None:
+        reached.solution.release()
         found = newton(model, reached.state.under(**{load: target}), settings=settings.newton)
         if found.converged and found.stable:
             return Outcome("equilibrium", found)

@@ -14,8 +14,6 @@ Array = NDArray[np.float64]
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
 
-_AXES = np.eye(3)
-
 
 @dataclass(frozen=True)
 class PlateMotion:
@@ -59,7 +57,9 @@ class PlateMotion:
         turned = arms @ self.rotation.T
         result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
         result[:, :, :3] = np.eye(3)
-        result[:, :, 3:] = np.cross(_AXES[:, None], turned).transpose(1, 2, 0)
+        # The cross products of the axes with the arms.
+        result[:, (2, 0, 1), (3, 4, 5)] = turned[:, (1, 2, 0)]
+        result[:, (1, 2, 0), (3, 4, 5)] = -turned[:, (2, 0, 1)]
         return result
 
     def curvature(self, arms: Array, forces: Array) -> Array:

@@ -13,11 +13,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.adjoint import element_forces, scattered
 from fem.density import principal_stretches
 from fem.model import Model, Parts, cauchy_green
 from fem.plate import HEAVE
 from fem.state import State
+from fem.stiffness import element_forces, scattered
 from geometry.errors import InputError
 
 Array = NDArray[Any]

@@ -2,8 +2,9 @@
 
 A quantity q of an equilibrium R(u, p) = 0, u the displacements of nodes and plate, changes with a parameter p by
 dq/dp = ∂q/∂p − λ·∂R/∂p, the tangent being K and K λ = ∂q/∂u (adjoint method; Choi & Kim, *Structural Sensitivity
-Analysis and Optimization*, 2005). One back-substitution into the factors the solve left serves all parameters; both
-partial derivatives are complex steps, exact to rounding.
+Analysis and Optimization*, 2005). One back-substitution into the factors the solve left serves all parameters. Both
+partial derivatives are complex steps, exact to rounding; but what lengths do to the forces is read off those of λ
+(:mod:`fem.work`).
 
 The factors belong to an iterate of Newton shortly before the equilibrium; :mod:`fem.adjoint` makes up for that.
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fem.adjoint import Adjoint, Work
+from fem.adjoint import Adjoint
 from fem.branch import Point
 from fem.model import Model
 from fem.newton import Solution
@@ -21,6 +22,8 @@ from fem.parameters import LOADS, Parameter, Parameters
 from fem.paths import Outcome
 from fem.quantities import Heave, Quantity
 from fem.state import Load, State
+from fem.stiffness import Stiffness
+from fem.work import Work
 from geometry.errors import InputError
 
 _STEP = 1e-40
@@ -65,7 +68,7 @@ def gradient_many(model: Model, found: Outcome | Solution | State, quantities: M
         raise InputError("has no derivatives: no equilibrium was found", key="state", given=found.advice)
     solver = Adjoint.of(model, found)
     motions = [solver.solve(quantity.slope(model, state)) for quantity in quantities.values()]
-    work = Work.of(model, state, motions)
+    work = Work(solver.own, motions)
     result: dict[str, dict[str, float]] = {name: {} for name in quantities}
     for name, parameter in by.items():
         if parameter.odd & model.planes:
@@ -74,8 +77,7 @@ def gradient_many(model: Model, found: Outcome | Solution | State, quantities: M
                 values[name] = 0.0
             continue
         stepped = parameter.changed(model, state, 1j * _STEP)
-        done = Work.of(*stepped, motions) if parameter.moves else work
-        shares = done.against(*stepped).imag
+        shares = work.change(*stepped)
         for (label, quantity), share in zip(quantities.items(), shares, strict=True):
             result[label][name] = float((quantity.value(*stepped).imag - share) / _STEP)
     return result
@@ -106,9 +108,9 @@ def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, P
     state, mode = critical.state, critical.direction
     if abs(critical.rate) > _FOLD * abs(state.load(load)):
         raise InputError("has no derivatives: the load has no smooth limit there", key="limit", given=load)
-    work = Work.of(model, state, [mode])
+    work = Work(Stiffness(model, state), [mode])
     loads: dict[str, Any] = {load: state.load(load) + 1j * _STEP}
-    share = work.against(model, state.under(**loads))[0].imag / _STEP
+    share = work.change(model, state.under(**loads))[0]
     result = {}
     for name, parameter in by.items():
         if parameter.odd & model.planes:
@@ -117,8 +119,7 @@ def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, P
             raise InputError("is the load that has the limit", key="parameter", given=name)
         else:
             stepped = parameter.changed(model, state, 1j * _STEP)
-            done = Work.of(*stepped, [mode]) if parameter.moves else work
-            result[name] = float(-done.against(*stepped)[0].imag / _STEP / share)
+            result[name] = float(-work.change(*stepped)[0] / share)
     return result
 
 

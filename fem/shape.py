@@ -8,7 +8,7 @@ on how the edges move across themselves, not on how nodes slide along them or mo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -47,6 +47,8 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> t
     nodes = model.reference[:, :2] + motion
     if np.iscomplexobj(nodes):
         moved = model.with_loading(model.loading)
+        for name in ("gradients", "weights"):
+            vars(moved).pop(name, None)
         vars(moved).update(_geometry(model, specimen, nodes))
     else:
         moved = replace(model, specimen=specimen, mesh=_mesh(model.mesh, nodes))
@@ -60,38 +62,12 @@ def velocities(model: Model) -> Velocities:
     return kept
 
 
-def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: Array) -> tuple[Array, Array]:
-    """Gradients of the shape functions and areas at quadrature points, of nodes that may be complex.
-
-    Parameters
-    ----------
-    points, weights
-        Quadrature on the reference triangle, shapes (2, points) and (points,).
-    nodes
-        Of the elements, shape (elements, local, 2) [m].
-
-    Returns
-    -------
-    gradients
-        Shape (elements, points, local, 2) [1/m].
-    weights
-        Shape (elements, points) [m²].
-    """
-    element = mesh.elem()
-    slopes = np.stack([element.lbasis(points, number)[1] for number in range(nodes.shape[1])])
-    jacobian = np.einsum("elc,lkp->epck", nodes, slopes)
-    (a, b), (c, d) = np.moveaxis(jacobian, (2, 3), (0, 1))
-    determinant = a * d - b * c
-    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2) / determinant[..., None, None]
-    gradients = np.matmul(slopes.transpose(2, 0, 1)[None], inverse)
-    return gradients, determinant * np.sign(determinant.real) * weights
-
-
 @dataclass(frozen=True)
 class Velocities:
     """How fast the nodes of a model move with a length of its shape."""
 
     model: Model
+    _known: dict[tuple[str, ...], Array] = field(default_factory=dict, repr=False, compare=False)
 
     def of(self, path: Sequence[str]) -> Array:
         """Motion of the nodes in the plane per unit of the length at a path of the specimen, shape (nodes, 2).
@@ -101,6 +77,12 @@ class Velocities:
         InputError
             Where an edge of the electrode runs into another edge, so that nodes would have to slide along it.
         """
+        key = tuple(path)
+        if key not in self._known:
+            self._known[key] = self._new(key)
+        return self._known[key]
+
+    def _new(self, path: tuple[str, ...]) -> Array:
         from fem.parameters import with_change
 
         specimen = self.model.specimen
@@ -244,16 +226,19 @@ def _laplacian(model: Model) -> Any:
 
 
 def _geometry(model: Model, specimen: Specimen, nodes: Array) -> dict[str, Array]:
-    """What a model has of its geometry, for complex nodes and lengths."""
-    basis = model.basis
-    gradients, weights = isoparametric(model.mesh, basis.X, basis.W, nodes[model.connectivity])
+    """What a model has of its geometry, for complex nodes and lengths; the rest follows when it is asked for."""
     centre = np.array([*specimen.plate.offset, 0.0])
     reference = np.column_stack([nodes, np.zeros(len(nodes))])
-    fine = specimen.plate.outline.points(_COUNT)
+    same = specimen.plate.outline is model.specimen.plate.outline
+    area = model.plate_area if same else _area(specimen.plate.outline)
+    return {"reference": reference, "centre": centre, "plate_area": area, "arms": reference[model.plate_nodes] - centre}
+
+
+def _area(outline: Outline) -> Any:
+    """As :func:`geometry.outlines.area`, for lengths that may be complex."""
+    fine = outline.points(_COUNT)
     inside, rougher = (_enclosed(points) for points in (fine.T, fine[:, ::2].T))
-    area = (inside + (inside - rougher) / 3) * np.sign(inside.real)
-    return {"gradients": gradients, "weights": weights, "reference": reference, "centre": centre, "plate_area": area,
-            "arms": reference[model.plate_nodes] - centre}
+    return (inside + (inside - rougher) / 3) * np.sign(inside.real)
 
 
 def _enclosed(points: Array) -> Any:

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 EVERY = AllMotions()
 
+#: Unknowns from which on factors that a path has left behind are dropped; below, they take less than some 100 MB.
+_LARGE = 50_000
+
 
 class Tangent:
     """Block elimination with the film factorised once.
@@ -33,7 +36,9 @@ class Tangent:
                  equations: Sequence[Equation] = (), motions: Motions = EVERY) -> None:
         self.model, self.free, self.motions = model, free, motions
         part = motions.reduced(part)
-        self._factor = _factorise(part.inner, model)
+        self._state = state
+        self._kept: Any = _factorise(part.inner, model)
+        self._negative: int | None = None
         loads = [motions.gather(model.by_load(state, name)) for name in free]
         rows = [_transposed(motions, equation) for equation in equations]
         self._plates = len(model.plate_freedoms)
@@ -48,6 +53,17 @@ class Tangent:
             corner[self._plates + index, self._plates :] = equation.loads
         self._corner, self._influence = corner, self._factor.solve(columns)
         self._schur = corner - self._rows @ self._influence
+
+    def release(self) -> None:
+        """Drop the factors of a large film; they are made anew should something ask for them."""
+        if self.model.unknowns >= _LARGE and isinstance(self.motions, AllMotions):
+            self._kept = None
+
+    @property
+    def _factor(self) -> Any:
+        if self._kept is None:
+            self._kept = _factorise(self.motions.reduced(self.model.linearised(self._state)).inner, self.model)
+        return self._kept
 
     @property
     def plate_stiffness(self) -> Array:
@@ -78,7 +94,9 @@ class Tangent:
     @property
     def wrinkling(self) -> int:
         """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
-        return int(self._factor.negative)
+        if self._negative is None:
+            self._negative = int(self._factor.negative)
+        return self._negative
 
     @property
     def negative(self) -> int:

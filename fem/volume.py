@@ -51,9 +51,9 @@ class FilmVolume:
         along = self._along()
         flat = self.deformation[..., 0, 0] * self.deformation[..., 1, 1] \
             - self.deformation[..., 0, 1] * self.deformation[..., 1, 0]
-        weighted = (self.weights * self.height)[..., None]
-        up = np.einsum("ep,pl->el", self.weights * flat, self.shapes)
-        return np.stack([(weighted * along[0]).sum(1), (weighted * along[1]).sum(1), up], axis=-1)
+        weighted = (self.weights * self.height)[:, None]
+        across = [np.matmul(weighted, each)[:, 0] for each in along]
+        return np.stack([*across, (self.weights * flat) @ self.shapes], axis=-1)
 
     def second(self) -> Array:
         """∂²V/∂x² of the elements, shape (elements, 3 local, 3 local), node-major [m]."""

@@ -6,13 +6,14 @@ from dataclasses import fields
 from typing import Any
 
 from fem.laws import STRETCH_RANGE, inadmissible_stretch
+from fem.laws.scaled import STRESSES
 from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.written import law_content, quantity_text, specimen_content, toml
 
 #: Dimensions of the constants of laws and of bias mechanisms; a constant that is not here is a plain number.
-_LAWS = dict.fromkeys(("mu", "c", "c10", "c01", "beta", "gamma"), "stress")
+_LAWS = dict.fromkeys(STRESSES, "stress")
 _BIASES = {"stiffness": "stiffness per length", "rest": "length", "force": "force", "gap": "length", "decay": "length"}
 
 #: Dimensions of the keys of a rig file.

@@ -45,7 +45,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     checks: tuple[Callable[[Dataset], Iterator[str]], ...] = (
-        _unused, _too_little, _ramps, _noise_warnings, _slips_of_unit)
+        _unused, _too_little, _ramps, _noise_warnings, slips_of_unit)
     return [*dataset.remarks, *(words for check in checks for words in check(dataset))]
 
 
@@ -134,7 +134,7 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
                f"(95 %: {ratio.low:.3g} to {ratio.high:.3g})")
 
 
-def _slips_of_unit(dataset: Dataset) -> Iterator[str]:
+def slips_of_unit(dataset: Dataset) -> Iterator[str]:
     """Numbers a thousand times too large or small for actuators of this size."""
     for name, table in dataset.tables.items():
         for specimen in dataset.specimens:
@@ -142,7 +142,8 @@ def _slips_of_unit(dataset: Dataset) -> Iterator[str]:
             if name != "coupon.csv" and rows.any():
                 for column in ("mass", "voltage", "voltage_max", "displacement", "range"):
                     if hasattr(table, column):
-                        yield from _slip(name, specimen, column, float(np.abs(getattr(table, column)[rows]).max()))
+                        largest = float(np.abs(np.nan_to_num(getattr(table, column)[rows])).max())
+                        yield from _slip(name, specimen, column, largest)
 
 
 def _slip(name: str, specimen: Specimen, column: str, largest: float) -> Iterator[str]:

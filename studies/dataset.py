@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -62,8 +62,10 @@ class Dataset:
 FILES = ("static.csv", "range.csv", "transient.csv", "coupon.csv")
 
 
-def read_dataset(folder: Path | str) -> Dataset:
+def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     """Read a dataset's folder. The specimen of a coupon names its strip and need not be one of dataset.toml.
+
+    Of readings that are only ``planned`` static.csv and range.csv may leave out what was read.
 
     Raises
     ------
@@ -74,7 +76,7 @@ def read_dataset(folder: Path | str) -> Dataset:
     if not folder.is_dir():
         raise InputError("must be a folder with dataset.toml and at least one CSV file of readings", file=folder)
     about, specimens, rig, noise = _about(Table.read(folder / "dataset.toml"))
-    files = _Files(folder, [specimen.name for specimen in specimens])
+    files = _Files(folder, [specimen.name for specimen in specimens], planned)
     dataset = Dataset(
         *about, specimens, rig, noise,
         static=files.read("static.csv", readings.STATIC, readings.static_from_sheet),
@@ -96,6 +98,7 @@ class _Files:
 
     folder: Path
     known: list[str]
+    planned: bool
     sources: list[SourceFile] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -103,7 +106,9 @@ class _Files:
         """The readings of one file; None where there is none."""
         if not (self.folder / name).exists():
             return None
-        sheet = read_sheet(self.folder / name, columns)
+        later = ("displacement", "range") if self.planned else ()
+        sheet = read_sheet(self.folder / name, [replace(column, required=False) if column.name in later else column
+                                                for column in columns])
         if readings.SPECIMEN in columns:
             _check_specimens(sheet, self.known)
             self.remarks.extend(_identical(sheet, name))

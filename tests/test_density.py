@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from laws import SAMPLES
 
-from fem.density import FilmDensity, Maxwell, maxwell, plane_stress, principal_stretches
+from fem.density import FilmDensity, Maxwell, Stretching, maxwell, plane_stress, principal_stretches
 from fem.laws import REGISTRY, Ogden, checked, inadmissible_stretch
 from fem.library import MATERIALS
 from geometry.errors import InputError
@@ -59,6 +59,17 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(law, c) -> None:
             assert by_step.energy.imag / STEP == pytest.approx(density.stress[k], rel=1e-11, abs=1e-11 * scale)
             assert np.allclose(by_step.stress.imag / STEP, density.tangent[:, k], rtol=0, atol=1e-9 * scale)
     assert np.allclose(density.tangent, density.tangent.T, rtol=0, atol=1e-14 * scale)
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize("c", EQUAL + GENERAL)
+def test_power_is_the_stress_times_the_change_of_strain(law, c) -> None:
+    change, prestretch = np.array([0.3, -0.2, 0.4]), (ROOT5, ROOT5)
+    points = tuple(np.full(1, value) for value in c)
+    stretching = Stretching.of(points, tuple(np.full((1, 1), value) for value in change), prestretch, np.full(1, 2.0))
+    density = plane_stress((law,), points, prestretch)
+    expected = 2 * (density.stress[0] @ (change / [2, 2, 1]))
+    assert stretching.power(law) == pytest.approx(expected, rel=1e-11, abs=1e-13 * np.abs(density.tangent).max())
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)

@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 from conftest import ROOT5, circular, model, skewed
 
+from fem.isoparametric import isoparametric
 from fem.laws import Ogden
+from fem.loading import Loading
 from fem.newton import newton
 from fem.parameters import Parameters, with_change
 from fem.paths import equilibrium
 from fem.sensitivity import heave_gradient, limit_gradient, morphed
-from fem.shape import isoparametric, velocities
+from fem.shape import velocities
+from fem.stiffness import Stiffness
+from fem.work import Work
 from geometry.errors import InputError
 from geometry.outlines import Circle, Ellipse
 from geometry.specimen import Electrode, Region, Specimen
@@ -88,6 +92,22 @@ def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
     stepped = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes + 1e-30j * motion)[1].imag / 1e-30
     # The film's area πab − πr² grows with a by πb.
     assert stepped.sum() == pytest.approx(np.pi * 45e-3, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["plate.offset.0", "plate.outline.radius", "frame.semi_axes.0", "voltage",
+                                  "electrode.margin_plate", "electrode.stiffness", "membrane.prestretch.0",
+                                  "membrane.thickness"])
+def test_the_work_changes_as_the_forces_do(name: str) -> None:
+    """The residual of the complex model along a motion, against what Work puts together without forming it."""
+    film = model(skewed(), refine=0.7, order=3).with_loading(Loading(arm=(1e-3, 2e-3), gravity=9.81))
+    film = film.with_specimen(replace(film.specimen, electrode=replace(film.specimen.electrode, stiffness=2e3)))
+    state = equilibrium(film, FORCE, VOLTAGE, 15.0).state
+    rng = np.random.default_rng(1)
+    motion = rng.normal(size=int(film.free.sum())), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
+    other, stepped = Parameters(film)[name].changed(film, state, 1e-30j)
+    inner, plate = other.residual(other.nodal_forces(stepped), stepped)
+    expected = (motion[0] @ inner + motion[1] @ plate).imag
+    assert Work(Stiffness(film, state), [motion]).change(other, stepped)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def electrode(outline: Region) -> Specimen:

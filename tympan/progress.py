@@ -28,3 +28,19 @@ def bar(total: int) -> Iterator[Callable[[str], None]]:
 
         yield step
         progress.update()
+
+
+@contextmanager
+def shares(words: str) -> Iterator[Callable[[int, int], None]]:
+    """Yields a function to call with the parts done and their number, which may grow."""
+    from tqdm import tqdm
+
+    with tqdm(total=1, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False, desc=words,
+              bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]") as progress:
+
+        def done(parts: int, of: int) -> None:
+            progress.total = of
+            progress.n = parts
+            progress.refresh()
+
+        yield done

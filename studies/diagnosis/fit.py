@@ -20,6 +20,9 @@ NUISANCE = 1.0
 _ITERATIONS, _SMALL, _STIFFEST = 40, 1e-4, 1e8
 _NODES = 24
 
+#: Starts for the logarithms of stiffness and permittivity when the nominal model has no equilibria.
+_STARTS = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.5, 0.0), (0.0, -0.5), (0.0, -1.5), (-0.7, -0.7), (2.5, 0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -83,6 +86,16 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Arr
         starts = [np.clip(first + np.r_[0.0, 0.0, np.where(even, size * width, 0.0)], *bounds) for size in (0.5, 2.0)]
     fits = [_descend(simulation, hypothesis, table, one, bounds, widen) for one in starts]
     return max(fits, key=lambda one: (one.found, one.evidence))
+
+
+def nominal_fit(simulation: Simulation, table: Table) -> Fit:
+    """The nominal model fitted, from the first start that has equilibria everywhere."""
+    found = fit(simulation, (), table)
+    for start in _STARTS[1:]:
+        if found.found:
+            break
+        found = fit(simulation, (), table, np.array(start))
+    return found
 
 
 def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, unknowns: Array, bounds: Array, widen: float

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from studies.diagnosis.fit import Fit, fit, fit_all
+from studies.diagnosis.fit import Fit, fit, fit_all, nominal_fit
 from studies.diagnosis.knowable import classes_of, signatures
 from studies.diagnosis.simulation import Cause, Simulation, hypotheses_of
 from studies.diagnosis.structure import STATED, Found, Pattern, Tests, patterns
@@ -77,7 +77,7 @@ def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated:
     """
     generator = np.random.default_rng(seed)
     names = [specimen.name for specimen in simulation.setup.specimens]
-    nominal = fit(simulation, (), table)
+    nominal = nominal_fit(simulation, table)
     if not nominal.found:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     groups = patterns(table, names, table.value - nominal.residual * table.sigma)

@@ -1,0 +1,138 @@
+"""The simulation of a dataset: its force laws, as far as its readings and the refitted nominal model need them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.laws.scaled import scaled
+from fem.paths import equilibrium
+from geometry.errors import InputError
+from geometry.specimen import Film, Specimen
+from studies.cases import build_model
+from studies.diagnosis.fit import Fit, nominal_fit
+from studies.diagnosis.force_law import ForceLaw
+from studies.diagnosis.sampling import FINE, NotSampled, force_laws, nominal_law
+from studies.diagnosis.simulation import Hypothesis, Simulation
+from studies.diagnosis.table import Table
+from studies.effects import Setup, extended
+
+Array = NDArray[np.float64]
+
+#: How much further than the nominal model needs the force laws reach, as factors on heave and U².
+_ROOM = (1.3, 1.3)
+
+_ROUNDS = 6
+
+
+def calibrated(setup: Setup, table: Table) -> tuple[Simulation, Fit]:
+    """The nominal simulation over what the readings need, with stiffness and permittivity fitted.
+
+    Raises
+    ------
+    InputError
+        When the films cannot be solved, or no stiffness and permittivity make equilibria of the states that were read.
+    """
+    heave, charge = _first_reach(setup, table)
+    for _ in range(_ROUNDS):
+        simulation = Simulation(setup, _nominal(setup, heave, charge))
+        found = nominal_fit(simulation, table)
+        wanted = _needed(simulation, found, table)
+        have = np.array([[law.grid.heave, law.grid.charge] for law in simulation.laws]).T
+        heave, charge = np.minimum(wanted[0], 3 * have[0]), np.minimum(wanted[1], 3 * have[1])
+        if found.found and np.all(wanted <= 1.05 * have) and np.all(wanted[0] >= 0.6 * have[0]):
+            return simulation, found
+        if not found.found:
+            heave, charge = 1.5 * have[0], have[1]
+    if not found.found:
+        raise InputError("no stiffness and permittivity make equilibria of all states that were read: are masses, "
+                         "voltages and sizes right?", key="readings", given=f"{len(table)} readings")
+    return simulation, found
+
+
+def with_effects(calibration: Simulation, progress: Callable[[int, int], None], workers: int) -> Simulation:
+    """The same simulation with the effects of the library."""
+    grids = [law.grid for law in calibration.laws]
+    return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
+
+
+def _nominal(setup: Setup, heave: Array, charge: Array) -> tuple[ForceLaw, ...]:
+    try:
+        return tuple(nominal_law(setup, specimen.name, float(w), float(q))
+                     for specimen, w, q in zip(setup.specimens, heave, charge, strict=True))
+    except NotSampled as error:
+        raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
+                         given=", ".join(one.name for one in setup.specimens)) from None
+
+
+def _first_reach(setup: Setup, table: Table) -> tuple[Array, Array]:
+    """Heaves and U² to begin with, for each specimen: by the largest readings, or a share of the gap."""
+    heaves, charges = [], []
+    for number, specimen in enumerate(setup.specimens):
+        own = (table.specimen == number) & (table.kind == "displacement")
+        largest = float(np.abs(table.value[own]).max(initial=0.0))
+        heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), 0.8 * specimen.gap) if own.any()
+                      else 0.2 * specimen.gap)
+        charges.append(_ROOM[1] * _seen(setup, table, number))
+    return np.array(heaves), np.maximum(charges, 1e4)
+
+
+def _seen(setup: Setup, table: Table, number: int) -> float:
+    """The largest U² a specimen's film sees."""
+    own = table.states.specimen == number
+    return max((setup.rig.film_voltage(voltage) ** 2 for voltage in table.states.voltage[own].tolist()), default=0.0)
+
+
+def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
+    """Heaves and U² that the fit and its surroundings need, shape (2, specimens)."""
+    heave = np.nan_to_num(simulation.heaves((), found.unknowns, table.states)) if found.found else None
+    share = float(np.exp(found.unknowns[1] - found.unknowns[0])) if found.found else 1.0
+    heaves, charges = _first_reach(simulation.setup, table)
+    for number, specimen in enumerate(simulation.setup.specimens):
+        own = table.states.specimen == number
+        charges[number] = max(_ROOM[1] * share * _seen(simulation.setup, table, number), 1e4)
+        if heave is not None:
+            heaves[number] = min(max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap), 0.8 * specimen.gap)
+    return np.array([heaves, charges])
+
+
+def baseline(setup: Setup, unknowns: Array) -> Setup:
+    """The setup with the stiffness and the permittivity found."""
+    stiffness, permittivity = np.exp(unknowns[:2]).tolist()
+
+    def change(film: Film) -> Film:
+        return replace(film, material=scaled(film.material, stiffness),
+                       relative_permittivity=film.relative_permittivity * permittivity)
+
+    return setup.with_films(change)
+
+
+def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+    """The setup with stiffness, permittivity and effects as found."""
+    return extended(baseline(simulation.setup, unknowns), simulation.uses(hypothesis, unknowns))
+
+
+def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) -> float:
+    """Largest error of the reduced model's heaves [m] at a fit, against finite elements on a fine mesh.
+
+    At ``count`` of the states, from small to large heaves; states the finite elements do not reach are left out.
+    """
+    setup = extended_setup(simulation, one.hypothesis, one.unknowns)
+    free = np.flatnonzero(np.isnan(table.states.heave))
+    order = free[np.argsort(one.heave[free])]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
+    worst = 0.0
+    for state in chosen.tolist():
+        states = table.states
+        specimen: Specimen = setup.specimens[int(states.specimen[state])]
+        model = build_model(specimen, FINE, setup.rig.loading)
+        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area),
+                              setup.rig.film_voltage(float(states.voltage[state])), setup.rig.gas_pressure)
+        if outcome.status == "equilibrium":
+            worst = max(worst, abs(outcome.state.plate.heave - float(one.heave[state])))
+    return worst
+
+

@@ -1,0 +1,163 @@
+"""A dataset's readings as a table to predict, with their noise; many readings of nearly one state become one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from studies.data_checks import slips_of_unit
+from studies.dataset import Dataset
+from studies.diagnosis.simulation import Cause
+from studies.diagnosis.structure import STATED
+from studies.diagnosis.table import Kind, States, Table, rows
+from studies.effects import REGISTRY, Setup
+from studies.readings import Ranges, StaticReadings
+from studies.scatter import reading_sigma, repeat_noise
+
+Array = NDArray[np.float64]
+
+#: Noise of a displacement nobody states and nothing measures, and of channels, whose noise no file states, as shares.
+ASSUMED, CHANNEL = 0.02, 0.01
+
+#: Readings below which nothing is concluded, and above which those of nearly the same state are averaged.
+FEWEST, MANY = 5, 2000
+
+_BINS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """The setup with the specimens that were read, the table, and how well its noise is known.
+
+    ``stated``: degrees of freedom the noise in the table counts as before the readings' own scatter; ``noise_from``
+    says in words where it is from; ``remarks`` what was done to the readings.
+    """
+
+    setup: Setup
+    table: Table
+    stated: float
+    noise_from: str
+    assumed: bool
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Effects that these readings could show."""
+        states = self.table.states
+        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0), "direction": bool(np.any(states.direction != 0))}
+        return tuple(Cause(name, which) for name, effect in REGISTRY.items()
+                     if all(there.get(column, False) for column in effect.columns)
+                     for which in effect.choices(self.setup))
+
+
+def readings_of(dataset: Dataset) -> Readings:
+    """The static readings and ranges of a dataset.
+
+    Raises
+    ------
+    InputError
+        When there are too few to conclude anything from, or a column is off by a unit.
+    """
+    used = {name for table in (dataset.static, dataset.ranges) if table is not None for name in table.specimen.tolist()}
+    setup = Setup(tuple(one for one in dataset.specimens if one.name in used), dataset.rig)
+    count = sum(len(table) for table in (dataset.static, dataset.ranges) if table is not None)
+    if count < FEWEST:
+        raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness and permittivity "
+                         "alone take two of them", key="readings", given=count)
+    for slip in slips_of_unit(dataset):
+        raise InputError(slip, key=dataset.name)
+    numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
+    parts = []
+    if dataset.static is not None:
+        parts += _static(dataset.static, numbers, reading_sigma(dataset))
+    if dataset.ranges is not None:
+        parts.append(_ranges(dataset.ranges, numbers))
+    table = parts[0]
+    for part in parts[1:]:
+        table = table.joined(part)
+    return _with_noise(dataset, setup, table)
+
+
+def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
+    """A noise for every row, and how well it is known."""
+    unknown = np.isnan(table.sigma)
+    repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
+    remarks = ["tilt readings are not used"] if dataset.static is not None and "tilt" in dataset.static.channels else []
+    assumed = bool(unknown.any())
+    if assumed and np.isnan(table.value).any():
+        raise InputError("is needed to plan: the standard deviation of one reading", key="noise", given=None)
+    if assumed:
+        size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
+        table = table.with_sigma(np.where(unknown, size, table.sigma))
+    words = ("assumed" if assumed else "stated" if dataset.noise is not None or repeats is None else "from repeats")
+    stated = 0.0 if words == "from repeats" or (assumed and len(table) > 4 * FEWEST) else STATED
+    if len(table) > MANY:
+        before = len(table)
+        table = averaged(table)
+        remarks.append(f"{before} readings were averaged to {len(table)} of nearly the same state")
+    if words == "assumed" and stated == 0:
+        words = "from the scatter about smooth curves"
+    return Readings(setup, table, stated, words, words == "assumed", tuple(remarks))
+
+
+def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> list[Table]:
+    """One row for each displacement, and for each reading of a further channel."""
+    direction = np.where(readings.direction == "up", 1.0, np.where(readings.direction == "down", -1.0, 0.0))
+    states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass, readings.voltage,
+                       np.nan_to_num(readings.elapsed), direction)
+
+    def located(table: Table) -> Table:
+        return replace(table, order=readings.order, run=readings.run, file=np.full(len(readings), "static.csv"),
+                       line=readings.line)
+
+    found = [located(rows(states, "displacement", sigma, readings.displacement))]
+    channels: dict[str, Kind] = {"capacitance": "capacitance", "film_voltage": "film_voltage"}
+    for name, kind in channels.items():
+        values = getattr(readings, name)
+        if (seen := np.isfinite(values)).any():
+            noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
+            found.append(located(rows(states, kind, noise, values))[seen])
+    return found
+
+
+def _ranges(ranges: Ranges, numbers: dict[str, int]) -> Table:
+    """One row for each range, of two states."""
+    count = len(ranges)
+    specimen = [numbers[name] for name in ranges.specimen.tolist()]
+    states = States.of(specimen, ranges.mass, ranges.voltage_max).joined(
+        States.of(specimen, ranges.mass, ranges.voltage_min))
+    return Table(states, np.full(count, "range"), np.arange(count), count + np.arange(count), ranges.range,
+                 ranges.sigma, np.full(count, np.nan), np.full(count, ""), np.full(count, "range.csv"), ranges.line)
+
+
+def averaged(table: Table) -> Table:
+    """Rows of nearly the same state as one, with the mean of what they say and its noise.
+
+    States are nearly the same within a two-hundredth of the voltages and a twentieth of the times.
+    """
+    states = table.states
+    voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)
+    elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
+    kind = np.unique(table.kind, return_inverse=True)[1]
+    key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state], elapsed[table.state],
+                    states.direction[table.state], np.where(table.since < 0, -1, table.line)], axis=1)
+    _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    group = group.ravel()
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.bincount(group, values) / count)
+
+    sigma = np.sqrt(np.bincount(group, table.sigma**2)) / count
+    at = table.state[first]
+    merged = States(states.specimen[at], states.mass[at], mean(states.voltage[table.state]),
+                    mean(states.elapsed[table.state]), states.direction[at], states.heave[at])
+    origin = table.since[first] >= 0
+    since = np.full(len(first), -1)
+    since[origin] = len(first) + np.arange(int(origin.sum()))
+    merged = merged.joined(states[table.since[first][origin]])
+    return Table(merged, table.kind[first], np.arange(len(first)), since, mean(table.value), sigma,
+                 mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all() else np.full(len(first), np.nan),
+                 table.run[first], table.file[first], table.line[first])

@@ -1,0 +1,158 @@
+"""A diagnosis on disk: diagnosis.json of design §6, the readings with both models, and the extended model as TOML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fem.written import rig_to_toml, specimen_to_toml
+from geometry.errors import InputError
+from geometry.units import quantity
+from studies.diagnosis.diagnose import Diagnosis, rmse
+from studies.diagnosis.fit import Fit
+from studies.diagnosis.judgement import interval
+from studies.diagnosis.knowable import knowable
+from studies.diagnosis.plan import detectable
+from studies.diagnosis.simulation import Cause
+from studies.effects import Parameter
+from studies.store import write_csv, write_json, write_text
+
+#: Causes of less than this probability are not listed.
+_LEAST = 0.01
+
+
+def as_json(found: Diagnosis) -> dict[str, Any]:
+    """The JSON object of design §6 and, beyond it, what else the report shows."""
+    judged = found.judgement
+    return {
+        "dataset": found.dataset.name,
+        "verdict": found.verdict,
+        "causes": [] if judged.weighing is None else causes(found),
+        "indistinguishable": [sorted({cause.effect for cause in group}) for group in judged.indistinguishable],
+        "misfit": misfit(found),
+        "gain": None,
+        "next_experiment": None,
+        "not_visible": sorted({cause.effect for cause in judged.invisible}),
+        "probability": {"nothing": 1.0 if judged.weighing is None else judged.weighing.nothing,
+                        "unknown": 0.0 if judged.weighing is None else judged.weighing.unknown},
+        "after": None if found.chosen is None else after(found, found.chosen),
+        "baseline": baseline(judged.nominal),
+        "priors_swept": {"moves": found.moves, "verdicts": [verdict for verdict, _ in found.swept]},
+        "model_error_um": 1e6 * found.model_error,
+        "knowable": [detectable(one) for one in knowable(
+            found.simulation, judged.table, judged.nominal.unknowns, found.readings.causes).effects],
+        "warnings": found.warnings(),
+    }
+
+
+def causes(found: Diagnosis) -> list[dict[str, Any]]:
+    """The causes that come into question, most probable first, with the parameters of the best hypothesis of each."""
+    weighing = found.judgement.weighing
+    assert weighing is not None
+    listed = []
+    for cause, probability in weighing.of_causes().items():
+        if probability >= _LEAST or cause in found.judgement.suspects:
+            one = weighing.fit_of((cause,)) or weighing.with_cause(cause)
+            named = found.chosen if found.chosen is not None and cause in found.chosen.hypothesis else one
+            listed.append({"effect": cause.effect, "which": cause.which, "probability": probability,
+                           "parameters": parameters(named, cause)})
+    return listed
+
+
+def parameters(one: Fit, cause: Cause) -> dict[str, Any]:
+    """The parameters of a cause at a fit, in the units to show, with 95 % limits."""
+    first = 2
+    found: dict[str, Any] = {}
+    for other in one.hypothesis:
+        items = other.of_registry.parameters
+        if other == cause:
+            for number, item in enumerate(items):
+                value, *limits = (_shown(item, size) for size in interval(one, first + number))
+                low, high = sorted(limits, key=lambda limit: np.inf if limit is None else limit)
+                found[item.name] = {"value": value, "unit": item.unit, "low": low, "high": high}
+        first += len(items)
+    return found
+
+
+def _shown(item: Parameter, size: float) -> float | None:
+    """A size as the value to show; None where it is infinite."""
+    value = item.shown(item.value(size))
+    return value if np.isfinite(value) else None
+
+
+def misfit(found: Diagnosis) -> dict[str, Any]:
+    """What the calibrated nominal model leaves."""
+    judged = found.judgement
+    lengths = np.isin(judged.table.kind, ("displacement", "range"))
+    words = {pattern.name: pattern.words for pattern in judged.patterns}
+    strongest = min((name for name in judged.test.p_values if name in words), key=judged.test.p_values.__getitem__)
+    return {
+        "baseline_rmse_um": 1e6 * rmse(judged.nominal.residual[lengths], judged.table.sigma[lengths]),
+        "noise_um": 1e6 * float(np.sqrt(np.mean(judged.table.sigma[lengths] ** 2))),
+        "noise_from": found.readings.noise_from,
+        "noise_over_stated": judged.test.noise,
+        "p_value": judged.test.p_value,
+        "where": words[strongest] if found.verdict != "nothing" else "nowhere: what is left is noise",
+        "patterns": [{"what": words[name], "p_value": p} for name, p in
+                     sorted(judged.test.p_values.items(), key=lambda item: item[1]) if name in words],
+    }
+
+
+def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
+    """What the extended model leaves."""
+    table, test = found.judgement.table, found.judgement.after
+    lengths = np.isin(table.kind, ("displacement", "range"))
+    return {"rmse_um": 1e6 * rmse(one.residual[lengths], table.sigma[lengths]),
+            "p_value": None if test is None else test.p_value, "effects": [str(cause) for cause in one.hypothesis]}
+
+
+def baseline(nominal: Fit) -> dict[str, Any]:
+    """The refitted factors on stiffness and permittivity, with 95 % limits."""
+    found = {}
+    for number, name in enumerate(("stiffness_factor", "permittivity_factor")):
+        value, low, high = np.exp(interval(nominal, number)).tolist()
+        found[name] = {"value": value, "low": low, "high": high}
+    return found
+
+
+def write(found: Diagnosis, content: dict[str, Any], folder: Path) -> None:
+    """Write a diagnosis to a folder; diagnosis.json last, so that it stands beside nothing unfinished."""
+    write_csv(folder / "readings.csv", _HEADER, _rows(found))
+    for name, text in _extended(found):
+        write_text(folder / "extended" / name, text)
+    write_json(folder / "diagnosis.json", content)
+
+
+_HEADER = ("file", "line", "kind", "specimen", "mass_g", "voltage_kV", "elapsed_s", "order", "read", "sigma",
+           "baseline", "extended")
+
+
+def _rows(found: Diagnosis) -> Iterator[tuple[object, ...]]:
+    """The readings in SI, with what both models say."""
+    judged, table = found.judgement, found.judgement.table
+    nominal = table.value - judged.nominal.residual * table.sigma
+    best = nominal if found.chosen is None else table.value - found.chosen.residual * table.sigma
+    specimens = [specimen.name for specimen in found.simulation.setup.specimens]
+    elapsed = table.states.elapsed[table.state]
+    gram, kilovolt = quantity("1 g", "mass"), quantity("1 kV", "voltage")
+    for row in range(len(table)):
+        yield (str(table.file[row]), int(table.line[row]), str(table.kind[row]), specimens[int(table.specimen[row])],
+               float(table.mass[row] / gram), float(table.voltage[row] / kilovolt), float(elapsed[row]),
+               float(table.order[row]), float(table.value[row]), float(table.sigma[row]), float(nominal[row]),
+               float(best[row]))
+
+
+def _extended(found: Diagnosis) -> Iterator[tuple[str, str]]:
+    """The files of the extended model."""
+    setup = found.extended
+    if setup is None:
+        return
+    yield "rig.toml", rig_to_toml(setup.rig)
+    for specimen in setup.specimens:
+        try:
+            yield f"{specimen.name}.toml", specimen_to_toml(specimen)
+        except InputError as error:
+            yield f"{specimen.name}.txt", f"{error}\n"
