@@ -23,7 +23,8 @@ from studies.store import write_text
 from tympan.progress import bar
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 300, "single": 900, "pair": 250, "outside": 220, "alias": 102, "noise": 100, "form": 100}
+COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 100, "outside": 180, "alias": 102,
+          "noise": 100, "form": 60}
 
 _labs: list[Lab] = []
 
@@ -64,7 +65,8 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
 
 
 def _kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
-    rows = [json.loads(line) for line in keep.read_text(encoding="utf-8").splitlines()] if keep and keep.exists() else []
+    lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
+    rows = [json.loads(line) for line in lines]
     done = {(row["trial"][0], row["trial"][1]) for row in rows}
     return [Record.of_json(one) for row in rows for one in row["records"]], done
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from hidden import ALIASES, NOISE, Array, Design, Means, Truth, hidden
+from hidden import ALIASES, NOISE, Array, Design, Means, Truth, draw, hidden, readings
 from hidden_strangers import STRANGERS
 
 from studies.diagnosis.fit import Fit, fit, fit_all
@@ -95,11 +95,11 @@ class Lab:
         return (*(self.circles if means == "equations" else self.paper), means)
 
 
-def measured(design: Design, values: Array, generator: np.random.Generator, number: int) -> Table:
-    """Readings with noise."""
+def measured(design: Design, values: Array, generator: np.random.Generator | None, number: int) -> Table:
+    """Readings with the noise of that trial, and its standard deviation; without a generator only the latter."""
     sigma = _NOISES[number // 4 % len(_NOISES)]
-    table = design.table.with_sigma(np.full(len(values), sigma))
-    return table.with_values(values + generator.normal(0, sigma, len(values)))
+    noise = 0.0 if generator is None else generator.normal(0, sigma, len(values))
+    return design.table.with_sigma(np.full(len(values), sigma)).with_values(values + noise)
 
 
 def _null(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -111,30 +111,88 @@ def _null(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 
 def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation, means = lab.by(number)
-    causes = [cause for cause in design.causes if cause.effect not in ALIASES]
+    causes = _visible(design)
     hypothesis = (causes[int(generator.integers(len(causes)))],)
     truth, values, again = hidden(design, generator, hypothesis, means)
+    return [_of_one("single", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """An effect drawn until the fitted model foretells that it stands out."""
+    design, simulation, means = lab.by(number)
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+                                     number)
     table = measured(design, values, generator, number)
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values), [(cause,) for cause in causes])
-    record = Record("single", number, means, (str(hypothesis[0]),), again, seen, told)
-    found = [judged(record, design, simulation, table, truth)]
-    if record.identifiable and number % 2 == 0:
-        without = replace(design, causes=tuple(c for c in design.causes if c.effect != hypothesis[0].effect))
-        found.append(judged(replace(record, population="deleted"), without, simulation, table, truth))
-    return found
+    found = _of_one("strong", number, design, simulation, truth, table, values, again)
+    return [found, *(_deleted(found, design, simulation, table, truth) if number % 2 else ())]
+
+
+def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
+              generator: np.random.Generator, number: int) -> tuple[Truth, Array, int]:
+    """A truth that the fitted model foretells to stand out among single effects, its readings, and draws without."""
+    again, singles = 0, [(cause,) for cause in _visible(design)]
+    while True:
+        truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
+        exact = measured(design, simulation.predict(truth.hypothesis, truth.unknowns, design.table), None, number)
+        seen, told = stands_out(simulation, truth.hypothesis, exact, singles)
+        if seen >= SEEN and told >= TOLD:
+            values = readings(design, truth)
+            if values is not None:
+                return truth, values, again
+            again += 1
+
+
+def _visible(design: Design) -> list[Cause]:
+    return [cause for cause in design.causes if cause.effect not in ALIASES]
+
+
+def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+            values: Array, again: int) -> Record:
+    """A trial with one effect."""
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
+                            [(cause,) for cause in _visible(design)])
+    record = Record(population, number, truth.means, (str(truth.hypothesis[0]),), again, seen, told)
+    return judged(record, design, simulation, table, truth)
+
+
+def _deleted(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> list[Record]:
+    """The same readings with the true effect not in the library, if it is identifiable."""
+    if not record.identifiable:
+        return []
+    kept = tuple(cause for cause in design.causes if cause.effect != truth.hypothesis[0].effect)
+    blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen, record.told)
+    return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
 
 
 def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation = lab.paper
-    every = hypotheses_of([cause for cause in design.causes if cause.effect not in ALIASES])
-    pairs = [one for one in every if len(one) == 2]
-    hypothesis = pairs[int(generator.integers(len(pairs)))]
+    pairs = _pairs(design)
     means: Means = "another law" if number % 3 == 2 else "elements"
-    truth, values, again = hidden(design, generator, hypothesis, means)
-    table = measured(design, values, generator, number)
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values), every)
-    record = Record("pair", number, means, tuple(map(str, hypothesis)), again, seen, told)
-    return [judged(record, design, simulation, table, truth)]
+    truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))], means)
+    return [_of_two("pair", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """Two effects drawn until the fitted model foretells that no single one will do."""
+    design, simulation = lab.paper
+    means: Means = "another law" if number % 3 == 2 else "elements"
+    truth, values, again = _foretold(design, simulation, _pairs(design), means, generator, number)
+    return [_of_two("duo", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _pairs(design: Design) -> list[Hypothesis]:
+    return [one for one in hypotheses_of(_visible(design)) if len(one) == 2]
+
+
+def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+            values: Array, again: int) -> Record:
+    """A trial with two effects."""
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values), hypotheses_of(_visible(design)))
+    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    return judged(record, design, simulation, table, truth)
 
 
 def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -143,7 +201,7 @@ def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Reco
     stranger = STRANGERS[name](generator, design)
     truth, values, again = hidden(design, generator, (), "elements", stranger)
     table = measured(design, values, generator, number)
-    library = hypotheses_of([cause for cause in design.causes if cause.effect not in ALIASES])
+    library = hypotheses_of(_visible(design))
     least = best_of(simulation, library, table.with_values(values))
     record = Record("outside", number, "elements", (name,), again, least, least)
     return [judged(record, design, simulation, table, truth)]
@@ -179,7 +237,7 @@ def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
 
 def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation = lab.paper
-    causes = [cause for cause in design.causes if cause.effect not in ALIASES]
+    causes = _visible(design)
     hypothesis: Hypothesis = (causes[int(generator.integers(len(causes)))],) if number % 2 else ()
     truth, values, again = hidden(design, generator, hypothesis, "form error")
     table = measured(design, values, generator, number)
@@ -190,8 +248,8 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
-    "null": _null, "single": _single, "pair": _pair, "outside": _outside, "alias": _alias, "noise": _noise,
-    "form": _form}
+    "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo, "outside": _outside,
+    "alias": _alias, "noise": _noise, "form": _form}
 
 
 def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, nominal: Fit) -> float:
@@ -203,17 +261,22 @@ def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, n
 
 def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: Sequence[Hypothesis]
                ) -> tuple[float, float]:
-    """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does."""
+    """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does.
+
+    Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not told from one.
+    """
     nominal = fit(simulation, (), exact)
     if not nominal.found:
         return 0.0, 0.0
     own = _chi_squared(simulation, truth, exact, nominal)
-    told = np.inf
+    seen, told = nominal.chi_squared - own, np.inf
+    if seen < SEEN:
+        return seen, 0.0
     for rival in (rival for rival in rivals if set(rival) != set(truth)):
         told = min(told, _chi_squared(simulation, rival, exact, nominal) - own)
         if told < TOLD:
             break
-    return nominal.chi_squared - own, float(told)
+    return seen, float(told)
 
 
 def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: Table) -> float:
@@ -237,7 +300,7 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Table
         return replace(record, words=str(error)), None
     record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)), p_value=found.test.p_value,
                      noise=found.test.noise, words=found.test.strongest)
-    asked = truth.hypothesis and record.population in ("single", "pair", "form")
+    asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
         record = replace(record, inside=_inside(simulation, found, truth))
     if found.weighing is None or found.after is None:

@@ -21,7 +21,7 @@ from studies.diagnosis.axes import Axis
 Array = NDArray[np.float64]
 
 #: Coordinates at which an axis is sampled besides 0.
-TWO_SIDED, ONE_SIDED = (-1.0, -0.5, 0.5, 1.0), (0.3, 0.65, 1.0)
+TWO_SIDED, ONE_SIDED = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0), (0.3, 0.65, 1.0)
 #: The same for pairs of axes.
 CORNERS = (-0.6, 0.6)
 
@@ -55,15 +55,27 @@ class Grid:
         v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in values.shape)
         return np.asarray(v @ values @ q.T)
 
-    def basis(self, heave: Array, charge: Array) -> tuple[Array, Array, Array]:
-        """Chebyshev polynomials of heaves, their derivatives by the heave, and polynomials of U², each (n, count)."""
+    def of_heave(self, heave: Array) -> tuple[Array, Array]:
+        """Chebyshev polynomials of heaves [m] and their derivatives by the heave, each (n, count)."""
         share = heave / self.heave
         x, rate = 2 * share - 1, np.full_like(share, 2 / self.heave)
         if self.odd:
             x, rate = 2 * share**2 - 1, 4 * share / self.heave
-        values = np.asarray(chebyshev.chebvander(x, self.heaves - 1), float)
-        charges = np.asarray(chebyshev.chebvander(2 * charge / self.charge - 1, self.charges - 1), float)
-        return values, values @ _derivative(self.heaves) * rate[:, None], charges
+        values = _polynomials(x, self.heaves)
+        return values, values @ _derivative(self.heaves) * rate[:, None]
+
+    def of_charge(self, charge: Array) -> Array:
+        """Chebyshev polynomials of U² [V²], shape (n, count)."""
+        return _polynomials(2 * charge / self.charge - 1, self.charges)
+
+
+def _polynomials(x: Array, count: int) -> Array:
+    """The first Chebyshev polynomials, shape (n, count); NumPy's own function is five times slower on short arrays."""
+    values = np.empty((len(x), count))
+    values[:, 0] = 1.0
+    for degree in range(1, count):
+        values[:, degree] = x if degree == 1 else 2 * x * values[:, degree - 1] - values[:, degree - 2]
+    return values
 
 
 def _points(count: int) -> Array:
@@ -97,8 +109,7 @@ class ForceLaw:
 
     def at(self, coordinates: Array) -> Surface:
         """The law with the effects' coordinates given, shape (axes,)."""
-        weights = np.prod(coordinates[None, :] ** self.powers, axis=1)
-        return Surface(self.grid, np.tensordot(weights, self.force, 1), np.tensordot(weights, self.capacitance, 1))
+        return _surface(self, tuple(coordinates.tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,17 +120,32 @@ class Surface:
     force_coefficients: Array
     capacitance_coefficients: Array
 
-    def force(self, heave: Array, charge: Array) -> tuple[Array, Array]:
-        """Force [N] and stiffness [N/m] at heaves [m] and U² [V²], shape (n,) each."""
-        v, slope, q = self.grid.basis(heave, charge)
-        columns = q @ self.force_coefficients.T
-        value, rate = (v * columns).sum(1), (slope * columns).sum(1)
+    def by_heave(self, charge: Array) -> Array:
+        """Coefficients of the force by the heave's polynomials at U² [V²], shape (n, heaves)."""
+        return np.asarray(self.grid.of_charge(charge) @ self.force_coefficients.T)
+
+    def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
+        """Force [N] and stiffness [N/m] at heaves [m] and the coefficients :meth:`by_heave` has, shape (n,) each."""
+        v, slope = self.grid.of_heave(heave)
+        value, rate = (v * by_heave).sum(1), (slope * by_heave).sum(1)
         return (heave * value, value + heave * rate) if self.grid.odd else (value, rate)
 
     def capacitance(self, heave: Array, charge: Array) -> Array:
         """Capacitance [F] at heaves [m] and U² [V²]."""
-        v, _, q = self.grid.basis(heave, charge)
-        return np.asarray((v * (q @ self.capacitance_coefficients.T)).sum(1))
+        v, _ = self.grid.of_heave(heave)
+        return np.asarray((v * (self.grid.of_charge(charge) @ self.capacitance_coefficients.T)).sum(1))
+
+
+@lru_cache(maxsize=64)
+def _surface(law: ForceLaw, coordinates: tuple[float, ...]) -> Surface:
+    """The law at some coordinates; kept, since most of what a fit varies is no axis."""
+    at = np.array(coordinates)
+    used = at != 0
+    terms = np.flatnonzero(~law.powers[:, ~used].any(axis=1))
+    weights = np.prod(at[used] ** law.powers[np.ix_(terms, used)], axis=1)
+    force, capacitance = ((weights @ values.reshape(len(values), -1)[terms]).reshape(values.shape[1:])
+                          for values in (law.force, law.capacitance))
+    return Surface(law.grid, force, capacitance)
 
 
 @dataclass(frozen=True)
