@@ -82,8 +82,8 @@ def rates(records: Sequence[Record]) -> list[Rate]:
     weak = [one for one in single if not one.identifiable]
     outside = [one for one in of("outside") if one.seen >= SEEN]
     pairs = [one for one in (*of("pair"), *of("duo")) if one.identifiable]
-    alarmed = [one for one in (*single, *of("strong")) if one.covered is not None]
-    sizes = [hit for one in (*single, *of("strong")) for hit in one.inside]
+    alarmed = [one for one in single if one.covered is not None]
+    sizes, large = ([hit for one in kind for hit in one.inside] for kind in (single, named))
     return [
         _share("nothing hidden: false alarms", of("null"), _alarm, high=0.05),
         _share(f"one effect, Δχ² ≥ {SEEN:g}: detected", [one for one in (*single, *of("strong")) if one.seen >= SEEN],
@@ -93,18 +93,19 @@ def rates(records: Sequence[Record]) -> list[Rate]:
         _share("one identifiable effect: another is named", named, lambda one: one.misnamed, high=0.02),
         _share("one effect too weak to be identified: another is named", weak, lambda one: one.misnamed, high=0.02),
         _share("exact aliases: said to be, and none of them named", of("alias"), lambda one: one.reported, low=1.0),
-        _share("one effect: 95 % set of hypotheses has it", alarmed, lambda one: one.covered, 0.92, 0.98),
+        _share("one effect as drawn, seen: 95 % set of hypotheses has it", alarmed, lambda one: one.covered, 0.92, 0.98),
         Rate("calibration error of the first cause's stated probability", 0,
              sum(bool(one.ranked) for name in _MIXTURE for one in of(name)), 0.0, 0.05,
              calibration(records)[0]),
-        Rate("95 % intervals of sizes have the true one", sum(sizes), len(sizes), 0.92, 0.98),
+        Rate("one effect as drawn: 95 % intervals of its sizes have the true ones", sum(sizes), len(sizes), 0.92, 0.98),
+        Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98),
         _share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
                lambda one: one.verdict == "unexplained", low=0.9),
         _share("outside the library: some effect is named", outside, lambda one: bool(one.named), high=0.05),
         _share("two identifiable effects: both found (most probable hypothesis)", pairs,
                lambda one: set(one.best) == set(one.truth), low=0.8),
-        _share("two identifiable effects: both named", pairs, lambda one: set(one.named) == set(one.truth)),
-        _share("two identifiable effects: another is named", pairs, lambda one: one.misnamed, high=0.02),
+        _share("the same: both named", pairs, lambda one: set(one.named) == set(one.truth)),
+        _share("the same: another is named", pairs, lambda one: one.misnamed, high=0.02),
         _share("the true effect deleted from the library: another is named", of("deleted"),
                lambda one: bool(one.named), high=0.05),
         *(_share(f"nothing hidden, noise stated 1.5 times {words}: false alarms", of(f"noise stated {words}"), _alarm,
