@@ -24,6 +24,10 @@ _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
+_WRINKLED = ("the film has lost tension: it would wrinkle before the load is reached, and what it does then depends on "
+             "the mesh")
+_UNFOLLOWED = "the path could not be followed: the film has lost tension and would wrinkle, or strains without bound"
+
 _WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
 
 
@@ -33,9 +37,11 @@ class PathSettings:
 
     ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
     the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
-    heave, relative to the frame's half extent, at which a search for equilibrium ends; ``waves``: numbers of waves
-    around the plate tried in turn for smooth motions where the film has lost tension; ``unbalanced``: nodal force that
-    these may leave at a limit point, relative to the largest, if the mesh is to resolve it.
+    heave, relative to the frame's half extent, at which a search for equilibrium ends; ``smooth``: numbers of waves
+    around the plate, and degrees between plate and frame, of smooth motions tried in turn where the film has lost
+    tension, ``annular`` those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may leave at a
+    limit point, relative to the largest, if the mesh is to resolve it; ``agreement``: load, or U², relative to itself,
+    by which limits that it does not resolve may differ between two kinds of smooth motions, and must be exceeded.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -44,12 +50,15 @@ class PathSettings:
     handover: float = 1e-2
     shortest: float = 2e-4
     reach: float = 1.5
-    waves: tuple[int, ...] = (4, 2)
+    smooth: tuple[tuple[int, int], ...] = ((4, 14), (6, 6), (4, 10), (2, 14))
+    annular: tuple[int, ...] = (14, 10, 20)
     unbalanced: float = 1e-2
+    agreement: float = 2e-2
 
-    def around(self, model: Model) -> tuple[int, ...]:
-        """The numbers of waves for a model: none where it is axisymmetric."""
-        return (0,) if model.axisymmetric else self.waves
+    def motions(self, model: Model) -> Iterator[SmoothMotions]:
+        """The smooth motions of a model: without waves where it is axisymmetric."""
+        kinds = [(0, degree) for degree in self.annular] if model.axisymmetric else self.smooth
+        return (SmoothMotions.of(model, *kind) for kind in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +67,8 @@ class Outcome:
 
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status "no_equilibrium" the film
     pulled in: ``limit`` is the largest U² [V²], force [N] or pressure [Pa], as ``limited`` says, that has an
-    equilibrium on this path, and ``critical`` the point of the branch where it has it.
+    equilibrium on this path, and ``critical`` the point of the branch where it has it. ``spread``: where the mesh does
+    not resolve that, how far the limits found with other smooth motions are from it, relative.
     """
 
     status: Status
@@ -67,6 +77,7 @@ class Outcome:
     limit: float | None = None
     limited: Load | None = None
     critical: Point | None = None
+    spread: float = 0.0
 
     @property
     def state(self) -> State:
@@ -233,12 +244,49 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
         taut = outcome.solution
     if outcome.status != "not_converged":
         return outcome
-    for waves in settings.around(model):
+    found: list[Outcome] = []
+    advice, reached = "", False
+    for motions in settings.motions(model):
         # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
-        trial = _along(model, taut, load, target, settings, SmoothMotions.of(model, waves))
+        trial = _along(model, taut, load, target, settings, motions)
+        if trial.status == "no_equilibrium":
+            found.append(trial)
+            trial = _assured(model, found, load, target, settings, reached)
         if trial.status != "not_converged":
             return trial
-    return replace(outcome, advice=trial.advice)
+        reached |= trial.advice == _WRINKLED
+        advice = trial.advice if not advice or advice == _UNFOLLOWED else advice
+    return replace(outcome, advice=advice)
+
+
+def _assured(model: Model, found: list[Outcome], load: Load, target: float, settings: PathSettings, reached: bool
+             ) -> Outcome:
+    """The last of the pull-ins found with different smooth motions: if the mesh resolves it, or another one is alike.
+
+    Where it does not, the limit is the motions' as much as the film's: two kinds must find the same, short of the
+    target by more than they may differ, and none before may have ``reached`` it.
+    """
+    *before, last = found
+    if _left(model, last) < settings.unbalanced:
+        return last
+    for other in before:
+        limits = np.array([_limit(other), _limit(last)])
+        alike = np.ptp(limits) < settings.agreement * np.abs(limits).max()
+        if alike and not reached and (np.abs(target - limits) > settings.agreement * np.abs(limits)).all():
+            best = min(other, last, key=lambda one: _left(model, one))
+            return replace(best, spread=max(abs(_limit(one) / _limit(best) - 1) for one in found))
+    return Outcome("not_converged", last.solution, f"the film has lost tension: short of the {_WORDS[load]} it pulls "
+                   "in or wrinkles, and which depends on the mesh; a finer one may tell")
+
+
+def _left(model: Model, found: Outcome) -> float:
+    assert found.critical is not None
+    return model.unbalanced(found.critical.state)
+
+
+def _limit(found: Outcome) -> float:
+    assert found.limit is not None
+    return found.limit
 
 
 def branch_points(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
@@ -255,8 +303,8 @@ def branch_points(model: Model, start: State, load: Load, settings: PathSettings
             break
         yield branch, point
         last, sense = point.state, 1 if point.rate >= 0 else -1
-    for waves in settings.around(model):
-        smooth = replace(branch, motions=SmoothMotions.of(model, waves))
+    for motions in settings.motions(model):
+        smooth = replace(branch, motions=motions)
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:
@@ -278,11 +326,9 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
             critical = branch.limit(before, after)
             if critical is None:
                 break
-            if model.unbalanced(critical.state) > settings.unbalanced:
-                return Outcome("not_converged", stable, "the film has lost tension, and the mesh does not resolve what "
-                               "follows: a finer one may")
             if sense * critical.state.load(load) < sense * target:
                 return _pulled_in(stable, load, critical)
+            after = critical  # the target is before it, if not before the point after it
         if sense * after.state.load(load) >= sense * target:
             reached = branch.reach(before, after, target)
             return _landed(model, stable, reached, load, target, settings)
@@ -293,8 +339,7 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
             break
         if motions is EVERY:
             stable = after.solution
-    advice = "the path could not be followed: the film has lost tension and would wrinkle, or strains without bound"
-    return Outcome("not_converged", stable, advice)
+    return Outcome("not_converged", stable, _UNFOLLOWED)
 
 
 def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, target: float, settings: PathSettings
@@ -306,8 +351,7 @@ def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, t
         if found.converged and found.stable:
             return Outcome("equilibrium", found)
         stable = replace(stable, advice=found.advice)
-    return Outcome("not_converged", stable, "the film has lost tension: it would wrinkle before the load is reached, "
-                   "and what it does then depends on the mesh")
+    return Outcome("not_converged", stable, _WRINKLED)
 
 
 def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls in") -> Outcome:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fem.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
 from geometry.errors import InputError
@@ -13,6 +16,11 @@ from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
+
+Array = NDArray[np.float64]
+
+#: Ways the voltage got to where it is, as datasets name them; none where it is not known.
+DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
 
 @dataclass(frozen=True)
@@ -22,7 +30,7 @@ class Rig:
     Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs from the plate's
     centre [m], ``plate_pressure`` loads the plate like a weight of pressure times area [Pa], ``gas_pressure`` acts
     below film and plate and follows them [Pa], ``biases`` are further mechanisms between plate and ground, ``drift`` is
-    how fast the readings wander [m/s].
+    how fast the readings wander [m/s], ``lag_voltage`` by how much the film is behind a rising or falling voltage [V].
     """
 
     gravity: float = 9.80665
@@ -38,6 +46,7 @@ class Rig:
     plate_pressure: float = 0.0
     gas_pressure: float = 0.0
     biases: tuple[Bias, ...] = ()
+    lag_voltage: float = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Rig:
@@ -56,6 +65,7 @@ class Rig:
             plate_pressure=table.quantity("plate_pressure", "stress", "0 Pa", FINITE),
             gas_pressure=table.quantity("gas_pressure", "stress", "0 Pa", FINITE),
             biases=tuple(_bias(entry) for entry in table.tables("bias")),
+            lag_voltage=table.quantity("lag_voltage", "voltage", "0 kV", NON_NEGATIVE),
         )
         table.done()
         return rig
@@ -79,15 +89,27 @@ class Rig:
         """Force on the plate [N] of a nominal mass [kg] and the pressure on the plate's area [m²]."""
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
-    def film_voltage(self, voltage: float) -> float:
-        """What the film sees [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²).
+    @overload
+    def film_voltage(self, voltage: float, direction: float = 0.0) -> float: ...
+    @overload
+    def film_voltage(self, voltage: Array | float, direction: Array | float = 0.0) -> Array | float: ...
+
+    def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
+        """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag, but at least 0.
+
+        Numbers or arrays; ``direction`` is 1 where the voltage rises, -1 where it falls, 0 where that is not known.
 
         Examples
         --------
         >>> Rig(sag_voltage=7000.0).film_voltage(7000.0)
         3500.0
+        >>> [Rig(lag_voltage=100.0).film_voltage(3000.0, direction) for direction in (1.0, 0.0, -1.0)]
+        [2900.0, 3000.0, 3100.0]
         """
-        return (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
+        # The lag is the film's own: it comes after all that the supply does.
+        supplied = (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
+        followed = supplied - direction * self.lag_voltage
+        return followed * (np.real(followed) > 0)
 
     def reading(self, deflection: float, elapsed: float = 0.0) -> float:
         """What the sensor shows [m] of a deflection, so long after the run began [s].

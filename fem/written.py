@@ -19,7 +19,7 @@ _BIASES = {"stiffness": "stiffness per length", "rest": "length", "force": "forc
 #: Dimensions of the keys of a rig file.
 _RIG = {"gravity": "acceleration", "unaccounted_mass": "mass", "spring": "stiffness per length",
         "sag_voltage": "voltage", "sensor_zero": "length", "drift": "speed", "weight_offset": "length",
-        "plate_pressure": "stress", "gas_pressure": "stress"}
+        "plate_pressure": "stress", "gas_pressure": "stress", "lag_voltage": "voltage"}
 
 #: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.
 _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0), (1.0, 1.5))

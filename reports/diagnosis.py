@@ -54,7 +54,10 @@ def page(content: Content, figure: str) -> str:
     template = environment.from_string(text)
     return template.render(found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
                            causes=[{**one, "label": label(one), "explanation": REGISTRY[one["effect"]].explanation,
-                                    "values": values(one)} for one in content["causes"]], figure=figure)
+                                    "values": values(one)} for one in content["causes"]],
+                           attempts=[{**one, "label": label(one), "values": values(one)}
+                                     for one in content["attempts"]],
+                           figure=figure)
 
 
 def sentence(content: Content) -> str:

@@ -25,8 +25,8 @@ _BASES = (
 )
 _UNITS = {
     "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V", "sensor_zero": "m",
-    "masses": "kg", "voltages": "V", "weight_offset": "m", "plate_pressure": "Pa", "gas_pressure": "Pa",
-    "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
+    "lag_voltage": "V", "masses": "kg", "voltages": "V", "weight_offset": "m", "plate_pressure": "Pa",
+    "gas_pressure": "Pa", "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
 }
 
 

@@ -148,7 +148,7 @@ def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
 
 def _start(case: Case, model: Model, settings: Settings) -> Outcome:
     rig = case.rig
-    start = equilibrium(model, rig.force(case.mass, model.plate_area), rig.film_voltage(case.voltage),
+    start = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
                         rig.gas_pressure, settings=settings.path)
     if start.status != "equilibrium":
         raise InputError(f"must be where the branch can start: {why(start)}", key="--mass, --voltage",

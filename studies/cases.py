@@ -15,7 +15,7 @@ from fem.fields import Fields, LostTension, cell_fields, lost_tension, reaction
 from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
-from fem.rig import Rig, checked_load
+from fem.rig import DIRECTIONS, Rig, checked_load
 from fem.state import State
 from fem.tautness import Tension
 from geometry.errors import InputError
@@ -40,17 +40,28 @@ class Settings:
 
 @dataclass(frozen=True)
 class Case:
-    """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s]."""
+    """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s].
+
+    ``direction`` is 1 where the voltage was reached from below, -1 from above, 0 where that is not known.
+    """
 
     specimen: Specimen
     mass: float
     voltage: float
     rig: Rig = field(default_factory=Rig)
     elapsed: float = 0.0
+    direction: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse negative loads."""
+        """Refuse negative loads and directions that are none."""
         checked_load(self.mass, self.voltage)
+        if self.direction not in DIRECTIONS.values():
+            raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction", given=self.direction)
+
+    @property
+    def film_voltage(self) -> float:
+        """What the film responds to [V]."""
+        return self.rig.film_voltage(self.voltage, self.direction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +129,7 @@ def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     """The model of a case and its equilibrium, or why there is none."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
-    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), rig.film_voltage(case.voltage),
+    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
                           rig.gas_pressure, settings=settings.path)
     return model, outcome
 
@@ -214,8 +225,13 @@ def why(outcome: Outcome) -> str:
     """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
-    if outcome.limited == "voltage":
-        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it"
+    if outcome.limited == "voltage":  # the limit and its spread are those of U²
+        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it" + _within(outcome.spread / 2)
     if outcome.limited == "pressure":
-        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure"
-    return f"the film pulls in at {outcome.limit:.4g} N on the plate"
+        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure" + _within(outcome.spread)
+    return f"the film pulls in at {outcome.limit:.4g} N on the plate" + _within(outcome.spread)
+
+
+def _within(spread: float) -> str:
+    """How far to trust a limit that the mesh does not resolve."""
+    return f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling differ)" if spread else ""

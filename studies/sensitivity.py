@@ -28,12 +28,13 @@ _PARAMETER_UNITS = {
     "m": ("thickness", "radius", "semi_axes", "offset", "margin_frame", "margin_plate", "weight_offset", "rest", "gap",
           "decay"),
     "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"), "kg": ("mass", "unaccounted_mass"),
-    "V": ("voltage", "sag_voltage"), "N/m": ("spring",), "N": ("force",), "m/s²": ("gravity",),
+    "V": ("voltage", "sag_voltage", "lag_voltage"), "N/m": ("spring",), "N": ("force",), "m/s²": ("gravity",),
     "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim", "lambda_lock", "exponent",
           "power", "amplifier_gain"), "kg/m³": ("density",)}
 
 #: What of a case makes each load; at the load's own limit they have no say.
-_MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage"), "pressure": ("rig.gas_pressure",),
+_MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
+         "pressure": ("rig.gas_pressure",),
          "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure")}
 
 
@@ -60,8 +61,8 @@ class CaseNumber:
         mass, voltage = (getattr(self.case, name) + (change if self.path == (name,) else 0)
                          for name in ("mass", "voltage"))
         rig = with_change(self.case.rig, self.path[1:], change) if self.path[0] == "rig" else self.case.rig
-        loads = {"force": rig.force(mass, model.plate_area), "voltage": rig.film_voltage(voltage) ** 2,
-                 "pressure": rig.gas_pressure}
+        loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
+                 "voltage": rig.film_voltage(voltage, self.case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != self.limited}
         return model.with_loading(rig.loading), state.under(**loads)
 
@@ -174,7 +175,8 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None) -> di
         shape = known[name]
         loads = case.rig.plate_pressure and limited != "force"
         result[name] = UnderPressure(shape, case) if loads else shape
-    rig = [name for name in numbers(case.rig, "rig") if not name.startswith(("rig.sensor", "rig.drift"))]
+    idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag",)))
+    rig = [name for name in numbers(case.rig, "rig") if not name.startswith(idle)]
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
         if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):

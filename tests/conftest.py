@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import pickle
 from dataclasses import replace
+from importlib import resources
 
 import pytest
 
 from fem.laws import Ogden
+from fem.library import load_specimen
 from fem.model import Model
+from fem.rig import Rig
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle, Ellipse
 from geometry.specimen import Film, Material, Plate, Specimen
 from studies.cases import Settings, build_model
+from studies.diagnosis.force_law import Grid
+from studies.diagnosis.sampling import force_laws
+from studies.diagnosis.simulation import Simulation
+from studies.effects import Setup
 
 ROOT5 = 5**0.5
 NEO_HOOKE = Ogden((25e3,), (2.0,))
@@ -46,3 +56,22 @@ def skewed() -> Specimen:
 @pytest.fixture(scope="session")
 def skewed_model() -> Model:
     return model(skewed(), refine=0.7, order=2)
+
+
+@pytest.fixture(scope="session")
+def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
+    """The paper's three actuators with every effect, up to 6 mm and 7.5 kV; made by one of several test processes."""
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (folder / "three_shapes.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        stored = folder / "three_shapes.pickle"
+        if not stored.exists():
+            files = resources.files("studies") / "actuators"
+            setup = Setup(tuple(load_specimen(str(files / f"{name}.toml")) for name in
+                                ("circular", "elliptical-small", "elliptical-large")), Rig())
+            laws = force_laws(setup, [Grid(6e-3, 7.5e3**2, odd=True)] * 3)
+            stored.write_bytes(pickle.dumps(Simulation(setup, laws)))
+        found = pickle.loads(stored.read_bytes())
+    assert isinstance(found, Simulation)
+    return found

@@ -99,7 +99,7 @@ def test_an_ellipse_s_pull_in_settles() -> None:
     specimen = elliptical(60e-3, SOFT)
 
     def limit(film: Model, waves: int = 4) -> float:
-        outcome = equilibrium(film, WEIGHT, 12e3, settings=PathSettings(waves=(waves,)))
+        outcome = equilibrium(film, WEIGHT, 12e3, settings=PathSettings(smooth=((waves, 14),)))
         assert outcome.status == "no_equilibrium"
         return float(np.sqrt(outcome.limit))
 

@@ -29,7 +29,7 @@ NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
 #: Every number that an effect edits is there already, and no mirror plane.
 TAKEN = Setup(
     (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)), circular(MATERIAL)),
-    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9))
+    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0))
 
 FINE = Settings()
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
@@ -37,14 +37,15 @@ COARSE = Settings(MeshSettings(order=2).refined(0.7))
 
 @dataclass(frozen=True)
 class Reading:
-    """A reading to predict: mass [kg], voltage [V], time since the run began [s]."""
+    """A reading to predict: mass [kg], voltage [V], time since the run began [s], on the way up (1) or down (-1)."""
 
     mass: float
     voltage: float
     elapsed: float
+    direction: float
 
 
-READINGS = (Reading(17.9e-3, 5e3, 3600.0), Reading(22.45e-3, 3e3, 1800.0))
+READINGS = (Reading(17.9e-3, 5e3, 3600.0, 1.0), Reading(22.45e-3, 3e3, 1800.0, -1.0))
 
 each_effect = pytest.mark.parametrize("effect", REGISTRY.values(), ids=REGISTRY)
 each_parameter = pytest.mark.parametrize(
@@ -56,7 +57,8 @@ each_parameter = pytest.mark.parametrize(
 @cache
 def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What the sensor shows of every specimen, shape (specimens, readings) [m]."""
-    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed), settings) for load in READINGS]
+    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed, load.direction), settings)
+                for load in READINGS]
                for one in setup.specimens]
     assert all(result.status == "equilibrium" for row in results for result in row)
     return np.array([[result.reading_m for result in row] for row in results])
@@ -144,13 +146,14 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path, capsys: pyte
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
     assert load_specimen(films) == specimen
     assert Rig.read(rig) == setup.rig
-    command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV", "--elapsed", "30 min"]
+    command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV", "--elapsed", "30 min",
+               "--direction", "down"]
     assert main([*command, "--json", "--refine", "0.5"]) == 0
     printed = json.loads(capsys.readouterr().out)["reading_m"]
     settings = Settings(MeshSettings().refined(0.5))
-    here = solve(setup.case(specimen.name, 20e-3, 3e3, 1800.0), settings).reading_m
+    here = solve(setup.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
     assert printed == here
-    assert here != solve(TAKEN.case(specimen.name, 20e-3, 3e3, 1800.0), settings).reading_m
+    assert here != solve(TAKEN.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
 
 
 @each_effect
@@ -282,6 +285,7 @@ def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixtur
     assert list(told) == list(REGISTRY)
     assert told["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
     assert told["drift"]["needs_columns"] == ["elapsed_s"]
+    assert told["hysteresis"]["needs_columns"] == ["direction"]
     assert told["unaccounted_mass"]["parameters"]["m_0"]["unit"] == "g"
     assert main(["effects"]) == 0
     printed = capsys.readouterr().out

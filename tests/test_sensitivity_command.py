@@ -20,7 +20,7 @@ from tympan.cli import main
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
 RIG = Rig(9.81, 1e-3, 3.0, 0.02, 9e3, weight_offset=(1e-3, 0.0), plate_pressure=100.0, gas_pressure=5.0,
-          biases=(Magnet(0.05, 20e-3, 8e-3),))
+          biases=(Magnet(0.05, 20e-3, 8e-3),), lag_voltage=200.0)
 FILE = """
 name = "round"
 [frame]
@@ -45,15 +45,17 @@ def specimen(tmp_path: Path) -> str:
     return str(tmp_path / "round.toml")
 
 
-def test_rig_and_loads_against_differences() -> None:
+@pytest.mark.parametrize("direction", [0.0, -1.0])
+def test_rig_and_loads_against_differences(direction: float) -> None:
     """What the rig makes of mass and voltage counts, and the pressure on the plate's own area."""
-    case = Case(skewed(), 17.9e-3, 3e3, RIG)
+    case = Case(skewed(), 17.9e-3, 3e3, RIG, direction=direction)
     model, outcome = find(case, COARSE)
     known = case_parameters(case, model)
     names = ["mass", "voltage", "plate.outline.radius", *(name for name in known if name.startswith("rig"))]
     found = {answer.parameter: answer.derivative for answer in sensitivity(case, COARSE).quantities[0].answers}
     assert {"rig.gravity", "rig.sag_voltage", "rig.weight_offset.1", "rig.biases.0.gap"} < set(names)
     assert "rig.sensor_gain" not in names
+    assert ("rig.lag_voltage" in names) == (direction != 0)
     for name in names:
         value = known[name].value(model, outcome.state)
         errors = []

@@ -100,6 +100,8 @@ def _solve(commands: Any) -> None:
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
     parser.add_argument("--elapsed", default="0 s", metavar="TIME",
                         help="since the run began, for a rig whose readings drift (default: %(default)s)")
+    parser.add_argument("--direction", choices=("up", "down"), default="",
+                        help="which way the voltage was reached, for a film that lags behind it (default: not known)")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="also store the fields (VTU) and the numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
@@ -110,12 +112,13 @@ def _run_solve(options: argparse.Namespace) -> None:
 
     from fem.fields import whole
     from fem.library import load_specimen
+    from fem.rig import DIRECTIONS
     from studies import cases, store
 
     specimen = load_specimen(options.specimen)
     case = cases.Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
                       parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig),
-                      parse_quantity(options.elapsed, "time", "--elapsed"))
+                      parse_quantity(options.elapsed, "time", "--elapsed"), DIRECTIONS[options.direction])
     began = time.perf_counter()
     model, outcome = cases.find(case, read_settings(options))
     result = cases.summarise(case, model, outcome, time.perf_counter() - began)

@@ -11,6 +11,7 @@ import numpy as np
 from fem.written import rig_to_toml, specimen_to_toml
 from geometry.errors import InputError
 from geometry.units import quantity
+from studies.diagnosis.attempts import Attempt, attempts
 from studies.diagnosis.diagnose import Diagnosis, rmse
 from studies.diagnosis.fit import Fit
 from studies.diagnosis.judgement import interval
@@ -38,6 +39,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "not_visible": sorted({cause.effect for cause in judged.invisible}),
         "probability": {"nothing": 1.0 if judged.weighing is None else judged.weighing.nothing,
                         "unknown": 0.0 if judged.weighing is None else judged.weighing.unknown},
+        "attempts": [_attempt(one) for one in attempts(found.simulation, judged)],
         "after": None if found.chosen is None else after(found, found.chosen),
         "baseline": baseline(judged.nominal),
         "priors_swept": {"moves": found.moves, "verdicts": [verdict for verdict, _ in found.swept]},
@@ -107,6 +109,12 @@ def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
     lengths = np.isin(table.kind, ("displacement", "range"))
     return {"rmse_um": 1e6 * rmse(one.residual[lengths], table.sigma[lengths]),
             "p_value": None if test is None else test.p_value, "effects": [str(cause) for cause in one.hypothesis]}
+
+
+def _attempt(one: Attempt) -> dict[str, Any]:
+    return {"effect": one.cause.effect, "which": one.cause.which, "explains": one.share,
+            "parameters": parameters(one.fit, one.cause), "prior_widths": one.widths, "plausible": one.plausible,
+            "at_limit": one.bounded}
 
 
 def baseline(nominal: Fit) -> dict[str, Any]:

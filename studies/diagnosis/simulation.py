@@ -152,8 +152,10 @@ class _View:
         self.surfaces = [_surface(simulation, number, hypothesis, unknowns, self.stiffness)
                          for number in range(len(simulation.laws))]
         self.groups = states.of_specimen
-        self.seen = _film_voltage(self.rig, states)
-        self.charge = self.permittivity / self.stiffness * self.seen**2
+        # A probe shows what the supply gives, without the film's lag.
+        self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
+        seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
+        self.charge = self.permittivity / self.stiffness * seen**2
         areas = [specimen.plate.outline for specimen in simulation.setup.specimens]
         self.load = (states.mass + self.rig.unaccounted_mass) * self.rig.gravity
         if self.rig.plate_pressure:
@@ -210,7 +212,7 @@ class _View:
             elif kind == "capacitance":
                 shown[rows] = self._capacitance(heave)[at]
             elif kind == "film_voltage":
-                shown[rows] = self.seen[at]
+                shown[rows] = self.supplied[at]
             else:
                 shown[rows] = (self.balance(heave)[0] + self.load)[at]
         return shown
@@ -221,11 +223,6 @@ class _View:
             if len(rows):
                 found[rows] = surface.capacitance(heave[rows], self.charge[rows])
         return self.permittivity * found
-
-
-def _film_voltage(rig: Rig, states: States) -> Array:
-    """What the films see [V]."""
-    return np.asarray((1 + rig.amplifier_gain) * states.voltage / (1 + (states.voltage / rig.sag_voltage) ** 2))
 
 
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:

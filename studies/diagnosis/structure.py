@@ -90,13 +90,13 @@ def _in_time(table: Table, size: Array, voltage: Array) -> list[Pattern]:
 
 
 def _ramps(table: Table, size: Array, voltage: Array) -> Array:
-    """A polynomial for each specimen under each mass, as long as it leaves some scatter."""
+    """A polynomial for each specimen under each mass that leaves some scatter, but for a reading that stands alone."""
     keys = np.stack([table.specimen.astype(float), table.mass], 1)
     ramps, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     columns = []
     for number in range(len(ramps)):
         own = (group.ravel() == number).astype(float) * size
-        degree = min(voltage.shape[1], max(0, int(count[number]) // 2))
+        degree = min(voltage.shape[1], max(1, int(count[number]) // 2))
         columns.append(own[:, None] * voltage[:, :degree])
     return np.concatenate(columns, axis=1)
 
@@ -126,12 +126,13 @@ class Tests:
     """Tests of residuals over their noise against patterns, what a model's unknowns can take up left out.
 
     ``bases`` are orthonormal columns by name, ``known``: whether each is of one sign only (a cause that is); ``smooth``
-    spans all of them.
+    spans all of them, ``taken`` what the model's unknowns take up.
     """
 
     bases: dict[str, Array]
     one_sided: frozenset[str]
     smooth: Array
+    taken: Array
     freedom: float
     stated: float
 
@@ -156,7 +157,7 @@ class Tests:
         freedom = len(table) - taken.shape[1] - smooth.shape[1]
         signs = {name: basis * np.sign(basis[:, 0] @ free[name][:, 0]) for name, basis in bases.items()
                  if name in one_sided and basis.shape[1] == 1}
-        return cls(bases | signs, one_sided & set(signs), smooth, float(max(freedom, 0)), stated)
+        return cls(bases | signs, one_sided & set(signs), smooth, taken, float(max(freedom, 0)), stated)
 
     @property
     def able(self) -> bool:
@@ -165,7 +166,8 @@ class Tests:
 
     def noise(self, residual: Array) -> float:
         """Scatter about smooth curves and stated noise together, over the stated one; no more than that may be off."""
-        rough = float(residual @ residual) - float(np.sum((self.smooth.T @ residual) ** 2))
+        own = np.concatenate([self.smooth, self.taken], axis=1)
+        rough = float(residual @ residual) - float(np.sum((own.T @ residual) ** 2))
         if self.stated > 0 and self.freedom > 0:
             rough = min(rough, self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))

@@ -36,7 +36,7 @@ class Weighing:
     def of(cls, nominal: Fit, fits: Sequence[Fit], unknown_evidence: float) -> Weighing:
         """By evidence and prior."""
         logs = np.array([nominal.evidence, unknown_evidence, *(one.evidence for one in fits)])
-        logs = logs + np.log([NOTHING, UNKNOWN, *_priors([one.hypothesis for one in fits])])
+        logs = logs + np.log([NOTHING, UNKNOWN, *priors([one.hypothesis for one in fits])])
         weight = np.exp(logs - logs.max())
         weight /= weight.sum()
         return cls(nominal, tuple(fits), weight[2:], float(weight[0]), float(weight[1]))
@@ -76,7 +76,7 @@ class Weighing:
         return tuple(self.fits[k] for k in order[:count])
 
 
-def _priors(hypotheses: Sequence[Hypothesis]) -> Array:
+def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     """Prior probabilities of hypotheses with one or two causes."""
     weight = np.array([np.prod([1 / _variants(hypotheses, cause) for cause in one]) for one in hypotheses])
     single = np.array([len(one) == 1 for one in hypotheses], bool)

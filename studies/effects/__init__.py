@@ -15,7 +15,7 @@ from studies.effects.effect import REGISTRY, Effect, Parameter, Setup, Use, exte
 _FILES = (
     "strain_stiffening", "permittivity_stretch", "prestretch_anisotropy", "prestretch_loss", "electrode_margin",
     "electrode_stiffness", "plate_eccentricity", "unaccounted_mass", "parallel_spring", "amplifier_gain", "voltage_sag",
-    "sensor_gain", "sensor_zero", "drift",
+    "hysteresis", "sensor_gain", "sensor_zero", "drift",
 )
 
 for _file in _FILES:

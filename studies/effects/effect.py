@@ -26,9 +26,9 @@ class Setup:
     specimens: tuple[Specimen, ...]
     rig: Rig
 
-    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0) -> Case:
-        """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s]."""
-        return Case(self.specimen(specimen), mass, voltage, self.rig, elapsed)
+    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0, direction: float = 0.0) -> Case:
+        """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s], and which way."""
+        return Case(self.specimen(specimen), mass, voltage, self.rig, elapsed, direction)
 
     def specimen(self, name: str) -> Specimen:
         """The specimen of that name; an :class:`InputError` where there is none."""
