@@ -36,7 +36,9 @@ from studies.effects import REGISTRY, Setup, extended
 Array = NDArray[np.float64]
 Means = Literal["elements", "equations", "another law", "form error"]
 
-MASSES, VOLTAGES = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
+MASSES, UP = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
+#: Up and down again, in as many readings.
+LOOP = np.concatenate([np.linspace(0.0, 6500.0, 8), np.linspace(6500.0, 0.0, 8)[1:]])
 NOISE = 20e-6
 #: Seconds between two readings.
 PACE = 60.0
@@ -64,7 +66,7 @@ class Design:
     causes: tuple[Cause, ...]
 
     def ramps(self) -> Iterator[NDArray[np.int64]]:
-        """Rows of each ramp, in the order of their voltages."""
+        """Rows of each ramp, in order."""
         states = self.table.states
         for key in dict.fromkeys(zip(states.specimen.tolist(), states.mass.tolist(), strict=True)):
             yield np.flatnonzero((states.specimen == key[0]) & (states.mass == key[1]))
@@ -89,22 +91,27 @@ def _read(states: States) -> Table:
     return replace(rows(states, "displacement", NOISE), order=np.arange(len(states), dtype=float))
 
 
-def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(REGISTRY)) -> Design:
-    """Three specimens under two masses, each ramp up to 6.5 kV in 15 readings, one ramp after the other."""
+def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(REGISTRY),
+           voltages: Array = UP) -> Design:
+    """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the other.
+
+    Effects that need ramps both ways may only be there where there are some.
+    """
     setup = Setup(tuple(specimens), Rig())
-    numbers, masses, voltages = (axis.ravel() for axis in
-                                 np.meshgrid(range(len(specimens)), MASSES, VOLTAGES, indexing="ij"))
-    count = len(numbers)
-    states = States.of(numbers.astype(int), masses, voltages, np.arange(count) * PACE, np.ones(count))
+    numbers, masses, places = (axis.ravel() for axis in np.meshgrid(
+        range(len(specimens)), MASSES, range(len(voltages)), indexing="ij"))
+    way = np.where(np.arange(len(voltages)) > np.argmax(voltages), -1.0, 1.0)
+    elapsed = np.arange(len(numbers)) * PACE
+    states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed, way[places.astype(int)])
     causes = tuple(Cause(name, which) for name in effects for which in REGISTRY[name].choices(setup)
-                   if "direction" not in REGISTRY[name].columns)
+                   if way.min() < 0 or "direction" not in REGISTRY[name].columns)
     return Design(name, setup, _read(states), causes)
 
 
-def paper() -> Design:
+def paper(voltages: Array = UP) -> Design:
     """The paper's circle and two ellipses."""
     return design("paper", [load_specimen(_ACTUATORS / f"{name}.toml")
-                            for name in ("circular", "elliptical-small", "elliptical-large")])
+                            for name in ("circular", "elliptical-small", "elliptical-large")], voltages=voltages)
 
 
 def circles() -> Design:
@@ -248,7 +255,8 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     blank = replace(specimen, membrane=design.setup.specimens[number].membrane)
     model = build_model(blank, MESHES[truth.mesh], rig.loading).with_specimen(specimen)
     force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
-    voltages = [rig.film_voltage(truth.stranger.voltage(nominal)) for nominal in states.voltage[ramp].tolist()]
+    voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction) for nominal, direction in
+                zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
     heaves = []
     for outcome in voltage_path(model, force, voltages):
         if outcome.status != "equilibrium":

@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from hidden import circles, paper
+from hidden import LOOP, circles, paper
 from hidden_rates import draw_power, page, rates
 from hidden_trials import Lab, Record
 
@@ -38,9 +38,10 @@ def _run(trial: tuple[str, int]) -> tuple[str, int, list[Record]]:
 
 
 def lab_of(seed: int, workers: int) -> Lab:
-    """Both designs with their force laws: the dearest part."""
-    designs = paper(), circles()
-    return Lab(*((one, one.simulation(workers)) for one in designs), seed)
+    """The designs with their force laws: the dearest part."""
+    design = paper()
+    simulation = design.simulation(workers)
+    return Lab((design, simulation), (paper(LOOP), simulation), (circles(), circles().simulation(workers)), seed)
 
 
 def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:

@@ -78,9 +78,10 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class Lab:
-    """The two designs with their fitted models, and the study's seed."""
+    """The designs with their fitted models, and the study's seed; ``loops`` are the paper's up and down."""
 
     paper: tuple[Design, Simulation]
+    loops: tuple[Design, Simulation]
     circles: tuple[Design, Simulation]
     seed: int
 
@@ -90,9 +91,9 @@ class Lab:
         return POPULATIONS[population](self, generator, number)
 
     def by(self, number: int) -> tuple[Design, Simulation, Means]:
-        """Elements in half of the trials, the equations in a quarter, another law in a quarter."""
+        """Elements in half of the trials, half of these up and down, the equations and another law in a quarter."""
         means: Means = ("elements", "equations", "elements", "another law")[number % 4]
-        return (*(self.circles if means == "equations" else self.paper), means)
+        return (*(self.paper, self.circles, self.loops, self.paper)[number % 4], means)
 
 
 def measured(design: Design, values: Array, generator: np.random.Generator | None, number: int) -> Table:
@@ -166,7 +167,7 @@ def _deleted(record: Record, design: Design, simulation: Simulation, table: Tabl
 
 
 def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
-    design, simulation = lab.paper
+    design, simulation = lab.loops if number % 3 == 1 else lab.paper
     pairs = _pairs(design)
     means: Means = "another law" if number % 3 == 2 else "elements"
     truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))], means)
@@ -176,7 +177,7 @@ def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 
 def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     """Two effects drawn until the fitted model foretells that no single one will do."""
-    design, simulation = lab.paper
+    design, simulation = lab.loops if number % 3 == 1 else lab.paper
     means: Means = "another law" if number % 3 == 2 else "elements"
     truth, values, again = _foretold(design, simulation, _pairs(design), means, generator, number)
     return [_of_two("duo", number, design, simulation, truth, measured(design, values, generator, number), values,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from axisymmetric import Film, neo_hooke, solve_load
 from datasets import HEAD, write_dataset
-from hidden import Design, Truth, circles, draw, hidden, look_alike, paper, readings
+from hidden import LOOP, Design, Truth, circles, draw, hidden, look_alike, paper, readings
 from hidden_equations import heaves
 from hidden_rates import Rate, page, rates
 from hidden_strangers import STRANGERS, Bend, Jump, Stick
@@ -32,7 +32,7 @@ def lab() -> Lab:
     """The paper's three actuators with their force laws, the dearest part; circles are left to the study."""
     design = paper()
     one = design, design.simulation(2)
-    return Lab(one, one, SEED)
+    return Lab(one, (paper(LOOP), one[1]), one, SEED)
 
 
 def trials(lab: Lab, population: str, count: int) -> list[Record]:
@@ -82,15 +82,15 @@ def test_the_fitted_model_foretells_readings_made_otherwise(lab: Lab) -> None:
 
 
 def test_nothing_is_found_in_nothing(lab: Lab) -> None:
-    found = trials(lab, "null", 12)
+    found = trials(lab, "null", 9)
     assert sum(record.verdict != "nothing" for record in found) <= 2
     assert not any(record.named for record in found)
 
 
 def test_effects_that_stand_out_are_named_and_no_others(lab: Lab) -> None:
-    found = trials(lab, "strong", 8)
+    found = trials(lab, "strong", 6)
     strong = [record for record in found if record.population == "strong" and record.identifiable]
-    assert len(strong) >= 6
+    assert len(strong) >= 5
     assert sum(record.ranked[0][0] in record.truth for record in strong) >= len(strong) - 1
     assert sum(record.named == record.truth for record in strong) >= 0.6 * len(strong)
     assert not any(record.misnamed for record in strong)
@@ -98,7 +98,7 @@ def test_effects_that_stand_out_are_named_and_no_others(lab: Lab) -> None:
 
 
 def test_exact_aliases_are_called_so(lab: Lab) -> None:
-    assert all(record.reported for record in trials(lab, "alias", 6))
+    assert all(record.reported for record in trials(lab, "alias", 3))
 
 
 @pytest.mark.parametrize("stranger", [Bend(0.04), Jump(150e-6, 40), Stick(200e-6)])
