@@ -99,7 +99,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
         Rate("calibration error of the first cause's stated probability", 0,
              sum(bool(one.ranked) for name in _MIXTURE for one in of(name)), 0.0, 0.05,
              calibration(records)[0]),
-        Rate("one effect as drawn: 95 % intervals of sizes have the true one", sum(sizes), len(sizes), 0.92, 0.98),
+        Rate("one effect as drawn: 95 % intervals have the true size", sum(sizes), len(sizes), 0.92, 0.98),
         Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98),
         _share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
                lambda one: one.verdict == "unexplained", low=0.9),
