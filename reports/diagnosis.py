@@ -21,6 +21,9 @@ from studies.store import write_text
 
 Content = Mapping[str, Any]
 
+#: Standard deviations of the noise from which a ratio is clearly wrong.
+CLEARLY = 3.0
+
 #: What a reader is told first.
 HEADLINES = {
     "nothing": "The simulation agrees with these readings.",
@@ -49,7 +52,7 @@ def page(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
                                      lstrip_blocks=True)
-    environment.filters |= {"number": number, "percent": percent, "chance": chance}
+    environment.filters |= {"number": number, "percent": percent, "chance": chance, "error": error}
     text = resources.files("reports").joinpath("diagnosis.html").read_text(encoding="utf-8")
     template = environment.from_string(text)
     return template.render(found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
@@ -76,13 +79,25 @@ def sentence(content: Content) -> str:
         return f"{missed}."
     missed = f"{missed}: {misfit['where']}."
     if content["verdict"] == "unexplained":
-        return f"{missed} Something is at work that tympan does not know, or the dataset states something wrongly."
+        return (f"{missed}{ratio_words(misfit)} Something is at work that tympan does not know, or the dataset states "
+                "something wrongly.")
     if content["verdict"] == "named":
         named = [one for one in causes if label(one) in content["after"]["effects"]]
         told = " ".join(f"{REGISTRY[one['effect']].explanation} Found: {values(one)}." for one in named)
         return f"{missed} {told} With that it misses them by {number(content['after']['rmse_um'])} µm."
     several = [label(one) for one in causes if one["probability"] >= 0.05][:4]
     return f"{missed} These readings cannot decide between {listed(several, 'and')}."
+
+
+def ratio_words(misfit: Content) -> str:
+    """The worst ratio of strokes of each kind that is clearly wrong."""
+    found = []
+    for kind in ("shape", "mass"):
+        worst = max((one for one in misfit["ratios"] if one["kind"] == kind and abs(one["off_by_noise"]) > CLEARLY),
+                    key=lambda one: abs(one["off_by_noise"]), default=None)
+        if worst:
+            found.append(f"{worst['what']} is {worst['read']:.2f} as read, {worst['simulated']:.2f} as simulated")
+    return f" The ratio of strokes {listed(found, 'and')}." if found else ""
 
 
 def label(cause: Content) -> str:
@@ -111,6 +126,11 @@ def listed(words: Sequence[str], last: str) -> str:
 def number(value: float | None) -> str:
     """Three digits; infinity where there is none."""
     return "∞" if value is None else f"{value:.3g}"
+
+
+def error(value: float | None) -> str:
+    """An error; a dash where there is none."""
+    return "–" if value is None else number(value)
 
 
 def percent(share: float) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from studies.diagnosis.fit import Fit, fit
 from studies.diagnosis.judgement import Judgement
@@ -32,21 +35,29 @@ class Attempt:
         return self.widths <= 2.0
 
 
-def attempts(simulation: Simulation, judged: Judgement) -> tuple[Attempt, ...]:
-    """Every visible effect, the one that explains most first; none when nothing is wrong."""
+def attempts(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[Attempt, ...]:
+    """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
+
+    Those too that are not visible at a usual size: at an unusual one they may be.
+    """
     if judged.weighing is None:
         return ()
+    excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
     found = []
-    table, nominal = judged.table, judged.nominal
-    excess = max(nominal.chi_squared - len(table), 1e-9)
-    for one in judged.weighing.fits:
-        if len(one.hypothesis) == 1:
-            wide = fit(simulation, one.hypothesis, table, one.unknowns, widen=_WIDE)
-            parameters = one.hypothesis[0].of_registry.parameters
-            sizes = wide.unknowns[2:].tolist()
-            widths = max(abs(size) / item.deviation for size, item in zip(sizes, parameters, strict=True))
-            ends = (wide.unknowns <= wide.bounds[0] + 1e-12) | (wide.unknowns >= wide.bounds[1] - 1e-12)
-            edge = bool(ends[2:].any())
-            share = (nominal.chi_squared - wide.chi_squared) / excess
-            found.append(Attempt(one.hypothesis[0], wide, min(max(share, 0.0), 1.0), widths, edge and widths > 0))
+    for cause in causes:
+        wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
+        if wide.found:
+            share = (judged.nominal.chi_squared - wide.chi_squared) / excess
+            found.append(Attempt(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause), _bounded(wide)))
     return tuple(sorted(found, key=lambda attempt: -attempt.share))
+
+
+def _widths(one: Fit, cause: Cause) -> float:
+    parameters = cause.of_registry.parameters
+    return max(abs(size) / item.deviation for size, item in zip(one.unknowns[2:].tolist(), parameters, strict=True))
+
+
+def _bounded(one: Fit) -> bool:
+    """Whether a size that is not none is at a limit."""
+    sizes, (low, high) = one.unknowns[2:], one.bounds[:, 2:]
+    return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))

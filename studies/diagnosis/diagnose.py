@@ -13,7 +13,9 @@ from studies.data_checks import warnings as data_warnings
 from studies.dataset import Dataset
 from studies.diagnosis.calibration import calibrated, extended_setup, law_error, with_effects
 from studies.diagnosis.fit import Fit
+from studies.diagnosis.gain import GainReport, gain_of
 from studies.diagnosis.judgement import Judgement, judge
+from studies.diagnosis.next_experiment import Proposals, propose
 from studies.diagnosis.readings import Readings, readings_of
 from studies.diagnosis.simulation import Cause, Simulation
 from studies.effects import Setup
@@ -30,7 +32,8 @@ class Diagnosis:
 
     ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against finite elements on
     a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times each factor of :data:`SWEEP`;
-    ``chosen``: the hypothesis the extended model has, None when nothing is wrong.
+    ``chosen``: the hypothesis the extended model has, None when nothing is wrong; ``gain`` on readings held out;
+    ``proposals`` for the next experiment.
     """
 
     dataset: Dataset
@@ -40,6 +43,8 @@ class Diagnosis:
     model_error: float
     swept: tuple[tuple[str, tuple[str, ...]], ...]
     chosen: Fit | None
+    gain: GainReport
+    proposals: Proposals
 
     @property
     def verdict(self) -> str:
@@ -106,7 +111,9 @@ def diagnose(dataset: Dataset, workers: int = 2, seed: int = 0,
     chosen = chosen_fit(judged)
     if chosen is not None:
         error = max(error, law_error(simulation, chosen, table))
-    return Diagnosis(dataset, readings, simulation, judged, error, tuple(swept), chosen)
+    gain = gain_of(simulation, table, causes, judged, seed)
+    return Diagnosis(dataset, readings, simulation, judged, error, tuple(swept), chosen, gain,
+                     propose(simulation, judged, causes))
 
 
 def _judged(simulation: Simulation, readings: Readings, causes: tuple[Cause, ...], seed: int) -> Judgement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,24 @@ from geometry.units import quantity
 from studies.diagnosis.attempts import Attempt, attempts
 from studies.diagnosis.diagnose import Diagnosis, rmse
 from studies.diagnosis.fit import Fit
-from studies.diagnosis.judgement import interval
+from studies.diagnosis.gain import GainReport, SplitGain
+from studies.diagnosis.judgement import Judgement, interval
 from studies.diagnosis.knowable import knowable
 from studies.diagnosis.plan import detectable
+from studies.diagnosis.ratios import ratios
 from studies.diagnosis.simulation import Cause
 from studies.effects import Parameter
 from studies.store import write_csv, write_json, write_text
 
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
+
+#: The next experiment where no effect explains a misfit.
+_AGAIN = ("mount the specimens again and repeat the readings, up and down: see whether the misfit is there again, and "
+          "how large the noise is, before looking for an effect nobody has thought of")
+
+#: Patterns that noise shows less often than this are told too.
+_CLEAR = 1e-3
 
 
 def as_json(found: Diagnosis) -> dict[str, Any]:
@@ -34,12 +44,13 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "causes": [] if judged.weighing is None else causes(found),
         "indistinguishable": [sorted({cause.effect for cause in group}) for group in judged.indistinguishable],
         "misfit": misfit(found),
-        "gain": None,
-        "next_experiment": None,
+        "gain": gain(found.gain),
+        "next_experiment": next_experiment(found),
         "not_visible": sorted({cause.effect for cause in judged.invisible}),
         "probability": {"nothing": 1.0 if judged.weighing is None else judged.weighing.nothing,
                         "unknown": 0.0 if judged.weighing is None else judged.weighing.unknown},
-        "attempts": [_attempt(one) for one in attempts(found.simulation, judged)],
+        "attempts": [_attempt(one) for one in attempts(
+            found.simulation, judged, found.readings.causes)],
         "after": None if found.chosen is None else after(found, found.chosen),
         "baseline": baseline(judged.nominal),
         "priors_swept": {"moves": found.moves, "verdicts": [verdict for verdict, _ in found.swept]},
@@ -90,17 +101,33 @@ def misfit(found: Diagnosis) -> dict[str, Any]:
     judged = found.judgement
     lengths = np.isin(judged.table.kind, ("displacement", "range"))
     words = {pattern.name: pattern.words for pattern in judged.patterns}
-    strongest = min((name for name in judged.test.p_values if name in words), key=judged.test.p_values.__getitem__)
+    names = [specimen.name for specimen in found.simulation.setup.specimens]
+    predicted = judged.table.value - judged.nominal.residual * judged.table.sigma
     return {
         "baseline_rmse_um": 1e6 * rmse(judged.nominal.residual[lengths], judged.table.sigma[lengths]),
         "noise_um": 1e6 * float(np.sqrt(np.mean(judged.table.sigma[lengths] ** 2))),
         "noise_from": found.readings.noise_from,
         "noise_over_stated": judged.test.noise,
         "p_value": judged.test.p_value,
-        "where": words[strongest] if found.verdict != "nothing" else "nowhere: what is left is noise",
+        "where": where(judged) if found.verdict != "nothing" else "nowhere: what is left is noise",
+        "ratios": [{**asdict(one), "off_by_noise": one.off} for one in ratios(judged.table, predicted, names)],
         "patterns": [{"what": words[name], "p_value": p} for name, p in
                      sorted(judged.test.p_values.items(), key=lambda item: item[1]) if name in words],
     }
+
+
+def where(judged: Judgement) -> str:
+    """Where the misfit is, in words: the strongest pattern, and the strongest one of another kind if there is one.
+
+    Of patterns that are about as strong the one is taken that says more: of a specimen before of all readings.
+    """
+    words = {pattern.name: pattern.words for pattern in judged.patterns if pattern.name != "ramps"}
+    strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items() if name in words}
+    vague = {"level": 1e4, "fitted value": 1e3, "voltage": 10.0}
+    order = sorted(strength, key=lambda name: strength[name] * vague.get(name, 1.0))
+    told = order[:1] + [name for name in order[1:] if strength[name] < _CLEAR and name.split()[0] != order[0].split()[0]
+                        and name not in vague][:1]
+    return "; ".join(words[name] for name in told)
 
 
 def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
@@ -109,6 +136,33 @@ def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
     lengths = np.isin(table.kind, ("displacement", "range"))
     return {"rmse_um": 1e6 * rmse(one.residual[lengths], table.sigma[lengths]),
             "p_value": None if test is None else test.p_value, "effects": [str(cause) for cause in one.hypothesis]}
+
+
+def gain(found: GainReport) -> dict[str, Any] | None:
+    """The gain of design §6, and that of each split."""
+    if found.overall is None:
+        return None
+    return {**asdict(found.overall), "splits": [_split(one) for one in found.splits],
+            "impossible": list(found.impossible)}
+
+
+def _split(one: SplitGain) -> dict[str, Any]:
+    errors = {key: 1e6 * value if np.isfinite(value) else None for key, value in one.rmse.items()}
+    return {"held_out": one.split.held_out, "chosen": [str(cause) for cause in one.chosen],
+            "wrong": [str(cause) for cause in one.wrong], "rmse_um": errors, "note": one.note}
+
+
+def next_experiment(found: Diagnosis) -> dict[str, Any] | None:
+    """The best experiment in words; None where nothing is to be told apart."""
+    if found.verdict == "unexplained":
+        return {"what": _AGAIN, "separates": [], "expected_chi_squared": None, "menu": []}
+    proposals = found.proposals
+    if not proposals.ranked:
+        return None
+    best = next((one for one in proposals.ranked if one.enough), proposals.ranked[0])
+    return {"what": proposals.sentence, "separates": list(best.effects), "expected_chi_squared": best.expected,
+            "menu": [{"what": one.what, "separates": list(one.effects), "expected_chi_squared": one.expected,
+                      "enough": one.enough} for one in proposals.ranked]}
 
 
 def _attempt(one: Attempt) -> dict[str, Any]:
