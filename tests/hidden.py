@@ -23,6 +23,7 @@ from fem.laws import Gent, MooneyRivlin, Ogden
 from fem.library import MATERIALS, load_specimen
 from fem.paths import voltage_path
 from fem.rig import Rig
+from geometry.errors import InputError
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle
 from geometry.specimen import Material, Plate, Specimen
@@ -226,7 +227,17 @@ def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means, s
 
 
 def readings(design: Design, truth: Truth) -> Array | None:
-    """Readings of a design's rows without noise [m]; None where a state has no equilibrium."""
+    """Readings of a design's rows without noise [m]; None where a state has no equilibrium or a film cannot be built.
+
+    The latter are electrode margins of less than 1 % of the gap.
+    """
+    try:
+        return _readings(design, truth)
+    except InputError:
+        return None
+
+
+def _readings(design: Design, truth: Truth) -> Array | None:
     if truth.means == "equations":
         return hidden_equations.readings(design, truth)
     law = design.setup.specimens[0].membrane.material

@@ -95,7 +95,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
         _share("one identifiable effect: another is named", named, lambda one: one.misnamed, high=0.02),
         _share("one effect too weak to be identified: another is named", weak, lambda one: one.misnamed, high=0.02),
         _share("exact aliases: said to be, and none of them named", of("alias"), lambda one: one.reported, low=1.0),
-        _share("one effect as drawn, seen: 95 % set of hypotheses has it", alarmed, lambda one: one.covered, 0.92, 0.98),
+        _share("one effect as drawn, seen: 95 % set has it", alarmed, lambda one: one.covered, 0.92, 0.98),
         Rate("calibration error of the first cause's stated probability", 0,
              sum(bool(one.ranked) for name in _MIXTURE for one in of(name)), 0.0, 0.05,
              calibration(records)[0]),
@@ -213,12 +213,12 @@ Made by `make hidden`. Readings are made with an effect in them, by means that s
 solver settings with the fitted model, and the diagnosis must find it: half by finite elements of order 3 or 2 on finer
 meshes under loads, a quarter by the membrane's differential equations (three circular specimens), a quarter by
 elements with a film of another material family (Gent and Mooney against the fitted Ogden, stresses within 0.05 %).
-Otherwise the paper's three actuators. Two masses, 15 voltages to 6.5 kV, half of the first half up and down again (with
-`hysteresis` among the effects, else not in the library). Stiffness is off by 10 %, permittivity by 5 %, effects and
-sizes are drawn from the priors, noise is 20 µm in three fifths of the trials, 10 and 40 µm in a fifth each. A draw
-without equilibrium at all readings is drawn again. Draws called "single" and "pair" are kept whatever they are;
-"strong" ones and "duos", to have more that are identifiable, only if the fitted model foretells that no other single
-effect will do.
+Otherwise the three actuators of the paper. Two masses, 15 voltages to 6.5 kV, half of the first half up and down again
+(with `hysteresis` among the effects, else not in the library). Stiffness is off by 10 %, permittivity by 5 %, effects
+and sizes are drawn from the priors, noise is 20 µm in three fifths of the trials, 10 and 40 µm in a fifth each. A draw
+without equilibrium at all readings, or with a margin too narrow to be built, is drawn again. Draws called "single" and
+"pair" are kept whatever they are; "strong" ones and "duos", to have more that are identifiable, only if the fitted
+model foretells that no other single effect will do. No size was chosen by what is found.
 
 Δχ² is computed from the readings without noise: of a hidden effect, what the nominal model misses with stiffness and
 permittivity fitted. An effect is identifiable with Δχ² ≥ {seen:g} and Δχ² ≥ {told:g} from every other single effect;

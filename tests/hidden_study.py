@@ -1,8 +1,10 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
-    python tests/hidden_study.py [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [-o docs/hidden-effects.md]
+    python tests/hidden_study.py [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [--minutes M]
+        [-o docs/hidden-effects.md]
 
-Trials that FILE has already are not run again, so that a study may be stopped and taken up.
+Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials of all kinds are
+mixed, so that one that is stopped after some minutes has its share of each; with 0 minutes only the page is written.
 """
 
 from __future__ import annotations
@@ -10,8 +12,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from math import inf
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -50,10 +54,12 @@ def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
     return ((name, number) for _, name, number in sorted(every))
 
 
-def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None) -> list[Record]:
-    """All trials run, or read from where they were kept."""
-    records, done = _kept(keep)
+def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None, minutes: float = inf
+          ) -> list[Record]:
+    """All trials run, or read from where they were kept; those still to be begun after some minutes left out."""
+    records, done = kept(keep)
     trials = [trial for trial in order(counts) if trial not in done]
+    end = time.monotonic() + 60 * minutes
     with ProcessPoolExecutor(workers, get_context("spawn"), _start, (lab,)) as pool, bar(len(trials)) as step:
         for name, number, found in pool.map(_run, trials):
             step(f"{name} {number}")
@@ -62,10 +68,14 @@ def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = No
                 with keep.open("a", encoding="utf-8") as file:
                     rows = [one.json() for one in found]
                     file.write(json.dumps({"trial": [name, number], "records": rows}) + "\n")
+            if time.monotonic() > end:
+                pool.shutdown(cancel_futures=True)
+                break
     return records
 
 
-def _kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
+def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
+    """Records kept in a file, and the trials they are of."""
     lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
     rows = [json.loads(line) for line in lines]
     done = {(row["trial"][0], row["trial"][1]) for row in rows}
@@ -78,6 +88,17 @@ def write(records: Sequence[Record], about: str, file: Path) -> None:
     draw_power(records, file.with_suffix(".png"))
 
 
+def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
+    """What was run, and what of it was planned."""
+    done = {name: len({one.number for one in records if one.population.startswith(name)}) for name in counts}
+    lines = [f"Seed {seed}. Trials: {', '.join(f'{count} {name}' for name, count in done.items())}; drawn again for "
+             f"want of an equilibrium or a film {sum(one.again for one in records)} times."]
+    if done != counts:
+        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, in an order in which "
+                     "each kind has its share; `make hidden` goes on from its trials.")
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Run the study and print its rates."""
     parser = argparse.ArgumentParser(description="Hide effects in readings and have them found.")
@@ -85,13 +106,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="file the trials are kept in as they are done, one JSON line each")
+    parser.add_argument("--minutes", type=float, default=inf, help="time after which no further trial is begun")
     parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the rates in; its picture beside it")
     options = parser.parse_args()
     counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
-    records = study(lab_of(options.seed, options.workers), counts, options.workers, options.keep)
-    again = sum(one.again for one in records)
-    about = (f"Seed {options.seed}; drawn: {', '.join(f'{n} {name}' for name, n in counts.items())}; drawn again for "
-             f"want of an equilibrium {again} times.")
+    if options.minutes > 0:
+        records = study(lab_of(options.seed, options.workers), counts, options.workers, options.keep, options.minutes)
+    else:
+        records, _ = kept(options.keep)
+    about = told(records, options.seed, counts)
     if options.output:
         write(records, about, options.output)
     print(about, *(rate.row() for rate in rates(records)), sep="\n")
