@@ -20,6 +20,9 @@ from studies.diagnosis.weighing import Weighing
 
 Array = NDArray[np.float64]
 
+#: Standard deviations within which a value lies on a bound.
+_AT_BOUND = 1e-6
+
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 
@@ -128,10 +131,13 @@ def adequacy(base: Judgement, one: Fit, freedom: float, generator: np.random.Gen
 
 
 def interval(one: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:
-    """An unknown's most probable value and the limits of its interval, within its bounds."""
+    """An unknown's most probable value and the limits of its interval, which begins at a bound the value lies on."""
     centre, width = float(one.unknowns[number]), float(one.deviations[number])
     low, high = ((bound - centre) / width for bound in one.bounds[:, number])
     below, above = ndtr(low), ndtr(high)
     tail = (1 - share) / 2
-    limits = [float(centre + width * ndtri(below + part * (above - below))) for part in (tail, 1 - tail)]
-    return centre, limits[0], limits[1]
+    parts = (tail, 1 - tail)
+    if low >= -_AT_BOUND or high <= _AT_BOUND:
+        parts = (0.0, share) if low >= -_AT_BOUND else (1 - share, 1.0)
+    limits = [float(centre + width * ndtri(below + part * (above - below))) for part in parts]
+    return centre, min(limits[0], centre), max(limits[1], centre)
