@@ -56,7 +56,7 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
              ) -> Nodes:
     """Solve a film at the nodes of a grid, starting from the states of a similar one where the meshes agree.
 
-    Beyond a voltage at which the film cannot be solved, force and capacitance are continued; ``strict`` refuses that.
+    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict`` refuses that.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
     """
     model = build_model(film.specimen, settings, film.loading)
     heaves, charges = grid.nodes
-    force, capacitance = np.empty((2, len(heaves), len(charges)))
+    force, capacitance = np.full((2, len(heaves), len(charges)), np.nan)
     states: list[list[State]] = []
     for i, heave in enumerate(heaves):
         states.append([])
@@ -75,19 +75,10 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
             if found is None:
                 if j < _FEWEST or strict:
                     raise NotSampled(charge)
-                for values in (force, capacitance):
-                    values[i, j:] = _continued(charges[:j], values[i, :j], charges[j:])
                 break
             force[i, j], capacitance[i, j] = found.state.force, capacitance_of(model, found.state)
             states[-1].append(found.state)
     return Nodes(force, capacitance, states)
-
-
-def _continued(charges: Array, values: Array, beyond: Array) -> Array:
-    """A parabola through the last three values, or a line through two, further out."""
-    degree = min(2, len(values) - 1)
-    last = slice(-1 - degree, None)
-    return np.polyval(np.polyfit(charges[last] / charges[-1], values[last], degree), beyond / charges[-1])
 
 
 def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int, j: int) -> State | None:

@@ -166,12 +166,17 @@ class _View:
         top = np.array([law.grid.charge for law in simulation.laws])[states.specimen]
         self.beyond = self.charge > (1 + _BEYOND) * top
 
+    @cached_property
+    def by_heave(self) -> list[Array]:
+        """Of each specimen, its states' forces as polynomials of the heave."""
+        return [surface.by_heave(self.charge[rows]) for rows, surface in zip(self.groups, self.surfaces, strict=False)]
+
     def film(self, heave: Array) -> tuple[Array, Array]:
         """Force of the films [N] and its derivative by the heave [N/m]."""
         force, rate = np.empty((2, len(heave)))
-        for rows, surface in zip(self.groups, self.surfaces, strict=False):
+        for rows, surface, by_heave in zip(self.groups, self.surfaces, self.by_heave, strict=False):
             if len(rows):
-                force[rows], rate[rows] = surface.force(heave[rows], self.charge[rows])
+                force[rows], rate[rows] = surface.force(heave[rows], by_heave)
         return self.stiffness * force, self.stiffness * rate
 
     def balance(self, heave: Array) -> tuple[Array, Array]:

@@ -24,6 +24,8 @@ _DRAWS = 4000
 
 #: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
 STATED = 8.0
+#: Probability below which scatter beyond the stated noise is no noise: what no curve here follows may be a misfit too.
+_ROUGH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +165,11 @@ class Tests:
         return bool(self.bases) and self.freedom + self.stated > 0
 
     def noise(self, residual: Array) -> float:
-        """Scatter about smooth curves and stated noise together, over the stated one."""
+        """Scatter about smooth curves and stated noise together, over the stated one; no more than that may be off."""
         own = np.concatenate([self.smooth, self.taken], axis=1)
         rough = float(residual @ residual) - float(np.sum((own.T @ residual) ** 2))
+        if self.stated > 0 and self.freedom > 0:
+            rough = min(rough, self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
     def __call__(self, residual: Array, generator: np.random.Generator) -> Found:
