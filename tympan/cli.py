@@ -162,9 +162,9 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
-    from reports.html import build
+    from reports import diagnosis, html
 
-    print(build(options.folder))
+    print((diagnosis if (options.folder / "diagnosis.json").exists() else html).build(options.folder))
 
 
 def _export(commands: Any) -> None:
