@@ -230,7 +230,7 @@ two effects with {told:g} from every other one or two. `amplifier_gain` is an ex
 aliases are made by taking one mass only (`unaccounted_mass`) or all readings at one time (`drift`, `sensor_zero`).
 """
 _AFTER = """Intervals are Bayesian: they cover as stated over effects drawn from the priors. Those of identifiable
-effects alone cover less, because an effect that a prior thinks improbable is drawn towards it. "Missed" judges the rate,
+effects alone cover less: an effect that a prior thinks improbable is drawn towards it. "Missed" judges the rate,
 not its interval. The calibration error of a perfect engine is about 0.05 with a hundred trials and falls with their
 root. A stranger with a smaller Δχ² from the library is as good as one of its effects, and may get its name."""
 _POWER = "![Share detected and named against Δχ²](hidden-effects.png)"
