@@ -16,6 +16,7 @@ test: .venv/ready
 benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
 	.venv/bin/python -m benchmarks.gradient
+	.venv/bin/python -m benchmarks.diagnosis
 
 scaling: .venv/ready
 	.venv/bin/python -m benchmarks.scaling --peers

@@ -15,7 +15,7 @@ from scipy.stats import beta
 from studies.diagnosis.knowable import SEEN, TOLD
 
 #: Edges of the bins of Δχ² for the power curve, and bins of equal count for stated probabilities.
-_EDGES = (0.0, 1.0, 4.0, 9.0, 16.0, 25.0, 50.0, 100.0, 400.0, np.inf)
+_EDGES = (-np.inf, 1.0, 4.0, 9.0, 16.0, 25.0, 50.0, 100.0, 400.0, np.inf)
 _BINS = 8
 #: What the causes are mixed by for the calibration of stated probabilities: the priors of the diagnosis.
 _MIXTURE = {"single": 0.6, "pair": 0.2, "outside": 0.2}
@@ -166,10 +166,10 @@ def power(records: Sequence[Record]) -> list[tuple[float, float, Rate, Rate]]:
 def page(records: Sequence[Record], about: str) -> str:
     """The page's text."""
     lines = [_HEAD.format(seen=SEEN, told=TOLD), about, "", "| what | rate | 95 % interval | count | target | |",
-             "|---|---|---|---|---|---|", *(rate.row() for rate in rates(records)), "", _POWER, "",
+             "|---|---|---|---|---|---|", *(rate.row() for rate in rates(records)), "", _AFTER, "", _POWER, "",
              "| Δχ² | detected | named | trials |", "|---|---|---|---|"]
     for low, high, seen, named in power(records):
-        lines.append(f"| {low:g} to {high:g} | {seen.share:.0%} ({seen.interval[0]:.0%} to {seen.interval[1]:.0%}) | "
+        lines.append(f"| {_bin(low, high)} | {seen.share:.0%} ({seen.interval[0]:.0%} to {seen.interval[1]:.0%}) | "
                      f"{named.share:.0%} | {seen.count} |")
     lines += ["", "Stated probability of the first cause, and how often it was there:", "",
               "| stated | there | trials |", "|---|---|---|"]
@@ -182,6 +182,10 @@ def page(records: Sequence[Record], about: str) -> str:
         said = Counter(", ".join(one.named) if one.named else one.verdict for one in own)
         lines.append(f"| {name} | {len(own)} | {'; '.join(f'{words} {n}' for words, n in said.most_common())} |")
     return "\n".join(lines) + "\n"
+
+
+def _bin(low: float, high: float) -> str:
+    return f"< {high:g}" if low < 0 else f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
 
 
 def draw_power(records: Sequence[Record], file: Path) -> None:
@@ -197,7 +201,7 @@ def draw_power(records: Sequence[Record], file: Path) -> None:
         middle = np.array([rate.share for rate in shares])
         error = np.abs(np.array([rate.interval for rate in shares]).T - middle)
         axes.errorbar(at, middle, error, fmt="o-", color=colour, capsize=3, label=label)
-    names = [f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}" for low, high, *_ in bins]
+    names = [_bin(low, high) for low, high, *_ in bins]
     axes.set_xticks(range(len(bins)), [f"{name}\n({one[2].count})" for name, one in zip(names, bins, strict=True)],
                     fontsize=8)
     axes.set(xlabel="Δχ² of the hidden effect after stiffness and permittivity are fitted (trials)",
@@ -225,4 +229,8 @@ permittivity fitted. An effect is identifiable with Δχ² ≥ {seen:g} and Δχ
 two effects with {told:g} from every other one or two. `amplifier_gain` is an exact alias of permittivity; other exact
 aliases are made by taking one mass only (`unaccounted_mass`) or all readings at one time (`drift`, `sensor_zero`).
 """
+_AFTER = """Intervals are Bayesian: they cover as stated over effects drawn from the priors. Those of identifiable
+effects alone cover less: an effect that a prior thinks improbable is drawn towards it. "Missed" judges the rate,
+not its interval. The calibration error of a perfect engine is about 0.05 with a hundred trials and falls with their
+root. A stranger with a smaller Δχ² from the library is as good as one of its effects, and may get its name."""
 _POWER = "![Share detected and named against Δχ²](hidden-effects.png)"

@@ -213,15 +213,16 @@ def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Tab
     """Every hypothesis fitted but the ``known``, from the nominal one's unknowns; pairs from their members' fits."""
     found = {one.hypothesis: one for one in known}
     for hypothesis in hypotheses:
-        if hypothesis in found:
-            continue
-        first = start[:2]
-        if len(hypothesis) == 2:
-            members = [found.get((cause,)) for cause in hypothesis]
-            best = max((one for one in members if one is not None), key=lambda one: one.evidence, default=None)
-            if best is not None and best.found:
-                sizes = [best.unknowns[2:] if cause == best.hypothesis[0] else np.zeros(sizes_of((cause,)))
-                         for cause in hypothesis]
-                first = np.concatenate([best.unknowns[:2], *sizes])
-        found[hypothesis] = fit(simulation, hypothesis, table, first, widen)
+        if hypothesis not in found:
+            members = [found[cause,] for cause in hypothesis if len(hypothesis) > 1 and (cause,) in found]
+            starts = [_beside(one, hypothesis) for one in members if one.found] or [start[:2]]
+            fits = [fit(simulation, hypothesis, table, first, widen) for first in starts]
+            found[hypothesis] = max(fits, key=lambda one: (one.found, one.evidence))
     return [found[hypothesis] for hypothesis in hypotheses]
+
+
+def _beside(member: Fit, hypothesis: Hypothesis) -> Array:
+    """Unknowns of a pair to start from: those of one member, the other not there."""
+    sizes = [member.unknowns[2:] if (cause,) == member.hypothesis else np.zeros(sizes_of((cause,)))
+             for cause in hypothesis]
+    return np.concatenate([member.unknowns[:2], *sizes])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from studies.diagnosis.black_box import Process
 from studies.diagnosis.fit import Fit, fit_all, nominal_fit
@@ -19,7 +20,7 @@ from studies.diagnosis.judgement import Judgement
 from studies.diagnosis.knowable import SAME, signatures
 from studies.diagnosis.simulation import Cause, Hypothesis, Simulation, hypotheses_of
 from studies.diagnosis.table import Table
-from studies.diagnosis.weighing import priors
+from studies.diagnosis.weighing import NOTHING, priors
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -114,8 +115,8 @@ def gain_of(simulation: Simulation, table: Table, causes: Sequence[Cause], judge
     """The gain of extending the model by causes chosen anew on each training part.
 
     The noise is the one the judgement found. Where the training part cannot show a cause that all readings speak for
-    (one on a specimen that is held out; a mass left out of account, with one mass left), the split says so and does
-    not count.
+    (one on a specimen that is held out; a mass left out of account, with one mass left), or shows nothing wrong at all,
+    the split says so and does not count.
     """
     if judgement.weighing is None or not judgement.weighing.fits:
         return GainReport(None, (), ("nothing was found to be wrong, so there is no extended model to test",))
@@ -176,15 +177,16 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
     test = compact(table[counted])
     known = {simulation.setup.specimens[k].name for k in np.unique(train.specimen)}
     nominal = nominal_fit(simulation, train)
-    chosen, wrong = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)], nominal,
-                           classes)
-    chosen = chosen or nominal
+    choice = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)], nominal, classes)
+    chosen, wrong = choice.best or nominal, choice.wrong
     error = {name: _errors(simulation, one, test) for name, one in (("before", nominal), ("after", chosen))}
     error["rival"] = _errors(simulation, wrong, test) if wrong else np.full(len(test), np.nan)
     process = Process.trained(train, nominal.residual * train.sigma)
     error["process"] = error["before"] - process.predicted(test)
     kept = np.isfinite(error["before"] + error["after"])
     note = _unlearnable(simulation, train, nominal, best, split.held_out)
+    if not note and choice.odds < 1:
+        note = f"nothing is seen to be wrong while {split.held_out} is held out"
     if not kept.any():
         note = "the models have no equilibrium where readings were held out"
     return SplitGain(split, chosen.hypothesis, wrong.hypothesis if wrong else (), test.sigma[kept],
@@ -203,8 +205,17 @@ def _errors(simulation: Simulation, one: Fit, table: Table) -> Array:
     return table.value - simulation.predict(one.hypothesis, one.unknowns, table)
 
 
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The best fit and the best one that is wrong, None where there is none; odds that there is a cause at all."""
+
+    best: Fit | None
+    wrong: Fit | None
+    odds: float
+
+
 def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nominal: Fit,
-           classes: Sequence[Sequence[Cause]] = ()) -> tuple[Fit | None, Fit | None]:
+           classes: Sequence[Sequence[Cause]] = ()) -> Choice:
     """The most probable causes for a table, and the most probable ones that share none with them nor their class.
 
     Each cause alone, the best of them with every other, and pairs of the best few are weighed.
@@ -212,14 +223,16 @@ def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nomina
     prior = dict(zip(hypotheses_of(causes), np.log(priors(hypotheses_of(causes))).tolist(), strict=True))
     singles = _ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns), prior)
     if not singles:
-        return None, None
+        return Choice(None, None, 0.0)
     order = [one.hypothesis[0] for one in singles]
     pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
              and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
     ranked = _ranked([*singles, *fit_all(simulation, pairs, table, nominal.unknowns, known=singles)], prior)
     taken = set(ranked[0].hypothesis)
     taken |= {cause for group in classes if taken & set(group) for cause in group}
-    return ranked[0], next((one for one in ranked if not taken & set(one.hypothesis)), None)
+    weights = [one.evidence + prior[one.hypothesis] - nominal.evidence - np.log(NOTHING) for one in ranked]
+    return Choice(ranked[0], next((one for one in ranked if not taken & set(one.hypothesis)), None),
+                  float(np.exp(min(logsumexp(weights), 700.0))))
 
 
 def _ranked(fits: Sequence[Fit], prior: dict[Hypothesis, float]) -> list[Fit]:

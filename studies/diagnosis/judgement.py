@@ -35,7 +35,7 @@ class Levels:
     probability of none of the library from which the verdict is unexplained.
     """
 
-    alarm: float = 0.04
+    alarm: float = 0.03
     adequate: float = 0.01
     sure: float = 0.9
     unknown: float = 0.5

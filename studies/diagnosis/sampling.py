@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from fem.controls import Heave, capacitance_of
 from fem.model import Model
 from fem.newton import Solution, newton
-from fem.paths import held
+from fem.paths import PathSettings, held
 from fem.state import State
 from geometry.mesher import MeshSettings
+from geometry.specimen import Specimen
 from studies.cases import Settings, build_model
 from studies.diagnosis.axes import Axis, Film, edited, film_axes
 from studies.diagnosis.force_law import ForceLaw, Grid, Sample, fitted, grid_of, samples
@@ -29,6 +30,10 @@ COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
 _CHUNK = 12
+
+#: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
+_BOLD = PathSettings(shortest=0.1)
+
 _FEWEST = 2
 
 
@@ -45,11 +50,12 @@ class NotSampled(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, charges), and the states."""
+    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, charges); states and model."""
 
     force: Array
     capacitance: Array
     states: list[list[State]]
+    model: Model
 
 
 def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = None, strict: bool = False
@@ -63,7 +69,7 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
     NotSampled
         Where there is no solution.
     """
-    model = build_model(film.specimen, settings, film.loading)
+    model = _model(film, settings, near)
     heaves, charges = grid.nodes
     force, capacitance = np.full((2, len(heaves), len(charges)), np.nan)
     states: list[list[State]] = []
@@ -78,7 +84,20 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
                 break
             force[i, j], capacitance[i, j] = found.state.force, capacitance_of(model, found.state)
             states[-1].append(found.state)
-    return Nodes(force, capacitance, states)
+    return Nodes(force, capacitance, states, model)
+
+
+def _model(film: Film, settings: Settings, near: Nodes | None) -> Model:
+    """The film's model: on the mesh of a similar film that has the same outlines."""
+    if near is not None and outlines(film.specimen) == outlines(near.model.specimen):
+        return near.model.with_specimen(film.specimen).with_loading(film.loading)
+    return build_model(film.specimen, settings, film.loading)
+
+
+def outlines(specimen: Specimen) -> tuple[object, ...]:
+    """All a specimen's mesh depends on."""
+    electrode = specimen.electrode
+    return specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate, electrode.outline
 
 
 def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int, j: int) -> State | None:
@@ -93,12 +112,12 @@ def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]]
 
 def _solved(model: Model, guess: State | None, heave: float, charge: float, pressure: float) -> Solution | None:
     """The film with its plate held."""
-    if guess is not None:
-        found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",), (Heave(heave),))
-        if found.converged:
-            return found
+    guess = State.mounted(model) if guess is None else guess
+    found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",), (Heave(heave),))
+    if found.converged:
+        return found
     start = newton(model, State.mounted(model).under(pressure=pressure), ("force",), (Heave(0.0),))
-    outcome = held(model, heave, charge**0.5, start)
+    outcome = held(model, heave, charge**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
@@ -115,17 +134,22 @@ class Task:
 
     def run(self) -> list[tuple[Array, Array]]:
         """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
-        nominal = {grid: at_nodes(Film.of(self.setup, self.name), grid, self.settings)
-                   for grid in {grid_of(self.grid, sample) for sample in self.samples}}
+        known: dict[tuple[object, ...], Nodes] = {}
         found = []
-        for sample in self.samples:
+        for sample in sorted(self.samples, key=lambda sample: len(sample.axes)):
             axes = [self.axes[index] for index in sample.axes]
             sizes = [axis.size(at) for axis, at in zip(axes, sample.at, strict=True)]
             grid = grid_of(self.grid, sample)
-            nodes = at_nodes(edited(self.setup, self.name, axes, sizes), grid, self.settings, nominal[grid]
-                             ) if axes else nominal[grid]
-            found.append((nodes.force, nodes.capacitance))
-        return found
+            nominal = (grid, outlines(self.setup.specimen(self.name)))
+            if nominal not in known:
+                known[nominal] = at_nodes(Film.of(self.setup, self.name), grid, self.settings)
+            film = edited(self.setup, self.name, axes, sizes)
+            own = grid, outlines(film.specimen)
+            nodes = at_nodes(film, grid, self.settings, known.get(own, known[nominal])) if axes else known[nominal]
+            known.setdefault(own, nodes)
+            found.append((sample, (nodes.force, nodes.capacitance)))
+        results = dict(found)
+        return [results[sample] for sample in self.samples]
 
 
 def nominal_law(setup: Setup, name: str, heave: float, charge: float) -> ForceLaw:
