@@ -70,7 +70,7 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
             files = resources.files("studies") / "actuators"
             setup = Setup(tuple(load_specimen(str(files / f"{name}.toml")) for name in
                                 ("circular", "elliptical-small", "elliptical-large")), Rig())
-            laws = force_laws(setup, [Grid(6e-3, 7.5e3**2, odd=True)] * 3)
+            laws = force_laws(setup, [Grid(6e-3, 7.5e3**2, odd=True)] * 3, workers=2)
             stored.write_bytes(pickle.dumps(Simulation(setup, laws)))
         found = pickle.loads(stored.read_bytes())
     assert isinstance(found, Simulation)

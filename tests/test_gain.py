@@ -116,7 +116,9 @@ def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulatio
     judgement = judge(three_shapes, table, every_cause(three_shapes))
     report = gain_of(three_shapes, table, every_cause(three_shapes), judgement)
     notes = {one.split.held_out: one.note for one in report.splits if one.note}
-    assert notes == {"circular": "prestretch_loss of circular cannot be learned while circular is held out"}
+    assert notes.pop("circular") == "prestretch_loss of circular cannot be learned while circular is held out"
+    assert all(note.startswith("nothing is seen to be wrong") for note in notes.values())
+    assert len(notes) < len(report.splits) - 2
     assert report.overall is not None
     assert "circular" not in report.overall.held_out.split("(")[1].split(")")[0].split(", ")
 

@@ -78,14 +78,14 @@ class Diagnosis:
         return found
 
 
-def diagnose(dataset: Dataset, workers: int = 2, seed: int = 0,
+def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
     """Diagnose a dataset's static readings and ranges.
 
     Parameters
     ----------
     workers
-        Processes for the finite elements.
+        Processes for the finite elements; with more than one the calling script needs a main guard.
     seed
         Of the draws for critical values; another one moves probabilities by their sampling error.
     progress

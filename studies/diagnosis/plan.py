@@ -50,7 +50,7 @@ def detectable(one: Detectable) -> dict[str, Any]:
             "told_from": one.told, "rival": one.rival, "prior_width": one.prior}
 
 
-def plan(dataset: Dataset, workers: int = 2,
+def plan(dataset: Dataset, workers: int = 1,
          progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Plan:
     """What a dataset's readings can tell, whatever was or will be read: their values are not looked at.
 

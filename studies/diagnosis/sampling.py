@@ -167,7 +167,7 @@ def nominal_law(setup: Setup, name: str, heave: float, charge: float) -> ForceLa
             return fitted(grid, (), [Sample((), ())], [nodes.force], [nodes.capacitance])
 
 
-def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 2,
+def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
                progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
     """The force law of every specimen, with the axes of every effect in the library.
 
