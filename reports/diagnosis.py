@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from geometry.errors import InputError
 from reports import residuals
-from reports.html import embedded
+from reports.html import embedded, template, text
 from reports.residuals import Residuals
 from studies.effects import REGISTRY
 from studies.store import write_text
@@ -50,17 +48,17 @@ def build(folder: Path) -> Path:
 
 def page(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-                                     lstrip_blocks=True)
-    environment.filters |= {"number": number, "percent": percent, "chance": chance, "error": error}
-    text = resources.files("reports").joinpath("diagnosis.html").read_text(encoding="utf-8")
-    template = environment.from_string(text)
-    return template.render(found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
-                           causes=[{**one, "label": label(one), "explanation": REGISTRY[one["effect"]].explanation,
-                                    "values": values(one)} for one in content["causes"]],
-                           attempts=[{**one, "label": label(one), "values": values(one)}
-                                     for one in content["attempts"]],
-                           figure=figure)
+    filled = template("diagnosis.html", number=number, percent=percent, chance=chance, error=error)
+    return filled.render(
+        css=text("page.css"), found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
+        figure=figure, causes=[told(one) for one in content["causes"]],
+        attempts=[told(one) for one in content["attempts"]])
+
+
+def told(cause: Content) -> Content:
+    """A cause with its words."""
+    return {**cause, "label": label(cause), "values": values(cause),
+            "explanation": REGISTRY[cause["effect"]].explanation}
 
 
 def sentence(content: Content) -> str:

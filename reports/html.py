@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -70,17 +70,27 @@ def build(folder: Path) -> Path:
 
 def page(run: Run, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
-                                     lstrip_blocks=True)
-    template = environment.from_string(resources.files("reports").joinpath("report.html").read_text(encoding="utf-8"))
-    return template.render(
-        run=run, summary=words.summary(run), warnings=words.warnings(run), fig4=fig4,
+    return template("report.html").render(
+        css=text("page.css"), run=run, summary=words.summary(run), warnings=words.warnings(run), fig4=fig4,
         curves=curves_, hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
         design=figure4.plan(run.specimens, run.stress_range),
         results=[(item, result_row(item)) for item in run.specimens],
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
         circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
                  for item in run.alphas if len(item.circles) == 1], settings=list(settings(run.record)))
+
+
+def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
+    """A page's template, with filters of its own."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+                                     lstrip_blocks=True)
+    environment.filters |= filters
+    return environment.from_string(text(name))
+
+
+def text(name: str) -> str:
+    """A file beside this one."""
+    return resources.files("reports").joinpath(name).read_text(encoding="utf-8")
 
 
 def embedded(file: Path) -> str:

@@ -79,11 +79,11 @@ def _first_reach(setup: Setup, table: Table) -> tuple[Array, Array]:
         largest = float(np.abs(table.value[own]).max(initial=0.0))
         heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), _LARGEST * specimen.gap) if own.any()
                       else 0.2 * specimen.gap)
-        charges.append(_ROOM[1] * _seen(setup, table, number))
+        charges.append(_ROOM[1] * largest_charge(setup, table, number))
     return np.array(heaves), np.maximum(charges, 1e4)
 
 
-def _seen(setup: Setup, table: Table, number: int) -> float:
+def largest_charge(setup: Setup, table: Table, number: int) -> float:
     """The largest U² a specimen's film sees."""
     states, own = table.states, table.states.specimen == number
     seen = np.asarray(setup.rig.film_voltage(states.voltage[own], states.direction[own]))
@@ -97,7 +97,7 @@ def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
     heaves, charges = _first_reach(simulation.setup, table)
     for number, specimen in enumerate(simulation.setup.specimens):
         own = table.states.specimen == number
-        charges[number] = max(_ROOM[1] * share * _seen(simulation.setup, table, number), 1e4)
+        charges[number] = max(_ROOM[1] * share * largest_charge(simulation.setup, table, number), 1e4)
         if heave is not None:
             largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
             heaves[number] = min(largest, _LARGEST * specimen.gap)

@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.errors import InputError
 from studies.dataset import Dataset
-from studies.diagnosis.calibration import calibrated, with_effects
+from studies.diagnosis.calibration import calibrated, largest_charge, with_effects
 from studies.diagnosis.knowable import Detectable, Knowable, knowable
 from studies.diagnosis.readings import Readings, readings_of
 from studies.diagnosis.sampling import nominal_law
@@ -69,9 +69,7 @@ def plan(dataset: Dataset, workers: int = 1,
 def predicted(setup: Setup, table: Table) -> Table:
     """The table with what the nominal model says in place of readings."""
     heave = np.array([0.2 * specimen.gap for specimen in setup.specimens])
-    charge = [1.3 * max((setup.rig.film_voltage(one) ** 2 for one in
-                         table.states.voltage[table.states.specimen == number].tolist()), default=0.0) + 1e4
-              for number in range(len(setup.specimens))]
+    charge = [1.3 * largest_charge(setup, table, number) + 1e4 for number in range(len(setup.specimens))]
     for _ in range(_ROUNDS):
         laws = tuple(nominal_law(setup, specimen.name, float(w), float(q))
                      for specimen, w, q in zip(setup.specimens, heave, charge, strict=True))
