@@ -27,7 +27,7 @@ from studies.store import write_text
 from tympan.progress import bar
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 100, "outside": 180, "alias": 102,
+COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 260, "outside": 320, "alias": 102,
           "noise": 100, "form": 60}
 
 _labs: list[Lab] = []

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 #: Factors on the widths of the priors for which the verdict is found again.
 SWEEP = (0.5, 2.0)
 
+#: Scatter about smooth curves over the stated noise from which it is worth a word.
+_ROUGH = 1.4
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -73,6 +76,9 @@ class Diagnosis:
         if self.model_error > 0.5 * noise:
             found.append(f"the reduced model is off by up to {1e6 * self.model_error:.2g} um, which is not small "
                          f"beside the noise of {1e6 * noise:.2g} um")
+        if self.judgement.test.noise > _ROUGH and self.readings.stated:
+            found.append(f"the readings scatter {self.judgement.test.noise:.2g} times as much about smooth curves as "
+                         "stated: the noise is understated, or something jumps, such as a plate that rubs")
         if self.moves:
             found.append("the verdict depends on how wide the effects' priors are taken (half or twice as wide)")
         return found
