@@ -86,6 +86,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
     pairs = [one for one in (*of("pair"), *of("duo")) if one.identifiable]
     alarmed = [one for one in single if one.covered is not None]
     sizes, large = ([hit for one in kind for hit in one.inside] for kind in (single, named))
+    gained = [one.ratio for one in of("gain") if one.identifiable and one.ratio is not None]
     mendless = [one for one in records if one.population != "outside" or one.told >= TOLD]
     return [
         _share("nothing hidden: false alarms", of("null"), _alarm, high=0.05),
@@ -122,6 +123,8 @@ def rates(records: Sequence[Record]) -> list[Rate]:
                [one for one in of("form") if one.identifiable], lambda one: one.misnamed),
         _share("refused (the nominal model reaches not all readings)", list(records),
                lambda one: one.verdict == "refused"),
+        Rate("one identifiable effect: error beyond noise on readings held out, after over before, median", 0,
+             len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
     ]
 
 

@@ -1,6 +1,6 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
-    python tests/hidden_study.py [--scale 1] [--seed 7] [--workers 2] [--keep FILE] [--minutes M]
+    python tests/hidden_study.py [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [--minutes M]
         [-o docs/hidden-effects.md]
 
 Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials of all kinds are
@@ -27,8 +27,8 @@ from studies.store import write_text
 from tympan.progress import bar
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 260, "outside": 320, "alias": 102,
-          "noise": 100, "form": 60}
+COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320, "alias": 102,
+          "noise": 100, "form": 60, "gain": 100}
 
 _labs: list[Lab] = []
 
@@ -103,7 +103,7 @@ def main() -> None:
     """Run the study and print its rates."""
     parser = argparse.ArgumentParser(description="Hide effects in readings and have them found.")
     parser.add_argument("--scale", type=float, default=1.0, help="factor on the number of trials")
-    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--keep", type=Path, help="file the trials are kept in as they are done, one JSON line each")
     parser.add_argument("--minutes", type=float, default=inf, help="time after which no further trial is begun")

@@ -11,6 +11,7 @@ from hidden import ALIASES, NOISE, Array, Design, Means, Truth, draw, hidden, re
 from hidden_strangers import STRANGERS
 
 from studies.diagnosis.fit import Fit, fit, fit_all
+from studies.diagnosis.gain import gain_of
 from studies.diagnosis.judgement import Judgement, interval, judge
 from studies.diagnosis.knowable import SEEN, TOLD
 from studies.diagnosis.simulation import Cause, Hypothesis, Simulation, hypotheses_of
@@ -30,7 +31,8 @@ class Record:
     by which the best of the library does); ``told``: the same for the best hypothesis that is not the truth. ``ranked``
     are the causes with their stated probabilities. ``covered``: whether the 95 % set of hypotheses has the truth,
     ``inside``: whether the 95 % intervals of its sizes have the true ones, None where that was not asked. ``reported``:
-    whether an alias was called one.
+    whether an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended model over the
+    nominal one, over all splits that can show it; None where there is none.
     """
 
     population: str
@@ -53,6 +55,7 @@ class Record:
     inside: tuple[bool, ...] = ()
     reported: bool | None = None
     words: str = ""
+    ratio: float | None = None
 
     @property
     def identifiable(self) -> bool:
@@ -127,6 +130,20 @@ def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
     table = measured(design, values, generator, number)
     found = _of_one("strong", number, design, simulation, truth, table, values, again)
     return [found, *(_deleted(found, design, simulation, table, truth) if number % 2 else ())]
+
+
+def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """An effect that stands out, and what the model extended by causes chosen without them gains on other readings."""
+    design, simulation, means = lab.by(number)
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+                                     number)
+    table = measured(design, values, generator, number)
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
+                            [(cause,) for cause in _visible(design)])
+    record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    found, verdict = _judged(record, design, simulation, table, truth)
+    gained = gain_of(simulation, table, design.causes, verdict, number).overall if verdict is not None else None
+    return [replace(found, ratio=None if gained is None else gained.ratio)]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
@@ -250,7 +267,7 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
     "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo, "outside": _outside,
-    "alias": _alias, "noise": _noise, "form": _form}
+    "alias": _alias, "noise": _noise, "form": _form, "gain": _gain}
 
 
 def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, nominal: Fit) -> float:
