@@ -85,8 +85,8 @@ class Rig:
         """All settings by name, as a study stores them."""
         return {**asdict(self), "biases": [{"law": bias.law, **vars(bias)} for bias in self.biases]}
 
-    def force(self, mass: float, plate_area: float = 0.0) -> float:
-        """Force on the plate [N] of a nominal mass [kg] and the pressure on the plate's area [m²]."""
+    def force(self, mass: Any, plate_area: Any = 0.0) -> Any:
+        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]; numbers or arrays."""
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
     @overload
@@ -111,8 +111,8 @@ class Rig:
         followed = supplied - direction * self.lag_voltage
         return followed * (np.real(followed) > 0)
 
-    def reading(self, deflection: float, elapsed: float = 0.0) -> float:
-        """What the sensor shows [m] of a deflection, so long after the run began [s].
+    def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
+        """What the sensor shows [m] of a deflection, so long after the run began [s]; numbers or arrays.
 
         Examples
         --------

@@ -200,14 +200,6 @@ def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> 
     return float(top + np.log(max(float(weight @ np.exp(exponent - top)), 1e-300)))
 
 
-def posterior_draws(one: Fit, count: int, generator: np.random.Generator) -> Array:
-    """Unknowns drawn from the posterior's parabola within the bounds, shape (count, unknowns)."""
-    factor = np.linalg.cholesky(np.linalg.inv(one.precision))
-    drawn = one.unknowns + generator.standard_normal((20 * count, len(one.unknowns))) @ factor.T
-    inside = drawn[np.all((drawn >= one.bounds[0]) & (drawn <= one.bounds[1]), axis=1)]
-    return inside[:count] if len(inside) else one.unknowns[None, :]
-
-
 def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array, widen: float = 1.0,
             known: Sequence[Fit] = ()) -> list[Fit]:
     """Every hypothesis fitted but the ``known``, from the nominal one's unknowns; pairs from their members' fits."""

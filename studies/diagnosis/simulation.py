@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.rig import Rig
+from geometry.outlines import area
 from studies.diagnosis.axes import changes_rig
 from studies.diagnosis.force_law import ForceLaw, Surface
 from studies.diagnosis.table import States, Table
@@ -156,12 +157,9 @@ class _View:
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
         self.charge = self.permittivity / self.stiffness * seen**2
-        areas = [specimen.plate.outline for specimen in simulation.setup.specimens]
-        self.load = (states.mass + self.rig.unaccounted_mass) * self.rig.gravity
-        if self.rig.plate_pressure:
-            from geometry.outlines import area
-
-            self.load = self.load + self.rig.plate_pressure * np.array([area(one) for one in areas])[states.specimen]
+        areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
+                          for specimen in simulation.setup.specimens])
+        self.load: Array = self.rig.force(states.mass, areas[states.specimen])
         self.reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
         top = np.array([law.grid.charge for law in simulation.laws])[states.specimen]
         self.beyond = self.charge > (1 + _BEYOND) * top
@@ -203,12 +201,10 @@ class _View:
         shown = np.empty(len(table))
         for kind, rows in table.rows_of.items():
             at = table.state[rows]
-            if kind in ("displacement", "range"):
-                shown[rows] = rig.reading(1.0, 0.0) * heave[at] - rig.sensor_zero * heave[at]
-                if kind == "displacement":
-                    shown[rows] += rig.sensor_zero + rig.drift * states.elapsed[at]
-                else:
-                    shown[rows] -= (1 + rig.sensor_gain) * heave[table.since[rows]]
+            if kind == "displacement":
+                shown[rows] = rig.reading(heave[at], states.elapsed[at])
+            elif kind == "range":
+                shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind == "capacitance":
                 shown[rows] = self._capacitance(heave)[at]
             elif kind == "film_voltage":
@@ -227,7 +223,7 @@ class _View:
 
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
     """The rig with its effects."""
-    setup, first = Setup((), simulation.setup.rig), 2
+    setup = Setup((), simulation.setup.rig)
     for cause in sorted(hypothesis, key=lambda cause: list(REGISTRY).index(cause.effect)):
         first = 2 + sizes_of(hypothesis[: hypothesis.index(cause)])
         if cause.effect in simulation.rig_effects:
@@ -269,11 +265,6 @@ def _folded(simulation: Simulation, effect: str, index: int) -> bool:
     """Whether the sign of a parameter changes nothing on any specimen."""
     axes = [axis for law in simulation.laws for axis in law.axes if (axis.effect, axis.index) == (effect, index)]
     return all(axis.folded for axis in axes)
-
-
-def with_rig(simulation: Simulation, rig: Rig) -> Simulation:
-    """The same films on another rig."""
-    return replace(simulation, setup=replace(simulation.setup, rig=rig))
 
 
 def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
