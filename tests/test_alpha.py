@@ -18,7 +18,8 @@ from geometry.errors import InputError
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle
 from geometry.specimen import Plate
-from studies.alpha import AlphaSettings, LoadGrid, alpha, sector_shares, simplex_fit
+from studies.alpha import AlphaSettings, LoadGrid, alpha, part_shares, simplex_fit, uncertainty, weight_ranges
+from studies.alpha.samples import frame_distances, parts_of
 from studies.cases import Settings
 from studies.cone import ConeCircle
 
@@ -139,9 +140,9 @@ def test_weights_converge_with_the_mesh() -> None:
     assert coarse.from_fields.alpha == pytest.approx(fine.from_fields.alpha, abs=2e-4)
 
 
-def test_sector_shares_of_a_circle_are_halves() -> None:
+def test_part_shares_of_a_circle_are_halves() -> None:
     film = model(circular(DEFAULT))
-    assert sector_shares(film, equilibrium(film, 0.1755, 2e3).state) == pytest.approx([0.5, 0.5], abs=1e-4)
+    assert part_shares(film, equilibrium(film, 0.1755, 2e3).state) == pytest.approx([0.5, 0.5], abs=1e-4)
 
 
 def test_loads_beyond_pull_in_are_left_out_and_said() -> None:
@@ -153,3 +154,82 @@ def test_loads_beyond_pull_in_are_left_out_and_said() -> None:
     assert result.by_basis["membrane"].alpha[0] > 0
     with pytest.raises(InputError, match="no equilibrium"):
         alpha(soft, Settings(), AlphaSettings(LoadGrid((17.9e-3,), (12e3,)), LoadGrid((17.9e-3,), (0.0,))))
+
+
+def three(radii: str, count: int = 3) -> AlphaSettings:
+    return replace(FEW, circles=count, radii=radii)
+
+
+@pytest.mark.parametrize("radii", ["semi_axes", "sectors", "fit"])
+def test_three_circles_fit_no_worse_than_their_best_two(radii: str) -> None:
+    result = alpha(elliptical(75e-3, DEFAULT), Settings(), three(radii))
+    assert list(result.circles) == sorted(result.circles)
+    assert len(result.circles) == 3
+    weights = result.by_basis["membrane"]
+    assert sum(weights.alpha) == pytest.approx(1, abs=1e-12)
+    assert weights.fit_error < 1e-4
+    assert weights.held_out_error < 1e-3
+    assert sum(result.from_fields.alpha) == pytest.approx(1, abs=1e-12)
+    assert all(low - 1e-9 <= weight <= high + 1e-9
+               for weight, (low, high) in zip(weights.alpha, result.ranges, strict=True))
+    # Three circles have one number more than the loads tell, which must be said.
+    assert result.condition > 100
+    assert any("do not determine" in words for words in result.warnings)
+
+
+def test_one_circle_stands_for_the_ellipse_if_its_radius_is_free() -> None:
+    free, between = (alpha(elliptical(75e-3, DEFAULT), Settings(), three(radii, 1)) for radii in ("fit", "semi_axes"))
+    assert 45e-3 < free.circles[0] < 75e-3
+    assert free.by_basis["membrane"].held_out_error < 1e-3
+    assert between.circles[0] == pytest.approx((45e-3 * 75e-3)**0.5)
+    assert between.by_basis["membrane"].held_out_error > 0.03
+    assert "no mixture of circles of 58.09 mm represents this shape" in between.warnings[0]
+    assert not any("represents" in words for words in free.warnings)
+
+
+def test_ranges_hold_exactly_the_mixtures_that_are_as_good() -> None:
+    rng = np.random.default_rng(3)
+    forces = np.sort(rng.uniform(1, 2, (6, 3)), axis=1)
+    truth = np.array([0.5, 0.3, 0.2])
+    target, error = forces @ truth, 0.02
+    ranges = weight_ranges(forces, target, error)
+    tried = rng.dirichlet(np.ones(3), 400_000)
+    good = tried[(np.abs(tried @ forces.T / target - 1) <= error).all(axis=1)]
+    for (low, high), column in zip(ranges, good.T, strict=True):
+        assert low <= column.min() < low + 0.02
+        assert high - 0.02 < column.max() <= high
+
+
+def test_parts_of_an_ellipse_are_its_quarters() -> None:
+    """Two parts: within 45° of the short axis and of the long one; the geometric mean over them by quadrature."""
+    oval = elliptical(75e-3)
+    parts, angle = parts_of(oval, 2), 2 * np.pi * (np.arange(7200) + 0.5) / 7200
+    assert np.array_equal(parts == 0, np.abs(np.sin(angle)) > np.sqrt(0.5))
+    distance = 1 / np.hypot(np.cos(angle) / 75e-3, np.sin(angle) / 45e-3)
+    assert frame_distances(oval) == pytest.approx(distance, rel=1e-6)
+    radii = alpha(oval, Settings(), three("sectors", 2)).circles
+    assert radii == pytest.approx([np.exp(np.log(distance[parts == part]).mean()) for part in (0, 1)], rel=1e-6)
+
+
+def test_uncertainty_covers_mesh_material_and_loads() -> None:
+    oval = elliptical(60e-3, DEFAULT)
+    loads = AlphaSettings(LoadGrid((17.9e-3, 22e-3), (0.0, 3e3)), LoadGrid((20e-3,), (1.5e3,)))
+    nominal = alpha(oval, Settings(), loads)
+    found = uncertainty(oval, Settings(), loads, Rig(), nominal)
+    weight = nominal.by_basis["membrane"].alpha[0]
+    for ranges in (found.mesh, found.material, found.loads):
+        assert ranges[0][0] <= weight <= ranges[0][1]
+        assert ranges[0][0] + ranges[1][1] == pytest.approx(1, abs=1e-12)
+    assert np.ptp(found.mesh[0]) < 1e-4
+    stiff = replace(oval, membrane=replace(oval.membrane, material=MATERIALS["vhb-4910-gent"].material))
+    other = alpha(stiff, Settings(), loads).by_basis["membrane"].alpha[0]
+    assert found.material[0][0] <= other <= found.material[0][1]
+    assert found.json()["loads"] == [list(pair) for pair in found.loads]
+
+
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"circles": 0}, "circles: given 0"), ({"radii": "areas"}, "must be one of semi_axes, sectors, fit"),
+    ({"tolerance": 0.0}, "tolerance")])
+def test_settings_refuse(wrong: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        AlphaSettings(**wrong)

@@ -85,9 +85,16 @@ def test_alpha_json(name: str, basis: str, capsys) -> None:
     assert len(result["circles"]) == (1 if name == "circular" else 2)
 
 
-def test_alpha_refuses_other_numbers_of_circles(capsys) -> None:
-    assert main(["alpha", str(ACTUATORS["circular"]), "--circles", "3"]) == 2
-    assert "--circles: given 3: must be 2" in capsys.readouterr().err
+def test_alpha_of_other_numbers_of_circles(capsys) -> None:
+    assert main(["alpha", str(ACTUATORS["elliptical-large"]), "--circles", "3", "--radii", "sectors", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert len(result["circles"]) == len(result["alpha"]) == len(result["ranges"]) == 3
+    assert result["radii"] == "sectors"
+
+
+def test_alpha_refuses_too_many_circles(capsys) -> None:
+    assert main(["alpha", str(ACTUATORS["circular"]), "--circles", "7"]) == 2
+    assert "--circles: given 7: must be from 1 to 6" in capsys.readouterr().err
 
 
 def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:

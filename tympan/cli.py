@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import data, diagnose, effects, material, modes, path, sensitivity
+from tympan import alpha, data, diagnose, effects, material, modes, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -44,7 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _study(commands)
     _solve(commands)
-    _alpha(commands)
+    alpha.add(commands)
     modes.add(commands)
     sensitivity.add(commands)
     path.add(commands)
@@ -128,32 +128,6 @@ def _run_solve(options: argparse.Namespace) -> None:
             store.write_fields(options.output / f"{specimen.name}.vtu", *whole(model, outcome.state))
         store.write_json(options.output / f"{specimen.name}.json", result.json())
     show(result.json(), options.json)
-
-
-def _alpha(commands: Any) -> None:
-    parser = command(commands, "alpha", _run_alpha, "weights of the circular actuators that stand for a shape")
-    specimen_argument(parser)
-    parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
-    parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
-                        help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    mesh_argument(parser)
-
-
-def _run_alpha(options: argparse.Namespace) -> None:
-    from fem.library import load_specimen
-    from geometry.errors import InputError
-    from studies.alpha import alpha
-    from tympan.progress import bar
-
-    if options.circles != 2:
-        raise InputError("must be 2: mixtures of other numbers of circles are not available yet",
-                         key="--circles", given=options.circles)
-    specimen = load_specimen(options.specimen)
-    with bar(2) as progress:
-        result = alpha(specimen, read_settings(options), rig=read_rig(options.rig), progress=progress)
-    show(result.json(options.basis), options.json)
 
 
 def _report(commands: Any) -> None:

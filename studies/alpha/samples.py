@@ -1,0 +1,115 @@
+"""Equilibria of a shape as α is fitted to them: force, deflection, voltage, and where around the plate the force is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.fields import edge_fields, reaction, whole
+from fem.model import Model
+from fem.paths import voltage_path
+from fem.rig import Rig
+from fem.state import State
+from geometry.specimen import Specimen
+from studies.cases import Settings, why
+
+Array = NDArray[np.float64]
+
+#: Directions around the plate that are told apart.
+_DIRECTIONS = 7200
+
+
+@dataclass(frozen=True)
+class LoadGrid:
+    """Masses [kg] and voltages [V], every combination."""
+
+    masses: tuple[float, ...]
+    voltages: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Equilibria: force on the film [N], deflection [m], voltage across the film [V], shares of the parts (n, parts).
+
+    ``mass`` is the nominal one of each [kg].
+    """
+
+    force: Array
+    deflection: Array
+    voltage: Array
+    mass: Array
+    shares: Array
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def only(self, chosen: Array) -> Samples:
+        """Those that a mask chooses."""
+        return Samples(*(part[chosen] for part in (self.force, self.deflection, self.voltage, self.mass, self.shares)))
+
+
+def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int, warnings: list[str]) -> Samples:
+    """Equilibria of a model under every load that has one; those left out are told in ``warnings``."""
+    rows: list[tuple[float, float, float, float]] = []
+    shares: list[Array] = []
+    for mass in loads.masses:
+        seen = [rig.film_voltage(voltage) for voltage in loads.voltages]
+        for outcome in voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path):
+            state = outcome.state
+            if outcome.status != "equilibrium":
+                warnings.append(f"{mass * 1e3:g} g: {why(outcome)}; loads beyond are left out")
+                break
+            if state.plate.heave <= 1e-6 * model.size:
+                warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
+                break
+            rows.append((reaction(model, state), state.plate.heave, float(np.sqrt(state.voltage_squared)), mass))
+            shares.append(part_shares(model, state, parts))
+    force, deflection, voltage, masses = np.array(rows).reshape(-1, 4).T
+    return Samples(force, deflection, voltage, masses, np.array(shares).reshape(-1, parts))
+
+
+def frame_distances(specimen: Specimen) -> Array:
+    """Distance from the plate's centre to the frame [m] in equally spaced directions, those between 0 and 360°."""
+    x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.plate.offset)[:, None]
+    angle = np.arctan2(y, x) % (2 * np.pi)
+    order = np.argsort(angle)
+    return np.interp(_directions(), angle[order], np.hypot(x, y)[order], period=2 * np.pi)
+
+
+def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
+    """The part each direction belongs to, 0 where the frame is nearest: ``count`` parts of equal angle in all.
+
+    An ellipse's two parts are the sectors within 45° of its short and of its long axis.
+    """
+    # Rounded, so that mirror images of a direction, alike but for the last bit, stay together.
+    distance = frame_distances(specimen).round(12)
+    rank = np.argsort(np.argsort(distance, kind="stable"), kind="stable")
+    return np.asarray(rank * count // len(rank), dtype=np.int64)
+
+
+def part_shares(model: Model, state: State, parts: int = 2) -> Array:
+    """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`, the nearest frame first.
+
+    The force is the integral of the first Piola traction along the mounted edge; angles are those of the mounted edge
+    around the plate's centre.
+    """
+    if parts == 1:
+        return np.ones(1)
+    full, unfolded = whole(model, state)
+    edge = edge_fields(full, unfolded, "plate", 24, quadrature=True)
+    arm = edge.fields.position - full.centre
+    angle = np.arctan2(arm[:, 1], arm[:, 0]) % (2 * np.pi)
+    order = np.argsort(angle)
+    force = (edge.fields.plate_traction[:, 2] * edge.weights)[order]
+    # Midpoint rule of the cumulative force, so that a part may end between two points of an edge.
+    cumulative, total = np.cumsum(force) - force / 2, force.sum()
+    angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
+    ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
+                     np.concatenate([cumulative - total, cumulative, cumulative + total]))
+    return np.bincount(parts_of(model.specimen, parts), np.diff(ends), parts) / total
+
+
+def _directions() -> Array:
+    return 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS

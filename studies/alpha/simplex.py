@@ -1,0 +1,76 @@
+"""Least squares over the simplex α ≥ 0, Σ α = 1, and what it leaves open."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+Array = NDArray[Any]
+
+
+def simplex_fit(forces: Array, target: Array) -> Array:
+    """The α ≥ 0, Σ α = 1 that minimises |forces · α − target|, exactly.
+
+    For every choice of circles with non-zero weight the equality-constrained problem has a closed form; the best
+    feasible one is the minimum. ``forces`` has shape (samples, circles).
+
+    Examples
+    --------
+    >>> forces = np.array([[2.0, 1.0], [4.0, 2.5]])
+    >>> simplex_fit(forces, forces @ [0.3, 0.7]).round(12).tolist()
+    [0.3, 0.7]
+    >>> simplex_fit(forces, np.array([9.0, 9.0])).tolist()
+    [1.0, 0.0]
+    """
+    count = forces.shape[1]
+    best, least = np.full(count, 1 / count), np.inf
+    for size in range(1, count + 1):
+        for chosen in map(list, combinations(range(count), size)):
+            weights = np.zeros(count)
+            base = forces[:, chosen[0]]
+            rest = forces[:, chosen[1:]] - base[:, None]
+            others = np.linalg.lstsq(rest, target - base, rcond=None)[0] if size > 1 else np.zeros(0)
+            weights[chosen[1:]] = others
+            weights[chosen[0]] = 1 - others.sum()
+            misfit = float(np.linalg.norm(forces @ weights - target))
+            if weights.min() >= 0 and misfit < least:
+                best, least = weights, misfit
+    return best
+
+
+def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[float, float], ...]:
+    """Smallest and largest weight of each circle among all mixtures whose force is nowhere off by more than ``error``.
+
+    The error is relative to the target, sample by sample; so each end is a linear programme's. Where no mixture comes
+    so near, ``error`` must be chosen larger: the ranges are empty, (nan, nan).
+
+    Examples
+    --------
+    Of three circles whose forces are proportional to each other only one number is known.
+
+    >>> forces = np.outer([1.0, 2.0], [3.0, 2.0, 1.0])
+    >>> [tuple(round(end, 6) for end in pair) for pair in weight_ranges(forces, forces @ [0.25, 0.5, 0.25], 1e-9)]
+    [(0.0, 0.5), (0.0, 1.0), (0.0, 0.5)]
+    """
+    relative = forces / target[:, None]
+    rows, limits = np.vstack([relative, -relative]), np.repeat([1 + error, error - 1], len(target))
+    ends = [[linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1)) for sign in (1, -1)]
+            for unit in np.eye(forces.shape[1])]
+    return tuple((float(low.fun), float(-high.fun)) if low.success and high.success else (np.nan, np.nan)
+                 for low, high in ends)
+
+
+def condition(forces: Array) -> float:
+    """Largest over smallest singular value of what distinguishes the circles: their relative differences in force.
+
+    1 for one circle or two.
+    """
+    differences = forces[:, 1:] / forces[:, :1] - 1
+    if differences.shape[1] < 2:
+        return 1.0
+    values = np.linalg.svd(differences, compute_uv=False)
+    return float(values[0] / max(values[-1], np.finfo(float).tiny))
