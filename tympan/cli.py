@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import alpha, data, diagnose, effects, material, modes, path, sensitivity
+from tympan import alpha, data, diagnose, effects, maps, material, modes, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -45,6 +45,7 @@ def _parser() -> argparse.ArgumentParser:
     _study(commands)
     _solve(commands)
     alpha.add(commands)
+    maps.add(commands)
     modes.add(commands)
     sensitivity.add(commands)
     path.add(commands)
