@@ -111,7 +111,9 @@ class ShapeNumber:
 
     @property
     def odd(self) -> frozenset[str]:
-        """The axis an offset is along."""
+        """The axis an offset is along; both for a rotation."""
+        if self.path[-1] == "rotation":
+            return frozenset("xy")
         return frozenset("xy"[int(self.path[-1])]) if self.path[-2] == "offset" else frozenset()
 
     def value(self, model: Model, state: State) -> float:
@@ -189,7 +191,8 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
     if isinstance(value, tuple):
         return tuple(name for index, item in enumerate(value) for name in numbers(item, f"{path}.{index}"))
     if is_dataclass(value):
-        inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value))
+        inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value)
+                 if not item.metadata.get("discrete"))
         return tuple(name for item, below in inner for name in numbers(item, below))
     return ()
 

@@ -16,22 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
 
 from fem.model import Model
 from fem.state import State
 from geometry.errors import InputError
 from geometry.mesh import CurvedTriangles
-from geometry.outlines import Outline
+from geometry.outlines import Outline, area
+from geometry.outlines.curve import Foot
 from geometry.specimen import Specimen
 
 Array = NDArray[Any]
 
 _STEP = 1e-40
-_COUNT = 1024
-_WINDOW = np.arange(-3, 4)
-_INTERPOLATE = np.linalg.inv(np.vander(_WINDOW.astype(float), increasing=True))
-_POWERS = np.arange(len(_WINDOW))
 
 
 def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> tuple[Model, State]:
@@ -102,7 +98,7 @@ class Velocities:
         return np.asarray(self.model.reference[:, :2])
 
     @cached_property
-    def _feet(self) -> dict[str, tuple[Array, tuple[Array, Array]]]:
+    def _feet(self) -> dict[str, tuple[Array, Foot]]:
         """Nodes on each edge, and where along it."""
         model, edges = self.model, _edges(self.model.specimen)
         rims = {name: model.boundary_nodes(name) for name in ("frame", "plate")}
@@ -153,42 +149,16 @@ class Edge:
     centre: tuple[Any, Any]
     distance: Any = 0.0
 
-    @cached_property
-    def points(self) -> Array:
-        """Points on the outline itself, shape (count, 2) [m]."""
-        return self.outline.points(_COUNT).T + np.array(self.centre)
+    def foot(self, places: Array) -> Foot:
+        """Where on the outline the nearest points are."""
+        return self.outline.curve.foot(places - np.array(self.centre))
 
-    def foot(self, places: Array) -> tuple[Array, Array]:
-        """Where on the outline the nearest points are: number of a point, and the share of the way to the next."""
-        near = cKDTree(self.points).query(places)[1].astype(int)
-        share = np.zeros(len(places))
-        for _ in range(4):
-            value, slope, bend = self._local(near, share)
-            away = value - places
-            share = share - (away * slope).sum(1) / ((slope * slope).sum(1) + (away * bend).sum(1))
-        return near, np.clip(share, -1, 1)
-
-    def at(self, foot: tuple[Array, Array]) -> Array:
+    def at(self, foot: Foot) -> Array:
         """Points of the curve, shape (n, 2) [m]."""
-        value, slope, _ = self._local(*foot)
+        value, slope = self.outline.curve.at(foot)
         length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
-        return value + self.distance * self._sense * np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-
-    def _local(self, near: Array, share: Array) -> tuple[Array, Array, Array]:
-        """Points of the outline and their first and second derivatives, from sixth-degree interpolation."""
-        window = self.points[(near[:, None] + _WINDOW) % _COUNT]
-        coefficients = np.einsum("jk,nkc->njc", _INTERPOLATE, window)
-        j = _POWERS
-        powers = share[:, None] ** j
-        first = j * np.where(j > 0, share[:, None] ** np.maximum(j - 1, 0), 0.0)
-        second = j * (j - 1) * np.where(j > 1, share[:, None] ** np.maximum(j - 2, 0), 0.0)
-        value, slope, bend = (np.einsum("nj,njc->nc", row, coefficients) for row in (powers, first, second))
-        return value, slope, bend
-
-    @cached_property
-    def _sense(self) -> float:
-        """1 if the points run counterclockwise."""
-        return float(np.sign(_enclosed(self.points.real)))
+        normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
+        return value + np.array(self.centre) + self.distance * normal
 
 
 def _edges(specimen: Specimen) -> dict[str, Edge]:
@@ -230,21 +200,9 @@ def _geometry(model: Model, specimen: Specimen, nodes: Array) -> dict[str, Array
     centre = np.array([*specimen.plate.offset, 0.0])
     reference = np.column_stack([nodes, np.zeros(len(nodes))])
     same = specimen.plate.outline is model.specimen.plate.outline
-    area = model.plate_area if same else _area(specimen.plate.outline)
-    return {"reference": reference, "centre": centre, "plate_area": area, "arms": reference[model.plate_nodes] - centre}
-
-
-def _area(outline: Outline) -> Any:
-    """As :func:`geometry.outlines.area`, for lengths that may be complex."""
-    fine = outline.points(_COUNT)
-    inside, rougher = (_enclosed(points) for points in (fine.T, fine[:, ::2].T))
-    return (inside + (inside - rougher) / 3) * np.sign(inside.real)
-
-
-def _enclosed(points: Array) -> Any:
-    """Area within a polygon, negative if it runs clockwise; shape (n, 2)."""
-    (x, y), (u, v) = points.T, np.roll(points, -1, axis=0).T
-    return (x * v - u * y).sum() / 2
+    plate_area = model.plate_area if same else area(specimen.plate.outline)
+    return {"reference": reference, "centre": centre, "plate_area": plate_area,
+            "arms": reference[model.plate_nodes] - centre}
 
 
 def _mesh(mesh: CurvedTriangles, nodes: Array) -> CurvedTriangles:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.edges import METRE, millimetres, pieces_wire
 from geometry.errors import InputError
-from geometry.outlines import FullEllipse, Outline
+from geometry.outlines import Circle, Ellipse, Outline
+from geometry.outlines.pieces import Arc
 from geometry.specimen import Region, Specimen
 from geometry.system import missing_library
 
@@ -19,9 +21,6 @@ except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
-
-METRE = 1e3  #: cadquery's model unit is the millimetre
-
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
     """The flat film, ``covered`` and ``bare``, cut along the axes through the plate's centre and the electrode's edges.
@@ -41,7 +40,7 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
     InputError
         When the electrode's outline leaves slivers or no electrode at all.
     """
-    x, y = _millimetres(*specimen.plate.offset)
+    x, y = millimetres(*specimen.plate.offset)
     size = 4 * METRE * max(specimen.frame.semi_axes)
     cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
 
@@ -90,21 +89,7 @@ def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
     """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
-    return cq.Wire.assembleEdges([_edge(primitive, centre) for primitive in outline.primitives()])
-
-
-def _edge(primitive: FullEllipse, centre: tuple[float, float]) -> cq.Edge:
-    x, y, a, b = _millimetres(*centre, *primitive.semi_axes)
-    place, up = cq.Vector(x, y, 0), cq.Vector(0, 0, 1)
-    if a == b:
-        return cq.Edge.makeCircle(a, place, up)
-    along = cq.Vector(1, 0, 0) if a > b else cq.Vector(0, 1, 0)
-    return cq.Edge.makeEllipse(max(a, b), min(a, b), place, up, xdir=along, sense=1)
-
-
-def _millimetres(*metres: float) -> tuple[float, ...]:
-    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
-    return tuple(round(metre * METRE, 12) for metre in metres)
+    return pieces_wire(outline.primitives(), centre)
 
 
 def _annulus(outer: cq.Wire, inner: cq.Wire) -> cq.Face:
@@ -143,10 +128,27 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face], region: Reg
 
 
 def _offset(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
-    """The parallel curve at a distance [m], outwards if positive, as a periodic spline within 1e-8 of its size.
+    """The parallel curve at a distance [m], outwards if positive; that of an ellipse or spline within 1e-8 of its size.
 
     OpenCASCADE's own offset curves do not survive STEP into gmsh.
     """
+    if isinstance(outline, Circle | Ellipse):
+        return _smooth_offset(outline, centre, distance)
+    curve = outline.curve
+    moved = curve.beside(distance)
+    backwards = [(before.at(np.array([0.5]))[1] * after.at(np.array([0.5]))[1]).sum() <= 0
+                 for before, after in zip(curve.pieces, moved.pieces, strict=True)]
+    shrunk = [isinstance(piece, Arc) and min(piece.radii) <= 0 for piece in moved.pieces]
+    corners = np.abs(curve.turns()).max() > 1e-6
+    if corners or any(backwards) or any(shrunk):
+        where = "needs an outline without sharp corners" if corners else \
+            "must stay below the outline's radius of curvature"
+        raise InputError(f"an electrode margin {where}", key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
+    return pieces_wire(moved.pieces, centre)
+
+
+def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float], distance: float) -> cq.Wire:
+    """As a periodic spline."""
     points = outline.points(96)
     ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
     tangent = (ahead - behind) / np.hypot(*(ahead - behind))

@@ -17,7 +17,7 @@ import meshio
 import numpy as np
 
 from geometry import cad
-from geometry.cad import METRE
+from geometry.edges import METRE
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.system import missing_library

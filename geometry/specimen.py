@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import InputError
-from geometry.outlines import REGISTRY as SHAPES
-from geometry.outlines import Circle, Ellipse, Outline
+from geometry.outlines import Circle, Ellipse, Outline, read_outline
 from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -130,14 +129,15 @@ class Specimen:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built."""
-        gap = self.gap
+        gap, (x, y) = self._narrowest
         if gap <= 0:
             raise InputError(
-                "the plate must lie inside the frame: it reaches "
-                f"{-gap * 1e3:.4g} mm beyond it", key="plate", given=f"offset {self.plate.offset} m")
+                f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm beyond it at "
+                f"{x * 1e3:.4g}, {y * 1e3:.4g} mm", key="plate", given=f"offset {self.plate.offset} m")
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's half extent",
-                             key="plate", given=f"a gap of {gap * 1e3:.4g} mm")
+                             key="plate",
+                             given=f"a gap of {gap * 1e3:.4g} mm at {x * 1e3:.4g}, {y * 1e3:.4g} mm")
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
             raise InputError(f"the margins must leave an electrode: their sum must stay below 98 % of the gap of "
@@ -161,8 +161,17 @@ class Specimen:
     @property
     def gap(self) -> float:
         """Smallest distance between plate and frame [m], negative where the plate sticks out."""
-        edge = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
-        return -float(np.max(self.frame.level(*edge)))
+        return self._narrowest[0]
+
+    @property
+    def _narrowest(self) -> tuple[float, tuple[float, float]]:
+        """The gap and the point of plate or frame where it is [m]; each edge is seen from points of the other."""
+        edges = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None], self.frame.points(720)
+        found = []
+        for edge, away in zip(edges, (-self.frame.level(*edges[0]), self.plate.level(*edges[1])), strict=True):
+            least = int(np.argmin(away))
+            found.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
+        return min(found)
 
     @property
     def axisymmetric(self) -> bool:
@@ -238,7 +247,7 @@ def _offset(table: Table) -> tuple[float, float]:
 
 
 def _outline(table: Table) -> Outline:
-    outline = table.choice("shape", SHAPES)(table)
+    outline = read_outline(table)
     table.done()
     return outline
 

@@ -107,6 +107,14 @@ class Table:
         first, second = self.quantities(key, dimension, default, rule, 2)
         return first, second
 
+    def places(self, key: str, least: int) -> tuple[tuple[float, float], ...]:
+        """At least so many points, each a pair of lengths with units, in SI."""
+        items = self._list(key, self.value(key), None, "points, each a pair of lengths")
+        if len(items) < least:
+            raise self.error(key, f"must be at least {least} points", items)
+        inner = Table(self.file, {str(number): item for number, item in enumerate(items)}, self.path(key))
+        return tuple(inner.pair(str(number), "length") for number in range(len(items)))
+
     def tables(self, key: str) -> tuple[Table, ...]:
         """Sub-tables of a list, or a single one; none if the key is missing."""
         value = self.value(key, [])

@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from geometry.outlines import Outline
+from geometry.outlines import Outline, Rotated
 from geometry.specimen import Plate, Region, Specimen, Strength
 from geometry.units import DIMENSIONS, quantity
 
 #: Units people write, the preferred one first; the SI unit stands in where none gives the number back exactly.
 _FRIENDLY = {"length": ("mm", "um"), "mass": ("g",), "stress": ("kPa",), "voltage": ("kV",), "speed": ("um/min",),
-             "field": ("MV/m",)}
+             "field": ("MV/m",), "angle": ("deg",)}
 
 #: Dimensions of the fields of outlines and of strength laws; a field that is not here is a plain number.
-_OUTLINES = {"radius": "length", "semi_axes": "length"}
+_OUTLINES = dict.fromkeys(("radius", "semi_axes", "corner_radius", "fillet", "vertices", "through"), "length")
 _STRENGTHS = {"strength": "field", "thickness": "length"}
 
 Content = Mapping[str, Any]
@@ -121,6 +121,8 @@ def _constant(name: str, value: Any, dimensions: Mapping[str, str]) -> Any:
 
 
 def _outline(outline: Outline) -> dict[str, Any]:
+    if isinstance(outline, Rotated):
+        return {**_outline(outline.outline), "rotation": quantity_text(outline.rotation, "angle")}
     return {"shape": outline.shape, **constants(outline, _OUTLINES)}
 
 

@@ -20,13 +20,12 @@ from fem.loading import BIASES, Magnet, Spring
 from fem.rig import Rig
 from fem.written import rig_to_toml, specimen_to_toml
 from geometry.errors import InputError
-from geometry.outlines import REGISTRY as SHAPES
-from geometry.outlines import Circle, Ellipse
+from geometry.outlines import Circle, Rotated, examples
 from geometry.specimen import Electrode, Plate, Region
 from geometry.units import DIMENSIONS, quantity
 from geometry.written import quantity_text
 
-OUTLINES = {"circle": Circle(12e-3), "ellipse": Ellipse((14e-3, 9e-3))}
+OUTLINES = examples()
 MECHANISMS = {"spring": Spring(3.0, 1e-3), "magnet": Magnet(0.1, 4e-3, 3e-3, 3.5)}
 FIELDS = {"constant": (Constant(31e6),), "power": (Power(30.6e6, 1.13), Power(51e6, 0.63, 0.25, 2e-3))}
 
@@ -57,12 +56,14 @@ def test_every_library_material(read, name) -> None:
     assert read(specimen) == specimen
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", OUTLINES)
 def test_every_shape_as_frame_plate_and_electrode(read, shape) -> None:
     outline = OUTLINES[shape]
+    turned = outline if shape == "circle" else Rotated(outline, 0.3)
+    around = replace(circular(), frame=Circle(90e-3))
     for specimen in (replace(circular(), frame=outline, plate=Plate(Circle(3e-3), (1e-3, -2e-3))),
-                     replace(circular(), plate=Plate(outline, (1 / 3000, 0.0))),
-                     replace(circular(), electrode=Electrode(outline=Region(outline, (20e-3, 1e-3))))):
+                     replace(around, plate=Plate(turned, (1 / 3000, 0.0))),
+                     replace(around, electrode=Electrode(outline=Region(outline, (20e-3, 1e-3))))):
         assert read(specimen) == specimen
 
 

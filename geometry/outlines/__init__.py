@@ -1,0 +1,52 @@
+"""Closed outlines of frames and plates: one class per shape, registered once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from geometry.outlines.circle import Circle
+from geometry.outlines.curve import Curve
+from geometry.outlines.ellipse import Ellipse
+from geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
+from geometry.outlines.polygon import Polygon, RegularPolygon
+from geometry.outlines.rotated import Rotated
+from geometry.outlines.rounded_rectangle import RoundedRectangle
+from geometry.outlines.spline import ClosedSpline
+from geometry.outlines.stadium import Stadium
+from geometry.outlines.superellipse import Superellipse
+from geometry.tables import Table
+
+__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Ellipse", "Outline", "Pieced", "Polygon", "RegularPolygon",
+           "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "examples", "read_outline", "register"]
+
+
+def read_outline(table: Table) -> Outline:
+    """The outline a table describes: its ``shape``, the shape's own keys, and ``rotation``."""
+    outline = table.choice("shape", REGISTRY)(table)
+    rotation = table.quantity("rotation", "angle", "0 rad")
+    return outline if rotation == 0 or isinstance(outline, Circle) else Rotated(outline, rotation)
+
+
+def examples() -> dict[str, Outline]:
+    """A typical outline of every shape a file can spell out, about 45 mm high and 45 to 75 mm wide from the centre.
+
+    Examples
+    --------
+    >>> "stadium" in examples()
+    True
+    """
+    return {name: cls.example() for name, cls in CLASSES.items()}
+
+
+def area(outline: Outline) -> Any:
+    """Area inside an outline [m²]; complex if its lengths are.
+
+    Examples
+    --------
+    >>> round(area(Circle(2.0)) / 4, 12)
+    3.14159265359
+    """
+    found = outline.curve.area
+    return found if np.iscomplexobj(found) else float(found)

@@ -1,0 +1,168 @@
+"""A closed curve of pieces: what every outline can say about itself, whatever its shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from geometry.outlines.pieces import Array, Piece, Point
+
+Foot = tuple[Array, Array]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_AT_END = 1e-12
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Pieces counterclockwise around a closed curve, each starting where the one before it ends [m]."""
+
+    pieces: tuple[Piece, ...]
+
+    def at(self, foot: Foot) -> tuple[Array, Array]:
+        """Points and derivatives at numbers of pieces and parameters along them, shape (n, 2) each [m]."""
+        number, t = foot
+        parts = [(number == k, piece) for k, piece in enumerate(self.pieces)]
+        found = [(mask, piece.at(t[mask])) for mask, piece in parts if mask.any()]
+        kind = np.result_type(float, *(local[0] for _, local in found))
+        value, slope = np.empty((len(t), 2), kind), np.empty((len(t), 2), kind)
+        for mask, local in found:
+            value[mask], slope[mask] = local[:2]
+        return value, slope
+
+    def foot(self, places: Array) -> Foot:
+        """Where on the curve the points nearest to places of shape (n, 2) are: number of the piece, parameter."""
+        t = np.array([piece.nearest(places) for piece in self.pieces])
+        away = np.array([np.linalg.norm(piece.at(row)[0] - places, axis=1)
+                         for piece, row in zip(self.pieces, t, strict=True)])
+        number = away.argmin(axis=0)
+        return number, t[number, np.arange(len(places))]
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance [m], negative inside."""
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        places = np.column_stack([x.ravel(), y.ravel()])
+        foot = self.foot(places)
+        away = places - self.at(foot)[0]
+        side = np.sign((away * self._normal(foot)).sum(axis=1))
+        return (side * np.linalg.norm(away, axis=1)).reshape(x.shape)
+
+    def _normal(self, foot: Foot) -> Array:
+        """Outward normals; at a corner the sum of those of both sides, which tells inside from outside there."""
+        number, t = foot
+        count = len(self.pieces)
+        here = _unit_normal(self.at(foot)[1])
+        first, last = t < _AT_END, t > 1 - _AT_END
+        number = np.where(first, number - 1, np.where(last, number + 1, number)) % count
+        there = _unit_normal(self.at((number, np.where(first, 1.0, np.where(last, 0.0, t))))[1])
+        return here + there
+
+    def points(self, count: int) -> Array:
+        """Points around the curve, shape (2, count) [m], about evenly along it and one at every start of a piece."""
+        lengths = np.array([np.real(piece_length(piece)) for piece in self.pieces])
+        if count < 2 * len(lengths):
+            fine = self.points(2 * len(lengths) * count)
+            return fine[:, :: 2 * len(lengths)]
+        share = lengths / lengths.sum() * (count - len(lengths))
+        each = 1 + share.astype(int)
+        each[np.argsort(each - 1 - share, kind="stable")[: count - each.sum()]] += 1
+        return np.vstack([piece.at(np.arange(n) / n)[0] for piece, n in zip(self.pieces, each, strict=True)]).T
+
+    @cached_property
+    def length(self) -> Any:
+        """Perimeter [m]."""
+        return sum(piece_length(piece) for piece in self.pieces)
+
+    @cached_property
+    def area(self) -> Any:
+        """Area inside [m²], negative if the curve runs clockwise."""
+        return self.integral(lambda x, y, dx, dy: (x * dy - y * dx) / 2)
+
+    def integral(self, form: Any) -> Any:
+        """Around the curve, of ``form(x, y, dx, dy)``."""
+        return sum(_integral(piece, form) for piece in self.pieces)
+
+    @cached_property
+    def box(self) -> tuple[Point, Point]:
+        """Least and largest x, and the same of y [m]."""
+        low_x, high_x, low_y, high_y = (self._extreme(axis, sign) for axis in range(2) for sign in (-1, 1))
+        return (low_x, high_x), (low_y, high_y)
+
+    def _extreme(self, axis: int, sign: int) -> Any:
+        found = [_extreme(piece, axis, sign) for piece in self.pieces]
+        return sign * max(found, key=np.real)
+
+    @cached_property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes whose coordinate may change sign without moving the curve by more than 1e-10 of its size."""
+        x, y = np.real(self.points(max(97, 3 * len(self.pieces))))
+        size = max(np.abs(x).max(), np.abs(y).max())
+        return frozenset(axis for axis, image in (("x", (-x, y)), ("y", (x, -y)))
+                         if np.abs(self.level(*image)).max() < 1e-10 * size)
+
+    def placed(self, angle: Any = 0.0, shift: Point = (0.0, 0.0)) -> Curve:
+        """Turned about the origin, then shifted."""
+        return Curve(tuple(piece.placed(angle, shift) for piece in self.pieces))
+
+    def centred(self) -> Curve:
+        """Shifted so that its bounding box is centred on the origin."""
+        x, y = ((low + high) / 2 for low, high in self.box)
+        tiny = 1e-15 * abs(self.box[0][1] - self.box[0][0])
+        return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
+
+    def beside(self, distance: Any) -> Curve:
+        """The parallel curve at a distance, outwards if positive; without corners, which would tear it."""
+        return Curve(tuple(piece.beside(distance) for piece in self.pieces))
+
+    def backwards(self) -> Curve:
+        """The same curve the other way around."""
+        return Curve(tuple(piece.backwards() for piece in reversed(self.pieces)))
+
+    @property
+    def starts(self) -> Array:
+        """Where the pieces start, shape (pieces, 2) [m]."""
+        return np.vstack([piece.at(np.zeros(1))[0] for piece in self.pieces])
+
+    def turns(self) -> Array:
+        """How far the direction turns at the start of every piece [rad]."""
+        into = np.vstack([piece.at(np.ones(1))[1] for piece in self.pieces]).real
+        out = np.vstack([piece.at(np.zeros(1))[1] for piece in self.pieces]).real
+        into = np.roll(into, 1, axis=0)
+        return np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
+
+
+def piece_length(piece: Piece) -> Any:
+    """Length of a piece [m]."""
+    return _integral(piece, lambda x, y, dx, dy: np.sqrt(dx * dx + dy * dy))
+
+
+def _integral(piece: Piece, form: Any) -> Any:
+    """Gauss's rule with 12 points between breaks."""
+    breaks = piece.breaks
+    width = np.diff(breaks)[:, None] / 2
+    t = (breaks[:-1, None] + width * (1 + _NODES)).ravel()
+    value, slope, _ = piece.at(t)
+    return ((width * _WEIGHTS).ravel() * form(*value.T, *slope.T)).sum()
+
+
+def _extreme(piece: Piece, axis: int, sign: int) -> Any:
+    """Largest of a coordinate times a sign; where it is depends on real parts alone."""
+    breaks = piece.breaks
+    t = np.unique(np.concatenate([breaks, *(breaks[:-1] + share * np.diff(breaks) for share in (0.25, 0.5, 0.75))]))
+    best = int(np.argmax(sign * piece.at(t)[0][:, axis].real))
+    place, low, high = t[best : best + 1], t[max(best - 1, 0)], t[min(best + 1, len(t) - 1)]
+    for _ in range(8):
+        _, slope, bend = (part[:, axis].real for part in piece.at(place))
+        step = np.where(sign * bend < 0, slope / np.where(bend == 0, 1.0, bend), 0.0)
+        place = np.clip(place - step, low, high)
+    candidates = np.concatenate([place, t[best : best + 1]])
+    values = sign * piece.at(candidates)[0][:, axis]
+    return values[int(np.argmax(values.real))].item()
+
+
+def _unit_normal(slope: Array) -> Array:
+    """To the right of the direction of travel."""
+    return np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1, keepdims=True)

@@ -1,0 +1,53 @@
+"""Ellipses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.pieces import Arc, Array, Piece
+from geometry.tables import Table
+
+
+@register
+@dataclass(frozen=True)
+class Ellipse(Pieced):
+    """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
+
+    shape: ClassVar[str] = "ellipse"
+    semi_axes: tuple[float, float]
+
+    @classmethod
+    def from_table(cls, table: Table) -> Ellipse:
+        """Read ``semi_axes``."""
+        return cls(table.pair("semi_axes", "length", rule=SIZE))
+
+    @classmethod
+    def example(cls) -> Ellipse:
+        """The paper's large ellipse."""
+        return cls((75e-3, 45e-3))
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Both axes."""
+        return frozenset("xy")
+
+    def level(self, x: Array, y: Array) -> Array:
+        """First-order distance (level function over its gradient) [m]."""
+        a, b = self.semi_axes
+        root = np.sqrt((x / a) ** 2 + (y / b) ** 2)
+        slope = np.sqrt((x / a**2) ** 2 + (y / b**2) ** 2) / np.maximum(root, 1e-300)
+        return (root - 1) / np.maximum(slope, 1 / max(a, b))
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m]."""
+        angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        a, b = self.semi_axes
+        return np.array([a * np.cos(angle), b * np.sin(angle)])
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One arc."""
+        return (Arc((0.0, 0.0), self.semi_axes),)

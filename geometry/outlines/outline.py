@@ -1,0 +1,103 @@
+"""What an outline is, what all of them share, and the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, Protocol, TypeVar
+
+from geometry.outlines.curve import Curve
+from geometry.outlines.pieces import Array, Piece
+from geometry.tables import Rule, Table
+
+
+class Outline(Protocol):
+    """A closed curve whose bounding box is centred on the origin, counterclockwise."""
+
+    @property
+    def shape(self) -> str:
+        """Its name in specimen files."""
+
+    @property
+    def semi_axes(self) -> tuple[float, float]:
+        """Half extent along x and along y [m]."""
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes (``"x"``, ``"y"``) whose coordinate may change sign without changing the curve."""
+
+    @property
+    def curve(self) -> Curve:
+        """The curve as pieces."""
+
+    @property
+    def simple(self) -> bool:
+        """Whether it cannot cross itself, whatever its numbers."""
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Negative inside, zero on the curve, positive outside; near the curve, about the distance [m]."""
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m]."""
+
+    def primitives(self) -> tuple[Piece, ...]:
+        """The curve as pieces that CAD can draw exactly, in order around it."""
+
+
+SIZE: Rule = (lambda x: 1e-5 <= x <= 10, "must be positive, from 10 um to 10 m")
+ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10, "must be 0 (sharp corners) or from 1 um to 10 m")
+
+REGISTRY: dict[str, Callable[[Table], Outline]] = {}
+CLASSES: dict[str, type[Any]] = {}
+Shape = TypeVar("Shape", bound=type[Any])
+
+
+def register(cls: Shape) -> Shape:
+    """Make a shape known to specimen files under its ``shape`` name."""
+    REGISTRY[cls.shape], CLASSES[cls.shape] = cls.from_table, cls
+    return cls
+
+
+class Pieced:
+    """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
+
+    @property
+    def simple(self) -> bool:
+        """Whether it cannot cross itself, whatever its numbers."""
+        return True
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The curve counterclockwise, wherever it lies [m]; its numbers may be complex."""
+        raise NotImplementedError
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The pieces, centred on their bounding box."""
+        return Curve(self.pieces()).centred()
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance to the curve [m], negative inside."""
+        return self.curve.level(x, y)
+
+    def points(self, count: int) -> Array:
+        """Points on the curve, shape (2, count) [m], evenly along each piece."""
+        return self.curve.points(count)
+
+    def primitives(self) -> tuple[Piece, ...]:
+        """The curve as pieces that CAD can draw exactly, in order around it."""
+        return self.curve.pieces
+
+
+class Boxed(Pieced):
+    """The same for shapes that are not given by the half extents of their box."""
+
+    @property
+    def semi_axes(self) -> tuple[float, float]:
+        """Half extent along x and along y [m]."""
+        (left, right), (low, high) = self.curve.box
+        return (right - left) / 2, (high - low) / 2
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes whose coordinate may change sign without changing the curve."""
+        return self.curve.mirror_planes

@@ -1,0 +1,280 @@
+"""Pieces that outlines are made of and CAD draws exactly: straight lines, arcs of ellipses, cubic splines.
+
+A piece runs from ``t = 0`` to ``t = 1``. Its numbers may be complex, so that what is computed from a curve can be
+differentiated by its lengths with a complex step; what decides between cases looks at real parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
+
+Array = NDArray[Any]
+Point = tuple[Any, Any]
+Local = tuple[Array, Array, Array]
+
+_PANEL = np.pi / 8
+_FINE = 1e-10
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line."""
+
+    start: Point
+    end: Point
+
+    @property
+    def breaks(self) -> Array:
+        """Parameters between which the piece is a polynomial, or nearly one."""
+        return np.array([0.0, 1.0])
+
+    def at(self, t: Array) -> Local:
+        """Points, first and second derivatives, shape (n, 2) each [m]."""
+        start, slope = np.array(self.start), np.array(self.end) - np.array(self.start)
+        slopes = np.broadcast_to(slope, (len(t), 2))
+        return start + t[:, None] * slope, slopes, np.zeros_like(slopes)
+
+    def nearest(self, places: Array) -> Array:
+        """Parameters of the points nearest to places of shape (n, 2)."""
+        (start, _), (slope, _), _ = self.at(np.arange(2.0))
+        return np.clip((places - start) @ slope / (slope @ slope), 0, 1)
+
+    def placed(self, angle: Any, shift: Point) -> Line:
+        """Turned about the origin, then shifted."""
+        return Line(_placed(self.start, angle, shift), _placed(self.end, angle, shift))
+
+    def beside(self, distance: Any) -> Line:
+        """The parallel piece on the right, which is outside a counterclockwise curve."""
+        (x, y), (u, v) = self.start, self.end
+        length = ((u - x) ** 2 + (v - y) ** 2) ** 0.5
+        dx, dy = distance * (v - y) / length, distance * (x - u) / length
+        return Line((x + dx, y + dy), (u + dx, v + dy))
+
+    def backwards(self) -> Line:
+        """The same from its end to its start."""
+        return Line(self.end, self.start)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """An arc of an ellipse around ``centre`` with ``radii``, the first along ``turn`` [rad].
+
+    From the eccentric angle ``start`` over ``sweep`` [rad], counterclockwise if positive.
+    """
+
+    centre: Point
+    radii: Point
+    start: Any = 0.0
+    sweep: Any = 2 * np.pi
+    turn: Any = 0.0
+
+    @property
+    def circular(self) -> bool:
+        """Whether it is an arc of a circle."""
+        return bool(self.radii[0] == self.radii[1])
+
+    @cached_property
+    def breaks(self) -> Array:
+        """As for :class:`Line`."""
+        return np.linspace(0, 1, int(np.ceil(abs(np.real(self.sweep)) / _PANEL - 1e-9)) + 1)
+
+    def at(self, t: Array) -> Local:
+        """As for :class:`Line`."""
+        a, b = self.radii
+        angle = self.start + t * self.sweep
+        x, y = np.array([a * np.cos(angle), b * np.sin(angle)]), np.array([-a * np.sin(angle), b * np.cos(angle)])
+        turn = _rotation(self.turn)
+        return (turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep, -(turn @ x).T * self.sweep**2
+
+    def nearest(self, places: Array) -> Array:
+        """As for :class:`Line`."""
+        if not self.circular:
+            return self._samples.nearest(places)
+        x, y = (places - np.array(self.centre)).T
+        angle = np.arctan2(y, x) - self.turn - self.start
+        t = np.mod(angle * np.sign(self.sweep), 2 * np.pi) / abs(self.sweep)
+        beyond = (t - 1) * abs(self.sweep) > np.pi - abs(self.sweep) / 2
+        return np.where(t <= 1, t, np.where(beyond, 0.0, 1.0))
+
+    def placed(self, angle: Any, shift: Point) -> Arc:
+        """As for :class:`Line`."""
+        return Arc(_placed(self.centre, angle, shift), self.radii, self.start, self.sweep, self.turn + angle)
+
+    def beside(self, distance: Any) -> Piece:
+        """As for :class:`Line`; that of an ellipse is a spline close to it."""
+        if self.circular:
+            radius = self.radii[0] + distance * np.sign(np.real(self.sweep))
+            return Arc(self.centre, (radius, radius), self.start, self.sweep, self.turn)
+        return _beside(self, distance)
+
+    def backwards(self) -> Arc:
+        """As for :class:`Line`."""
+        return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
+
+    @cached_property
+    def _samples(self) -> Samples:
+        return Samples(self, 8)
+
+
+@dataclass(frozen=True)
+class Spline:
+    """The cubic spline with continuous curvature through points at ascending ``knots``, with given end derivatives."""
+
+    knots: tuple[float, ...]
+    points: tuple[Point, ...]
+    slopes: tuple[Point, Point]
+
+    @cached_property
+    def breaks(self) -> Array:
+        """As for :class:`Line`."""
+        knots = np.array(self.knots)
+        return (knots - knots[0]) / self._span
+
+    def at(self, t: Array) -> Local:
+        """As for :class:`Line`."""
+        place = self.knots[0] + t * self._span
+        value, slope, bend = (self.curve(place, order) for order in range(3))
+        return value, slope * self._span, bend * self._span**2
+
+    def nearest(self, places: Array) -> Array:
+        """As for :class:`Line`."""
+        return self._samples.nearest(places)
+
+    def placed(self, angle: Any, shift: Point) -> Spline:
+        """As for :class:`Line`."""
+        first, last = (_placed(slope, angle, (0.0, 0.0)) for slope in self.slopes)
+        return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points), (first, last))
+
+    def beside(self, distance: Any) -> Spline:
+        """As for :class:`Line`, close to it."""
+        return _beside(self, distance)
+
+    def backwards(self) -> Spline:
+        """As for :class:`Line`."""
+        (u, v), (x, y) = self.slopes
+        knots = tuple(self.knots[0] + self.knots[-1] - knot for knot in reversed(self.knots))
+        return Spline(knots, self.points[::-1], ((-x, -y), (-u, -v)))
+
+    @cached_property
+    def curve(self) -> Any:
+        """The spline over its knots, as scipy's."""
+        first, last = (np.array(slope) for slope in self.slopes)
+        return CubicSpline(self.knots, np.array(self.points), bc_type=((1, first), (1, last)))
+
+    @property
+    def _span(self) -> float:
+        return self.knots[-1] - self.knots[0]
+
+    @cached_property
+    def _samples(self) -> Samples:
+        return Samples(self, 4)
+
+
+Piece = Line | Arc | Spline
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points along a curved piece from which the nearest ones are searched; ``each`` of them between two breaks."""
+
+    piece: Arc | Spline
+    each: int
+
+    @cached_property
+    def _t(self) -> Array:
+        breaks = self.piece.breaks
+        steps = np.arange(self.each) / self.each
+        return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.piece.at(self._t)[0])
+
+    def nearest(self, places: Array) -> Array:
+        """Parameters of the points nearest to places: Newton's method from the two nearest samples."""
+        seeds = self._tree.query(places, k=2)[1]
+        found = [self._refined(places, seed) for seed in seeds.T]
+        first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in found)
+        return np.where(first <= second, *found)
+
+    def _refined(self, places: Array, seed: Array) -> Array:
+        low, high = self._t[np.maximum(seed - 1, 0)], self._t[np.minimum(seed + 1, len(self._t) - 1)]
+        t = self._t[seed]
+        for _ in range(12):
+            value, slope, bend = self.piece.at(t)
+            away = value - places
+            steepness = (slope * slope).sum(axis=1)
+            curvature = steepness + (away * bend).sum(axis=1)
+            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness, curvature, steepness),
+                        low, high)
+        return t
+
+
+def fitted(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
+    """The spline through a curve at knots; ``curve`` gives points and derivatives, shape (n, 2) each."""
+    points, slopes = curve(knots)
+    return Spline(tuple(knots.tolist()), _pairs(points), (_pairs(slopes)[0], _pairs(slopes)[-1]))
+
+
+def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: float) -> Array:
+    """Knots, halved from ``start`` until cubic pieces stay within 1e-10 of the ``size`` of a real curve."""
+    knots = start
+    for _ in range(40):
+        low, high = knots[:-1], knots[1:]
+        values, slopes = curve(knots)
+        middle, tangent = curve((low + high) / 2)
+        step = (high - low)[:, None]
+        guess = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
+        miss = guess - middle
+        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
+        wide = across > _FINE * size
+        if not wide.any():
+            break
+        knots = np.sort(np.concatenate([knots, ((low + high) / 2)[wide]]))
+    return knots
+
+
+def _beside(piece: Arc | Spline, distance: Any) -> Spline:
+    def curve(t: Array) -> tuple[Array, Array]:
+        value, slope, bend = piece.at(t)
+        length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
+        normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
+        turn = (slope[:, :1] * bend[:, 1:] - slope[:, 1:] * bend[:, :1]) / length**3
+        return value + distance * normal, slope * (1 + distance * turn)
+
+    size = float(np.abs(np.diff(piece.at(piece.breaks)[0], axis=0)).sum())
+    return fitted(curve, graded(curve, piece.breaks, size))
+
+
+def _placed(point: Point, angle: Any, shift: Point) -> Point:
+    x, y = point
+    if np.real(angle) == 0 == np.imag(angle):
+        return x + shift[0], y + shift[1]
+    c, s = np.cos(angle), np.sin(angle)
+    return c * x - s * y + shift[0], s * x + c * y + shift[1]
+
+
+def _rotation(angle: Any) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _pairs(points: Array) -> tuple[Point, ...]:
+    return tuple((x, y) for x, y in points.tolist())
+
+
+def direction(x: Any, y: Any) -> Any:
+    """The angle of a vector from the x axis [rad]; of a complex one to first order in the imaginary part."""
+    angle = np.arctan2(np.real(y), np.real(x))
+    if not (np.iscomplexobj(x) or np.iscomplexobj(y)):
+        return float(angle)
+    along, across = np.real(x) * np.imag(y) - np.real(y) * np.imag(x), np.real(x) ** 2 + np.real(y) ** 2
+    return angle + 1j * along / across

@@ -1,0 +1,50 @@
+"""Stadiums: two half circles joined by straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.pieces import Arc, Line, Piece
+from geometry.tables import Table
+
+
+@register
+@dataclass(frozen=True)
+class Stadium(Pieced):
+    """Half circles at both ends of the longer one of the semi-axes [m], of the shorter one's radius."""
+
+    shape: ClassVar[str] = "stadium"
+    semi_axes: tuple[float, float]
+
+    @classmethod
+    def from_table(cls, table: Table) -> Stadium:
+        """Read ``semi_axes``."""
+        return cls(table.pair("semi_axes", "length", rule=SIZE))
+
+    @classmethod
+    def example(cls) -> Stadium:
+        """As long and wide as the paper's large ellipse."""
+        return cls((75e-3, 45e-3))
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Both axes."""
+        return frozenset("xy")
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Arcs, and lines between them unless it is a circle."""
+        a, b = self.semi_axes
+        quarter = np.pi / 2
+        if np.real(a) == np.real(b) and np.imag(a) == np.imag(b):
+            return (Arc((0.0, 0.0), (a, a)),)
+        if np.real(a) >= np.real(b):
+            c = a - b
+            return (Arc((c, 0.0), (b, b), -quarter, np.pi), Line((c, b), (-c, b)),
+                    Arc((-c, 0.0), (b, b), quarter, np.pi), Line((-c, -b), (c, -b)))
+        c = b - a
+        return (Arc((0.0, c), (a, a), 0.0, np.pi), Line((-a, c), (-a, -c)),
+                Arc((0.0, -c), (a, a), np.pi, np.pi), Line((a, -c), (a, c)))
