@@ -18,6 +18,10 @@ from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 
 
+class Unbuildable(InputError):
+    """A specimen whose values are each allowed but do not go together."""
+
+
 class Material(Protocol):
     """What a film can be made of: a strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
 
@@ -232,7 +236,7 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
     try:
         return Specimen(name, frame, plate, film, electrode)
     except InputError as error:
-        raise error.located(file=table.file) from None
+        raise Unbuildable(error.allowed, file=error.file or table.file, key=error.key, given=error.given) from None
 
 
 def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material],

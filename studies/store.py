@@ -46,8 +46,8 @@ def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
         write(temporary)
         temporary.chmod(0o644)
         temporary.replace(file)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=file) from None
+    except OSError as error:  # libraries may raise it without a number
+        raise InputError(f"cannot be written: {error.strerror or error}", file=file) from None
     finally:
         temporary.unlink(missing_ok=True)
 

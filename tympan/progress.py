@@ -44,3 +44,25 @@ def shares(words: str) -> Iterator[Callable[[int, int], None]]:
             progress.refresh()
 
         yield done
+
+
+@contextmanager
+def cases(total: int) -> Iterator[Callable[[int, int], None]]:
+    """Yields a function to call with the cases that are ready and those that were so from the start.
+
+    Shows the rate and the time left; where standard error is no terminal, as a line every half minute.
+    """
+    from tqdm import tqdm
+
+    terminal = sys.stderr.isatty()
+    with tqdm(total=total, file=sys.stderr, leave=False, desc="cases", unit="case", smoothing=0.05, delay=0.0,
+              mininterval=0.1 if terminal else 30.0, maxinterval=30.0, ncols=None if terminal else 79,
+              bar_format=None if terminal else "{desc} {n_fmt}/{total_fmt}, {rate_fmt}, {remaining} left\n"
+              ) as progress:
+
+        def ready(done: int, kept: int) -> None:
+            if kept > progress.initial:
+                progress.initial = progress.n = progress.last_print_n = kept
+            progress.update(done - progress.n)
+
+        yield ready

@@ -1,0 +1,1 @@
+"""Many specimens under many loads: planned from SWEEP.toml, solved side by side, kept case by case, one table."""

@@ -1,0 +1,127 @@
+"""The results of a sweep as one labelled table: netCDF for programs, Parquet and CSV for people."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from studies.store import write_atomically
+from studies.sweep.plan import Entry, Sweep
+from studies.sweep.task import COLUMNS, FAILED, Row, solver
+from studies.sweep.variations import flattened, read_quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
+
+#: Dimensions of the table.
+AXES = ("specimen", "mass", "voltage")
+
+#: Units by how a column's name ends, longest first.
+_UNITS = {"_V_per_m": "V/m", "_m2": "m^2", "_kg": "kg", "_Pa": "Pa", "_rad": "rad", "_m": "m", "_N": "N", "_F": "F",
+          "_V": "V", "_J": "J"}
+
+_TEXTS = ("status", "warnings", "id")
+
+
+def write_tables(folder: Path, sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> list[str]:
+    """Write all three and return the statuses; ``rows`` of every entry, masses first, None where it has no task."""
+    table = dataset(sweep, rows)
+    flat = frame(table)
+    parquet = io.BytesIO()
+    flat.to_parquet(parquet, index=False)
+    text = flat.to_csv(index=False, lineterminator="\n")
+    write_atomically(folder / "sweep.parquet", lambda path: path.write_bytes(parquet.getvalue()))
+    write_atomically(folder / "sweep.csv", lambda path: path.write_text(text, encoding="utf-8"))
+    write_atomically(folder / "sweep.nc", lambda path: _write_netcdf(table, path))
+    statuses: list[str] = table["status"].values.ravel().tolist()
+    return statuses
+
+
+def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
+    """Dimensions specimen, mass and voltage; what the specimens differ in is a coordinate along the first.
+
+    Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that do not exist are
+    nan; several warnings are joined with " | ".
+    """
+    import xarray as xr
+
+    entries = sweep.entries
+    shape = (len(entries), len(entries[0].masses), len(entries[0].voltages))
+    filled = [list(found) if found is not None else _unbuilt(entry) for entry, found in zip(entries, rows, strict=True)]
+    flat = [row for found in filled for row in found]
+    data = {name: (AXES, _column(name, [row[name] for row in flat]).reshape(shape)) for name in ("id", *COLUMNS)}
+    coordinates: dict[str, Any] = {"specimen": [entry.name for entry in entries],
+                                   "base": ("specimen", _texts([entry.base for entry in entries]))}
+    coordinates |= _loads(entries) | parameters(entries)
+    table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
+    for name, variable in table.variables.items():
+        unit = next((unit for end, unit in _UNITS.items() if str(name).endswith(end)), None)
+        if variable.dtype.kind == "f":
+            variable.attrs.setdefault("units", unit or "1")
+    return table
+
+
+def frame(table: xr.Dataset) -> pd.DataFrame:
+    """A row per case: its inputs, then its results."""
+    flat = table.to_dataframe(dim_order=list(AXES)).reset_index()
+    inputs = [name for name in table.coords if name != "specimen"]
+    results = [name for name in ("status", *table.data_vars) if name not in ("id", "warnings")]
+    return flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
+
+
+def parameters(entries: Sequence[Entry]) -> dict[str, Any]:
+    """Coordinates of what the specimens differ in, one per number; the unit ends the name."""
+    found = [dict(flattened(entry.choice)) for entry in entries]
+    keys = [key for key in dict.fromkeys(key for row in found for key in row) if key not in ("mass", "voltage")]
+    return dict(_parameter(key, [row.get(key) for row in found]) for key in keys)
+
+
+def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
+    read = [None if value is None else read_quantity(value) for value in values]
+    units = {found[1] for found in read if found is not None}
+    if len(units) != 1 or any(found is None and value is not None for found, value in zip(read, values, strict=True)):
+        return key, ("specimen", _texts(["" if value is None else str(value) for value in values]))
+    unit = units.pop()
+    name = f"{key}_{unit.replace('/', '_per_').replace('^', '')}" if unit else key
+    return name, ("specimen", np.array([np.nan if found is None else found[0] for found in read]),
+                  {"units": unit or "1"})
+
+
+def _loads(entries: Sequence[Entry]) -> dict[str, Any]:
+    """Masses and voltages: along their own dimension, or also along the specimens if these differ in them."""
+    found: dict[str, Any] = {}
+    for name, axis, values in (("mass_kg", "mass", [entry.masses for entry in entries]),
+                               ("voltage_V", "voltage", [entry.voltages for entry in entries])):
+        found[name] = (axis, np.array(values[0])) if len(set(values)) == 1 else (("specimen", axis), np.array(values))
+    return found
+
+
+def _unbuilt(entry: Entry) -> list[Row]:
+    empty: Row = dict.fromkeys(("id", *COLUMNS))
+    row = {**empty, "id": "", "status": FAILED, "warnings": [entry.reason]}
+    return [row for _ in product(entry.masses, entry.voltages)]
+
+
+def _column(name: str, values: list[Any]) -> np.ndarray:
+    if name in _TEXTS:
+        return _texts([" | ".join(value) if isinstance(value, list) else str(value) for value in values])
+    return np.array([np.nan if value is None else float(value) for value in values])
+
+
+def _texts(values: list[str]) -> np.ndarray:
+    return np.array(values, dtype=object)
+
+
+def _write_netcdf(table: xr.Dataset, path: Path) -> None:
+    try:
+        table.to_netcdf(path, engine="h5netcdf")
+    except RuntimeError as error:  # HDF5 may notice only when it closes the file
+        raise OSError(str(error)) from None
