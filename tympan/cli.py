@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import data, diagnose, effects, material, modes, path, sensitivity
+from tympan import data, diagnose, effects, lumped, material, modes, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     sensitivity.add(commands)
     path.add(commands)
     data.add(commands)
+    lumped.add(commands)
     diagnose.add(commands)
     _report(commands)
     _export(commands)
