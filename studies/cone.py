@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -29,25 +31,55 @@ class ConeCircle:
     radius: float
     profile: float = 0.0
 
-    @property
+    @cached_property
     def plate_radius(self) -> float:
         """R [m], of the circle with the plate's semi-axes' product."""
         return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
+
+    @cached_property
+    def steepness(self) -> float:
+        """Slope of the film at the plate's edge over the deflection [1/m]; 1/l₀ for the straight cone."""
+        return float(self._steepness(np.array(self.plate_radius)))
+
+    @cached_property
+    def volume(self) -> float:
+        """2π r z₀ l₀ [m³]: the film whose energy per volume, by the deflection, gives the force of Eq. (5).
+
+        In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress times d ln λ_r: for
+        any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is not the whole film's volume.
+        """
+        film = self.specimen.membrane
+        return 2 * np.pi * self.plate_radius * film.thickness / film.area_prestretch / self.steepness
+
+    def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """Stretch from the mounted film at the plate's edge, √s of Eq. (3), and its two derivatives by y (φ, φ').
+
+        ``deflection`` [m] is any array, complex ones included.
+        """
+        slope = self.steepness * deflection
+        stretch = np.sqrt(1 + slope * slope)
+        return stretch, self.steepness * slope / stretch, (self.steepness / stretch) ** 2 / stretch
+
+    def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
+        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] of a material, at deflections [m].
+
+        ``material`` is the film's own or any other with derivatives W, W₁, …, such as :class:`fem.density.Maxwell`.
+        """
+        prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
+        stretch, phi, bend = self.stretch(deflection)
+        held = 0 * stretch + prestretch
+        w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
+        flat = material.derivatives(held, held)[0]
+        return (self.volume * (w - flat), self.volume * prestretch * w1 * phi,
+                self.volume * prestretch * (w1 * bend + prestretch * w11 * phi * phi))
 
     def force(self, deflection: float, voltage: float) -> float:
         """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
 
         As in the paper it is what the film there pulls with, not the derivative of the film's energy.
         """
-        film = self.specimen.membrane
-        slope = deflection * float(self._steepness(np.array(self.plate_radius)))
-        prestretch = np.sqrt(film.area_prestretch)
-        radial = prestretch * np.hypot(1.0, slope)
-        thickness = film.thickness / (radial * prestretch)
-        elastic = film.material.derivatives(radial, prestretch)[1]
-        electric = maxwell(self.specimen, voltage**2).derivatives(radial, prestretch)[1]
-        stress = radial * (elastic + electric)
-        return float(2 * np.pi * self.plate_radius * thickness * slope / np.hypot(1.0, slope) * stress)
+        parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
+        return float(sum(self.pull(part, deflection)[1] for part in parts))
 
     def capacitance(self, deflection: float) -> float:
         """ε₀ε_r dA/z over the film [F] at a deflection [m]."""

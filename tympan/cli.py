@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import alpha, data, diagnose, effects, maps, material, modes, path, sensitivity, sweep
+from tympan import alpha, data, diagnose, effects, lumped, maps, material, modes, path, sensitivity, sweep
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     path.add(commands)
     sweep.add(commands)
     data.add(commands)
+    lumped.add(commands)
     diagnose.add(commands)
     _report(commands)
     _export(commands)

@@ -1,0 +1,178 @@
+"""Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from studies.columns import Number, read_sheet
+
+Array = NDArray[np.float64]
+_HIGHEST = 1e6
+
+
+class Signal(Protocol):
+    """A voltage [V] from time 0 to ``end`` [s]; it is smooth between ``breaks`` [s], which hold 0 and the end."""
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+
+    @property
+    def breaks(self) -> Array:
+        """Times of jumps and kinks, ascending, from 0 to the end [s]."""
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude [V]."""
+
+    @property
+    def first(self) -> float:
+        """Voltage before it begins [V], to begin from rest at."""
+
+    def within(self, piece: int, time: Any) -> Any:
+        """Voltage at times of one piece between two breaks, its ends included."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time that stands twice is a jump."""
+
+    time: Array
+    voltage: Array
+
+    def __post_init__(self) -> None:
+        """Refuse what is no signal."""
+        time, voltage = np.asarray(self.time, float), np.asarray(self.voltage, float)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "voltage", voltage)
+        if len(time) < 2 or time.shape != voltage.shape:
+            raise InputError("must have at least two points, each a time and a voltage", key="signal")
+        if not (np.isfinite(time).all() and np.isfinite(voltage).all()):
+            raise InputError("must be finite everywhere", key="signal")
+        if np.any(np.diff(time) < 0) or time[-1] <= time[0]:
+            raise InputError("times must ascend", key="signal")
+        if np.abs(voltage).max() > _HIGHEST:
+            raise InputError("must stay within 1000 kV", key="signal", given=f"{np.abs(voltage).max() / 1e3:g} kV")
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return float(self.time[-1])
+
+    @property
+    def breaks(self) -> Array:
+        """The points' times."""
+        return np.unique(self.time)
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude [V]."""
+        return float(np.abs(self.voltage).max())
+
+    @property
+    def first(self) -> float:
+        """Voltage before it begins [V], to begin from rest at."""
+        return float(self.voltage[0])
+
+    def within(self, piece: int, time: Any) -> Any:
+        """Voltage at times of one piece between two breaks, its ends included."""
+        left = int(np.flatnonzero(np.diff(self.time) > 0)[piece])
+        share = (time - self.time[left]) / (self.time[left + 1] - self.time[left])
+        return self.voltage[left] * (1 - share) + self.voltage[left + 1] * share
+
+
+@dataclass(frozen=True)
+class Sine:
+    """u₀ + u₁ sin(2π t/T) [V], from t = 0 for ``cycles`` periods T [s] (figure 13)."""
+
+    offset: float
+    amplitude: float
+    period: float
+    cycles: float = 3.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no sine."""
+        if not (0 < self.period < np.inf and 0 < self.cycles <= 1e4):
+            raise InputError("needs a positive period and more than 0, at most 10000 cycles", key="signal",
+                             given=f"period {self.period:g} s, {self.cycles:g} cycles")
+        if not self.peak <= _HIGHEST:
+            raise InputError("must stay within 1000 kV", key="signal", given=f"{self.peak / 1e3:g} kV")
+
+    @property
+    def end(self) -> float:
+        """When it is over [s]."""
+        return self.period * self.cycles
+
+    @property
+    def breaks(self) -> Array:
+        """Both ends."""
+        return np.array([0.0, self.end])
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude [V]."""
+        return abs(self.offset) + abs(self.amplitude)
+
+    @property
+    def first(self) -> float:
+        """Voltage before it begins [V], to begin from rest at."""
+        return self.offset
+
+    def within(self, piece: int, time: Any) -> Any:
+        """Voltage at any times."""
+        return self.offset + self.amplitude * np.sin(2 * np.pi * time / self.period)
+
+
+def step(low: float, high: float, at: float, end: float) -> Pieces:
+    """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``.
+
+    Examples
+    --------
+    >>> step(0.0, 3500.0, 1.0, 30.0).breaks.tolist()
+    [0.0, 1.0, 30.0]
+    """
+    return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
+
+
+def ramp(low: float, high: float, end: float) -> Pieces:
+    """Up in half the time and down again in the other."""
+    return Pieces(np.array([0.0, end / 2, end]), np.array([low, high, low]))
+
+
+def random_steps(low: float, high: float, every: float, count: int, seed: int) -> Pieces:
+    """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds (figure 14); seeded."""
+    if not (every > 0 and 1 <= count <= 100_000):
+        raise InputError("needs a positive time between switches and 1 to 100000 of them", key="signal",
+                         given=f"{every:g} s, {count}")
+    levels: Array = np.random.default_rng(seed).uniform(low, high, count)
+    times: Array = every * np.repeat(np.arange(count + 1.0), 2)[1:-1]
+    return Pieces(times, np.repeat(levels, 2))
+
+
+def read_signal(file: Path | str) -> Pieces:
+    """A CSV file with the columns t_s and voltage_kV; straight lines between its rows.
+
+    Raises
+    ------
+    InputError
+        Naming line and column of what cannot be used: no file, no rows, no number, times that do not ascend.
+    """
+    sheet = read_sheet(file, (Number("t", "s", "time"), Number("voltage", "kV", "voltage", _VOLTAGE)))
+    time, voltage = sheet["t"], sheet["voltage"]
+    for row in np.flatnonzero(np.diff(time) <= 0):
+        raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")
+    if len(time) < 2:
+        raise InputError("must have at least two rows", file=file)
+    keep = np.ones(len(time), bool)
+    slope = np.diff(voltage) / np.diff(time)
+    keep[1:-1] = np.abs(np.diff(slope)) > 1e-9 * max(float(np.abs(slope).max()), 1e-300)
+    return Pieces(time[keep] - time[0], voltage[keep])
+
+
+_VOLTAGE = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")

@@ -1,0 +1,149 @@
+"""``tympan lumped``: the paper's lumped model, simulated and identified."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tympan.options import command, parse_quantity, read_rig
+
+if TYPE_CHECKING:
+    from geometry.specimen import Specimen
+    from studies.lumped.record import Simulated
+    from studies.lumped.signals import Signal
+
+
+def add(commands: Any) -> None:
+    """The command and its subcommands."""
+    words = "the paper's lumped model: a mass on circles of film"
+    parser = commands.add_parser("lumped", help=words, description=words[0].upper() + words[1:] + ".")
+    kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    _simulate(kinds)
+
+
+def _simulate(kinds: Any) -> None:
+    parser = command(kinds, "simulate", _run_simulate, "response to a step, ramp, sine, random steps or a CSV file")
+    parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
+    parser.add_argument("--signal", default="step", metavar="KIND",
+                        help="step, ramp (up and down), sine, random, or a CSV file with t_s, voltage_kV "
+                             "(default: %(default)s)")
+    parser.add_argument("--low", default="0 kV", help="before the step; lower end of the others (default: %(default)s)")
+    parser.add_argument("--high", default="3.5 kV", help="after the step; upper end (default: %(default)s)")
+    parser.add_argument("--duration", default="30 s", help="of step and ramp; of each random level; period of a sine "
+                                                           "(default: %(default)s)")
+    parser.add_argument("--count", type=int, metavar="N", help="random levels (default: 20); cycles of a sine (3)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random levels (default: %(default)s)")
+    parser.add_argument("--interval", default="1 ms", help="between samples written (default: %(default)s)")
+    parser.add_argument("--mass", default="17.9 g", help="on the plate (default: %(default)s)")
+    parser.add_argument("--alpha", metavar="A,B", help="weights of the circles with the short and the long semi-axis, "
+                                                       "as `tympan alpha` finds them (default: equal)")
+    parser.add_argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
+                        help="the paper's Eq. (8) with Table 1's constants instead of the films' material; its ε_r, "
+                             "lost in the paper, must be given")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
+                        help="write transient.csv, simulate.json and figures")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _run_simulate(options: argparse.Namespace) -> None:
+    from studies.lumped.dynamics import simulate
+    from studies.lumped.model import Actuator
+    from studies.lumped.record import Simulated, simulated_json, write_simulated
+    from tympan.progress import bar
+
+    mass = parse_quantity(options.mass, "mass", "--mass")
+    interval = _positive(options.interval, "--interval")
+    signal, period = _signal(options)
+    rig, weights = read_rig(options.rig), _weights(options.alpha)
+    found: list[Simulated] = []
+    specimens = _specimens(options)
+    with bar(len(specimens)) as progress:
+        for specimen in specimens:
+            progress(specimen.name)
+            actuator = Actuator.of(specimen, mass, weights, rig=rig)
+            found.append(Simulated(simulate(actuator, signal), interval, period, options.signal == "step",
+                                   weights is None))
+    result = simulated_json(found)
+    if options.output is not None:
+        from reports.lumped import draw_simulated
+
+        write_simulated(found, result, options.output)
+        draw_simulated(found, options.output)
+    if options.json:
+        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(result)
+
+
+def _show(result: dict[str, Any]) -> None:
+    for one in result["responses"]:
+        settled = one["settling_time_s"]
+        print(f"{one['specimen']}, {1e3 * one['mass_kg']:g} g: {1e3 * one['first_m']:.4f} to "
+              f"{1e3 * one['last_m']:.4f} mm, range {1e3 * one['range_m']:.4f} mm"
+              + ("" if settled is None else f", oscillation gone after {settled:.2f} s"))
+        for words in one["warnings"]:
+            print(f"warning: {words}")
+
+
+def _specimens(options: argparse.Namespace) -> list[Specimen]:
+    from fem.library import load_specimen
+    from geometry.errors import InputError
+    from studies.lumped.table1 import eq8
+
+    specimens = [load_specimen(file) for file in options.specimens]
+    names = [specimen.name for specimen in specimens]
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))
+    if options.permittivity is None:
+        return specimens
+    if not 1 <= options.permittivity <= 1000:
+        raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1", given=options.permittivity)
+    return [eq8(specimen, options.permittivity) for specimen in specimens]
+
+
+def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
+    """The signal, and the period if it has one [s]."""
+    from geometry.errors import InputError
+    from studies.lumped import signals
+
+    low = parse_quantity(options.low, "voltage", "--low")
+    high = parse_quantity(options.high, "voltage", "--high")
+    duration = _positive(options.duration, "--duration")
+    if options.count is not None and not 1 <= options.count <= 10_000:
+        raise InputError("must be from 1 to 10000", key="--count", given=options.count)
+    if options.signal == "step":
+        return signals.step(low, high, 0.0, duration), None
+    if options.signal == "ramp":
+        return signals.ramp(low, high, duration), None
+    if options.signal == "random":
+        return signals.random_steps(low, high, duration, options.count or 20, options.seed), None
+    if options.signal == "sine":
+        return signals.Sine((low + high) / 2, (high - low) / 2, duration, options.count or 3), duration
+    if not options.signal.endswith(".csv"):
+        raise InputError("must be step, ramp, sine, random or the name of a .csv file", key="--signal",
+                         given=options.signal)
+    return signals.read_signal(options.signal), None
+
+
+def _weights(text: str | None) -> tuple[float, ...] | None:
+    from geometry.errors import InputError
+
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError("must be numbers with a comma between them, such as 0.6,0.4", key="--alpha",
+                         given=text) from None
+
+
+def _positive(text: str, option: str) -> float:
+    from geometry.errors import InputError
+
+    value = parse_quantity(text, "time", option)
+    if not 0 < value < 1e9:
+        raise InputError("must be positive", key=option, given=text)
+    return value
