@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import data, diagnose, effects, material, modes, path, sensitivity
+from tympan import data, diagnose, effects, material, modes, optimise, path, sensitivity
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -47,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     _alpha(commands)
     modes.add(commands)
     sensitivity.add(commands)
+    optimise.add(commands)
     path.add(commands)
     data.add(commands)
     diagnose.add(commands)
