@@ -89,6 +89,17 @@ class Velocities:
                 known[nodes] = stepped[name].at(foot).imag / _STEP
         return np.column_stack([self._extended(axis, known[:, axis]) for axis in range(2)])
 
+    def towards(self, specimen: Specimen) -> Array:
+        """Motion of the nodes in the plane to a specimen with the same edges, of other lengths; shape (nodes, 2).
+
+        Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
+        """
+        edges, others = _edges(self.model.specimen), _edges(specimen)
+        known = np.zeros((len(self._places), 2))
+        for name, (nodes, foot) in self._feet.items():
+            known[nodes] = others[name].at(foot) - edges[name].at(foot)
+        return np.column_stack([self._extended(axis, known[:, axis]) for axis in range(2)])
+
     def check(self) -> None:
         """Raise what :meth:`of` would."""
         _ = self._feet

@@ -39,6 +39,11 @@ def quantity_text(value: float, dimension: str) -> str:
     return f"{value!r} {si}"
 
 
+def outline_dimension(word: str) -> str | None:
+    """Dimension of a field of outlines, None for plain numbers."""
+    return _OUTLINES.get(word)
+
+
 def constants(value: Any, dimensions: Mapping[str, str]) -> dict[str, Any]:
     """The fields of a dataclass as TOML values: quantities where ``dimensions`` knows the field, numbers elsewhere.
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import alpha, data, diagnose, effects, lumped, maps, material, modes, path, sensitivity, sweep
+from tympan import alpha, data, diagnose, effects, lumped, maps, material, modes, optimise, path, sensitivity, sweep
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -48,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     maps.add(commands)
     modes.add(commands)
     sensitivity.add(commands)
+    optimise.add(commands)
     path.add(commands)
     sweep.add(commands)
     data.add(commands)

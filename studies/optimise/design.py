@@ -1,0 +1,120 @@
+"""Designs: what one specimen is worth and keeps to, with derivatives; on a mesh of its own, or on another's moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Model
+from fem.parameters import Parameter
+from fem.paths import Outcome, equilibrium
+from fem.quantities import Heave
+from fem.sensitivity import gradient_many
+from fem.shape import moved_by, velocities
+from fem.state import State
+from geometry.errors import InputError
+from geometry.mesh import folded
+from geometry.specimen import Specimen
+from studies.cases import Settings, build_model, why
+from studies.optimise.limits import Found
+from studies.optimise.problem import Problem
+from studies.optimise.sqp import Local
+from studies.sensitivity import case_parameters
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A specimen and its ``stroke``, deflection at the voltage minus that at none [m]; ``rest`` is the latter.
+
+    ``limited``: what each limit measures [SI]; ``owners``: the limit each value c
+    belongs to. Where there is no equilibrium, or no such specimen, ``reason`` says
+    why and the numbers are nan.
+    """
+
+    values: Array
+    specimen: Specimen | None = None
+    reason: str = ""
+    stroke: float = np.nan
+    rest: float = np.nan
+    limited: Mapping[str, float] = field(default_factory=dict)
+    owners: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A mesh to move, and how far the smooth stand-ins of the limits fall short on it."""
+
+    model: Model
+    scales: Mapping[str, float]
+
+
+@dataclass(eq=False)
+class Bench:
+    """Computes designs of a problem on the mesh it keeps, which it makes anew when asked."""
+
+    problem: Problem
+    settings: Settings
+    base: Base | None = None
+
+    def fresh(self, values: Array) -> tuple[Design, Local | None]:
+        """A design on a mesh of its own, which becomes the one to move."""
+        try:
+            specimen = self.problem.design(values)
+            case = self.problem.case(specimen)
+            model = build_model(specimen, self.settings, case.rig.loading)
+        except InputError as error:
+            return Design(values, reason=str(error)), None
+        return self._evaluated(values, specimen, model, None)
+
+    def moved(self, values: Array) -> tuple[Design, Local | None]:
+        """A design on the kept mesh moved to it, so that designs compare without the noise of new meshes."""
+        assert self.base is not None
+        model = self.base.model
+        try:
+            specimen = self.problem.design(values)
+        except InputError as error:
+            return Design(values, reason=str(error)), None
+        motion = velocities(model).towards(specimen)
+        other, _ = moved_by(model, State.mounted(model), specimen, motion)
+        if folded(other.mesh):
+            return Design(values, specimen, "the mesh cannot be moved so far"), None
+        return self._evaluated(values, specimen, other, self.base.scales)
+
+    def _evaluated(self, values: Array, specimen: Specimen, model: Model, scales: Mapping[str, float] | None
+                   ) -> tuple[Design, Local | None]:
+        case = self.problem.case(specimen)
+        names = tuple(variable.name for variable in self.problem.variables)
+        rig, path = case.rig, self.settings.path
+        force = rig.force(case.mass, model.plate_area)
+        rest = equilibrium(model, force, 0.0, rig.gas_pressure, settings=path)
+        if rest.status != "equilibrium":
+            return Design(values, specimen, why(rest)), None
+        known = case_parameters(case, model)
+        lower = _slopes(model, rest, {name: known[name] for name in names})
+        outcome = equilibrium(model, force, case.film_voltage, rig.gas_pressure, rest.solution, path)
+        if outcome.status != "equilibrium":
+            return Design(values, specimen, why(outcome)), None
+        found = Found(case, model, outcome, names, {}, path)
+        upper = _slopes(model, outcome, found.by)
+        if scales is None:
+            scales = {limit.name: limit.scale(found) for limit in self.problem.limits}
+            self.base = Base(model, scales)
+        found = replace(found, scales=scales)
+        pairs = [limit.values(found) for limit in self.problem.limits]
+        stroke = outcome.state.plate.heave - rest.state.plate.heave
+        limited = {limit.name: limit.measured(found) for limit in self.problem.limits}
+        owners = tuple(limit.name for limit, pair in zip(self.problem.limits, pairs, strict=True) for _ in pair[0])
+        design = Design(values, specimen, "", stroke, rest.state.plate.heave, limited, owners)
+        return design, Local(stroke, upper - lower, np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
+                             np.concatenate([np.zeros((0, len(names))), *(pair[1] for pair in pairs)]))
+
+
+def _slopes(model: Model, outcome: Outcome, by: Mapping[str, Parameter]) -> Array:
+    """Derivatives of the heave, shape (parameters,)."""
+    found = gradient_many(model, outcome, {"": Heave()}, by)[""]
+    return np.array([found[name] for name in by])

@@ -1,0 +1,218 @@
+"""Optima of a problem: from every start, for all that may be held; checked on a finer mesh and against each other."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.parameters import at, with_change
+from fem.shape import velocities
+from geometry.errors import InputError
+from geometry.specimen import Specimen
+from studies.cases import Settings, build_model, find, state_warnings
+from studies.optimise.design import Bench, Design
+from studies.optimise.problem import Problem
+from studies.optimise.sqp import Descent, DescentSettings, Local, maximise
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+_SETTINGS = Settings()
+_DESCENT = DescentSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """A design tried on the way, and whether it was gone to."""
+
+    design: Design
+    accepted: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The way from one start, the numbers in the descent being shares of the bounds."""
+
+    held: str
+    start: int
+    stations: tuple[Station, ...]
+    descent: Descent
+
+    @property
+    def best(self) -> Design:
+        """Where it ended; a start that came to nothing, itself."""
+        kept = [station.design for station in self.stations if station.accepted]
+        return (kept or [self.stations[-1].design])[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The best end of all starts, holding one measure of the frame.
+
+    ``finer``: the same design on a mesh twice as fine. ``apart``: largest difference in stroke between starts that
+    came to an end, relative; ``elsewhere``: in any variable, relative to its bounds. ``gain`` and ``gain_start``:
+    stroke over the reference's and the specimen's own, minus one, nan where those have none.
+    """
+
+    held: str
+    runs: tuple[Run, ...]
+    best: Run
+    finer: Design
+    apart: float
+    elsewhere: float
+    gain: float
+    gain_start: float
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Optimised:
+    """All optima of a problem, the reference and the specimen it began with on the same footing."""
+
+    problem: Problem
+    reference: Design
+    given: Design
+    optima: tuple[Optimum, ...]
+    failed: tuple[Run, ...]
+
+
+def optimise(problem: Problem, settings: Settings = _SETTINGS, descent: DescentSettings = _DESCENT,
+             progress: Progress = lambda words: None) -> Optimised:
+    """Solve a problem.
+
+    Raises
+    ------
+    InputError
+        When a variable's shape has no derivative.
+    """
+    check(problem, settings)
+    reference = _alone(problem, problem.reference, settings)
+    given = _alone(problem, problem.specimen, settings)
+    optima: list[Optimum] = []
+    failed: list[Run] = []
+    for held in problem.held:
+        runs: list[Run] = []
+        for number, values in enumerate(problem.starts):
+            progress(f"equal {held}, start {number + 1}")
+            run = run_from(problem, held, number, np.array(values), settings, descent)
+            (runs if run.descent.local is not None else failed).append(run)
+        progress(f"equal {held}, finer mesh")
+        if runs:
+            optima.append(_optimum(problem, held, tuple(runs), reference, given, settings))
+    return Optimised(problem, reference, given, tuple(optima), tuple(failed))
+
+
+def run_from(problem: Problem, held: str, number: int, values: Array, settings: Settings, descent: DescentSettings
+             ) -> Run:
+    """One descent, every point on its way kept."""
+    task = _Task(problem, held, Bench(problem, settings))
+    stations: list[Station] = []
+
+    def note(x: Array, accepted: bool) -> None:
+        stations.append(Station(task.last, accepted))
+
+    found = maximise(task, task.share(values), descent, note)
+    if not stations:
+        stations.append(Station(task.last, False))
+    return Run(held, number, tuple(stations), found)
+
+
+def check(problem: Problem, settings: Settings) -> None:
+    """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
+    velocities(build_model(problem.specimen, settings, problem.rig.loading)).check()
+    values = np.array([at(problem.specimen, variable.path) for variable in problem.variables])
+    for number, variable in enumerate(problem.variables):
+        step = 1e-5 * (variable.high - variable.low)
+        inward = step if values[number] - 2 * step < variable.low else -step
+        ends = [_edge(problem.design(values + share * inward * np.eye(len(values))[number]), variable.path[0])
+                for share in (0, 1, 2)]
+        differences = (-3 * ends[0] + 4 * ends[1] - ends[2]) / (2 * inward)
+        slope = _complex_edge(problem.specimen, variable.path)
+        size = np.abs(differences).max()
+        if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
+            raise InputError("has no derivative: the points of its outline do not follow it smoothly",
+                             key=f"vary.{variable.key}", given=problem.specimen.name)
+
+
+@dataclass(eq=False)
+class _Task:
+    """The problem over shares of the bounds; ``last`` is the design computed last."""
+
+    problem: Problem
+    measure: str
+    bench: Bench
+    last: Design = field(default_factory=lambda: Design(np.zeros(0)))
+
+    def renewed(self, x: Array) -> Local | None:
+        """On a new mesh."""
+        self.last, local = self.bench.fresh(self._values(x))
+        return self._scaled(local)
+
+    def at(self, x: Array) -> Local | None:
+        """On the mesh moved."""
+        self.last, local = self.bench.moved(self._values(x))
+        return self._scaled(local)
+
+    def held(self, x: Array) -> tuple[float, Array]:
+        """What the frame must keep."""
+        miss, slope = self.problem.held_slopes(self.measure, self._values(x))
+        return miss, slope * self._widths
+
+    def share(self, values: Array) -> Array:
+        """Values as shares of their bounds."""
+        return (values - self._lows) / self._widths
+
+    @property
+    def _lows(self) -> Array:
+        return np.array([variable.low for variable in self.problem.variables])
+
+    @property
+    def _widths(self) -> Array:
+        return np.array([variable.high - variable.low for variable in self.problem.variables])
+
+    def _values(self, x: Array) -> Array:
+        return self._lows + self._widths * x
+
+    def _scaled(self, local: Local | None) -> Local | None:
+        return None if local is None else replace(local, slope=local.slope * self._widths,
+                                                  limit_slopes=local.limit_slopes * self._widths)
+
+
+def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Design, given: Design, settings: Settings
+             ) -> Optimum:
+    best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
+    fine = replace(settings, mesh=settings.mesh.refined(2))
+    finer = Bench(problem, fine).fresh(best.best.values)[0]
+    strokes = [run.best.stroke for run in runs]
+    ends = np.array([run.descent.x for run in runs])
+    told: tuple[str, ...] = ()
+    if finer.specimen is not None and not finer.reason:
+        model, outcome = find(problem.case(finer.specimen), fine)
+        told = tuple(state_warnings(model, outcome.state))
+    return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes), float(np.ptp(ends, axis=0).max()),
+                   best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1, told)
+
+
+def _alone(problem: Problem, specimen: Specimen, settings: Settings) -> Design:
+    """A specimen of its own shape under the problem's load, limits measured alike, nothing varied."""
+    return Bench(replace(problem, specimen=specimen, variables=()), settings).fresh(np.zeros(0))[0]
+
+
+def _edge(specimen: Specimen, part: str) -> Array:
+    outline = specimen.frame if part == "frame" else specimen.plate.outline
+    return outline.points(720)
+
+
+def _complex_edge(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
+    """Derivative of the edge's points by a complex step; None where the outline does not take one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            points = _edge(with_change(specimen, path, 1e-40j), path[0])
+        except (TypeError, ValueError, np.exceptions.ComplexWarning):
+            return None
+    return np.asarray(points.imag) / 1e-40

@@ -1,0 +1,196 @@
+"""What to optimise: OPTIMISE.toml."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fem.library import load_specimen
+from fem.parameters import at, numbers, with_change
+from fem.rig import Rig
+from geometry.errors import InputError
+from geometry.measures import MEASURES
+from geometry.specimen import Specimen
+from geometry.tables import POSITIVE, Table
+from geometry.written import outline_dimension
+from studies.cases import Case
+from studies.optimise.limits import LIMITS, Limit
+
+#: The specimen to beat when a problem names none: the paper's large ellipse.
+PAPER = "elliptical-large"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of frame or plate by its ``key`` in problem files, between bounds [SI]."""
+
+    key: str
+    low: float
+    high: float
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """Where it stands in a specimen."""
+        first, *rest = self.key.split(".")
+        return ("plate", "outline", *rest) if first == "plate" else (first, *rest)
+
+    @property
+    def name(self) -> str:
+        """As parameter of a model."""
+        return ".".join(self.path)
+
+    @property
+    def dimension(self) -> str | None:
+        """None for plain numbers."""
+        return outline_dimension(next(word for word in reversed(self.path) if not word.isdigit()))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Largest stroke of a specimen over ``variables``, under limits, the frame holding the reference's area or length.
+
+    ``held``: of :data:`geometry.measures.MEASURES`; each gives an optimum of its own. ``starts``: values of the
+    variables to start from, one row each.
+    """
+
+    name: str
+    specimen: Specimen
+    reference: Specimen
+    mass: float
+    voltage: float
+    variables: tuple[Variable, ...]
+    starts: tuple[tuple[float, ...], ...]
+    limits: tuple[Limit, ...] = ()
+    held: tuple[str, ...] = ("area",)
+    rig: Rig = field(default_factory=Rig)
+
+    def case(self, specimen: Specimen) -> Case:
+        """A specimen under the load and the voltage."""
+        return Case(specimen, self.mass, self.voltage, self.rig)
+
+    def design(self, values: np.ndarray, name: str = "") -> Specimen:
+        """The specimen with these values of the variables.
+
+        Raises
+        ------
+        InputError
+            When it cannot be built.
+        """
+        # All at once: on the way from one design to another, plate and frame might cross.
+        parts = {"frame": self.specimen.frame, "plate": self.specimen.plate}
+        for variable, value in zip(self.variables, values, strict=True):
+            first, *rest = variable.path
+            # Taken away first, so that the sum is the very value.
+            zero = with_change(parts[first], rest, -at(parts[first], rest))
+            parts[first] = with_change(zero, rest, float(value))
+        changes: dict[str, Any] = {**parts, "name": name or self.specimen.name}
+        return replace(self.specimen, **changes)
+
+    def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
+        """A held measure of the frame over the reference's, minus one, and its derivatives by the variables."""
+        whole = float(np.real(MEASURES[measure](self.reference.frame)))
+        frame = self.design(values).frame
+        slopes = [float(MEASURES[measure](with_change(frame, variable.path[1:], 1e-40j)).imag) / 1e-40
+                  if variable.path[0] == "frame" else 0.0 for variable in self.variables]
+        return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
+
+
+def read_problem(file: Path) -> Problem:
+    """A problem from OPTIMISE.toml; specimens are files beside it, or the paper's by name without ``.toml``."""
+    table = Table.read(file)
+    specimen = _specimen(table, "specimen")
+    variables = _variables(table.table("vary"), specimen)
+    held = _held(table)
+    limits = _limits(table.table("limits", {}), specimen)
+    given = tuple(at(specimen, variable.path) for variable in variables)
+    starts = (given, *(_start(one, variables, given) for one in table.tables("start")))
+    problem = Problem(
+        table.text("name", file.stem), specimen, _specimen(table, "reference", PAPER),
+        table.quantity("mass", "mass", "17.9 g", POSITIVE), table.quantity("voltage", "voltage", rule=POSITIVE),
+        variables, starts, limits, held, Rig.from_table(table.table("rig", {})))
+    table.asked.add("start")
+    table.done()
+    return problem
+
+
+def default_problem() -> Problem:
+    """The paper's large ellipse against the best frame of its area and the best of its length."""
+    with resources.as_file(resources.files("studies") / "optimise" / "ellipse.toml") as file:
+        return read_problem(file)
+
+
+def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
+    given = table.text(key) if default is None else table.text(key, default)
+    if not given.endswith(".toml"):
+        known = resources.files("studies") / "actuators" / f"{given}.toml"
+        if not known.is_file():
+            raise table.error(key, "must be a specimen file, ending in .toml, or the name of one of the paper's", given)
+        return load_specimen(str(known))
+    return load_specimen(Path(table.file).parent / given)
+
+
+def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
+    """Numbers of the outlines of frame and plate with their bounds."""
+    known = {**{name: name for name in numbers(specimen.frame, "frame")},
+             **{name.replace("outline.", "", 1): name for name in numbers(specimen.plate.outline, "plate.outline")}}
+    variables = []
+    for key in table.data:
+        if key not in known:
+            raise table.error(key, f"must be one of {', '.join(known)}", "vary")
+        variable = Variable(key, 0.0, 1.0)
+        low, high = _bounds(table, variable)
+        value = float(at(specimen, variable.path))
+        if not low < high:
+            raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
+        if not low <= value <= high:
+            raise table.error(key, f"must have the specimen's own value, {value:.6g} in SI units, within",
+                              table.data[key])
+        variables.append(Variable(key, low, high))
+    if not variables:
+        raise InputError(f"must name at least one of {', '.join(known)}", file=table.file, key="vary")
+    return tuple(variables)
+
+
+def _bounds(table: Table, variable: Variable) -> tuple[float, float]:
+    if variable.dimension is None:
+        low, high = table.numbers(variable.key, count=2)
+    else:
+        low, high = table.pair(variable.key, variable.dimension)
+    return low, high
+
+
+def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ...]) -> tuple[float, ...]:
+    """A further start: what it does not name is the specimen's own."""
+    values = []
+    for variable, own in zip(variables, given, strict=True):
+        value = own
+        if variable.key in table:
+            value = (table.number(variable.key) if variable.dimension is None
+                     else table.quantity(variable.key, variable.dimension))
+            if not variable.low <= value <= variable.high:
+                raise table.error(variable.key, "must lie within the variable's bounds", table.data[variable.key])
+        table.asked.add(variable.key)
+        values.append(value)
+    table.done()
+    return tuple(values)
+
+
+def _held(table: Table) -> tuple[str, ...]:
+    given = table.value("hold", "area")
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, list) or not names or not all(name in MEASURES for name in names):
+        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", given)
+    return tuple(dict.fromkeys(names))
+
+
+def _limits(table: Table, specimen: Specimen) -> tuple[Limit, ...]:
+    limits = []
+    for key in table.data:
+        if key not in LIMITS:
+            raise table.error(key, f"unknown limit: known are {', '.join(LIMITS)}")
+        limits.append(LIMITS[key](table, specimen))
+    return tuple(limits)

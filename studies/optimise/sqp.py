@@ -1,0 +1,226 @@
+"""Sequential quadratic programming within a trust region, for functions that may have no value.
+
+Maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0 and e(x) = 0, e cheap and kept to at every point. A step maximises a quadratic
+model of f within the trust region, the limits linear and the largest violation at a price (an exact penalty: Nocedal &
+Wright, *Numerical Optimization*, 2006, chapter 18); a step that gains too little, or ends where there is no value, is
+not made, and the region shrinks. The model's curvature is that of the Lagrangian, by damped BFGS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear, minimize
+
+Array = NDArray[np.float64]
+Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Values and slopes at a point: f, ∇f (n,), c (m,), ∇c (m, n)."""
+
+    value: float
+    slope: Array
+    limits: Array
+    limit_slopes: Array
+
+    @property
+    def violation(self) -> float:
+        """Largest c above zero."""
+        return max(0.0, float(self.limits.max(initial=0.0)))
+
+
+class Task(Protocol):
+    """What is maximised."""
+
+    def renewed(self, x: Array) -> Local | None:
+        """Values at a point, around which :meth:`at` then looks; None where there are none."""
+
+    def at(self, x: Array) -> Local | None:
+        """Values at a point nearby, comparable to each other until :meth:`renewed` is called again."""
+
+    def held(self, x: Array) -> tuple[float, Array]:
+        """e and ∇e."""
+
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """``radius`` of the trust region at first and ``widest``; ``step`` and relative ``gain`` below which it ends.
+
+    ``away``: distance from where it was last renewed at which the task is renewed; ``near``: at which it may end;
+    ``rounds``: how often at most it settles and is renewed. Lengths are shares of the bounds. ``residual`` of the
+    multipliers and ``violation`` that an optimum may leave.
+    """
+
+    radius: float = 0.1
+    widest: float = 0.3
+    step: float = 1e-4
+    gain: float = 1e-7
+    away: float = 0.1
+    near: float = 0.01
+    rounds: int = 3
+    residual: float = 1e-3
+    violation: float = 2e-4
+    iterations: int = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Of limits (m,), of what is held, of bounds (n,; upper positive); ``residual``: what of ∇f they leave, relative.
+
+    In units of f per unit of c, e and x.
+    """
+
+    limits: Array
+    held: float
+    bounds: Array
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where it ended, with how many ``trials`` and points without value (``missing``)."""
+
+    status: Status
+    x: Array
+    local: Local | None
+    multipliers: Multipliers | None
+    trials: int
+    missing: int
+
+
+def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettings(),
+             note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
+    """Maximise a task from a start; ``note`` is told of every point and whether it was gone to."""
+    x = restored(task, start)
+    here = None if x is None else task.renewed(x)
+    if x is None or here is None:
+        return Descent("no_start", start, None, None, 1, 1)
+    note(x, True)
+    unit = abs(here.value) or 1.0
+    centre, radius, price = x, settings.radius, 10.0
+    bend = np.eye(len(x))
+    trials, missing, settled = 1, 0, 0
+    for _ in range(settings.iterations):
+        step, promised = _step(task, x, here, bend, radius, price, unit)
+        if np.abs(step).max() < settings.step or promised < settings.gain:
+            settled += 1
+            if np.abs(x - centre).max() <= settings.near or settled == settings.rounds:
+                break
+            renewed = task.renewed(x)
+            if renewed is None:
+                break
+            here, centre, radius = renewed, x, max(radius, settings.radius / 4)
+            continue
+        ahead = restored(task, x + step)
+        there = None if ahead is None else task.at(ahead)
+        trials += 1
+        missing += there is None
+        gained = -np.inf if there is None else _merit(there, unit, price) - _merit(here, unit, price)
+        accepted = gained > 0.05 * promised
+        if ahead is not None:
+            note(ahead, accepted)
+        if not accepted or ahead is None or there is None:
+            radius = 0.4 * np.abs(step).max()
+            continue
+        if gained > 0.7 * promised and np.abs(step).max() > 0.9 * radius:
+            radius = min(2 * radius, settings.widest)
+        multipliers = kkt(task, ahead, there)
+        price = max(price, 3 * float(multipliers.limits.sum()) / unit)
+        bend = _bent(bend, ahead - x, _lagrangian(task, x, here, multipliers, unit)
+                     - _lagrangian(task, ahead, there, multipliers, unit))
+        x, here = ahead, there
+        if np.abs(x - centre).max() > settings.away:
+            renewed = task.renewed(x)
+            if renewed is None:
+                break
+            here, centre = renewed, x
+    found = kkt(task, x, here)
+    ended: Status = "optimum" if found.residual <= settings.residual else "no_progress"
+    return Descent(ended if here.violation <= settings.violation else "infeasible", x, here, found, trials, missing)
+
+
+def kkt(task: Task, x: Array, here: Local, active: float = 1e-3) -> Multipliers:
+    """Multipliers that balance ∇f best: ∇f = Σ λ ∇c + μ ∇e + bounds, λ of active limits positive."""
+    slope, held = here.slope, task.held(x)[1]
+    at = np.flatnonzero(here.limits > -active)
+    low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
+    unit = np.eye(len(x))
+    columns = np.column_stack([here.limit_slopes[at].T, held, -unit[:, low], unit[:, high]])
+    free = np.zeros(columns.shape[1])
+    free[len(at)] = -np.inf
+    solution = lsq_linear(columns, slope, (free, np.full(len(free), np.inf)), method="bvls").x
+    limits = np.zeros(len(here.limits))
+    limits[at] = solution[: len(at)]
+    bounds = np.zeros(len(x))
+    rest = solution[len(at) + 1 :]
+    bounds[low], bounds[high] = -rest[: len(low)], rest[len(low) :]
+    left = float(np.abs(columns @ solution - slope).max())
+    return Multipliers(limits, float(solution[len(at)]), bounds, left / max(float(np.abs(slope).max()), 1e-300))
+
+
+def restored(task: Task, x: Array, rounds: int = 20) -> Array | None:
+    """The nearest point within the bounds that keeps e = 0, by Newton steps; None if none is found."""
+    x = np.clip(x, 0.0, 1.0)
+    for _ in range(rounds):
+        miss, slope = task.held(x)
+        if abs(miss) < 1e-12:
+            return x
+        towards = -np.sign(miss) * slope
+        free = np.where(((x <= 0) & (towards < 0)) | ((x >= 1) & (towards > 0)), 0.0, slope)
+        if not free.any():
+            return None
+        x = np.clip(x - miss * free / (free @ free), 0.0, 1.0)
+    return None
+
+
+def _merit(here: Local, unit: float, price: float) -> float:
+    return here.value / unit - price * here.violation
+
+
+def _step(task: Task, x: Array, here: Local, bend: Array, radius: float, price: float, unit: float
+          ) -> tuple[Array, float]:
+    """The step and by how much the merit should grow; unknowns are the step and the violation it leaves."""
+    size, slope, held = len(x), here.slope / unit, task.held(x)[1]
+
+    def cost(z: Array) -> tuple[float, Array]:
+        d = z[:size]
+        return (float(d @ bend @ d / 2 - slope @ d + price * z[size]),
+                np.append(bend @ d - slope, price))
+
+    jacobian = np.column_stack([-here.limit_slopes, np.ones(len(here.limits))])
+    constraints = [{"type": "eq", "fun": lambda z: np.array([held @ z[:size]]),
+                    "jac": lambda z: np.append(held, 0.0)[None, :]}] if held.any() else []
+    if len(here.limits):
+        constraints.append({"type": "ineq", "fun": lambda z: jacobian @ z - here.limits, "jac": lambda z: jacobian})
+    bounds = [(max(-radius, -at), min(radius, 1 - at)) for at in x]
+    found = minimize(cost, np.append(np.zeros(size), here.violation), jac=True, method="SLSQP",
+                     bounds=[*bounds, (0.0, None)], constraints=constraints, options={"maxiter": 200, "ftol": 1e-14})
+    low, high = np.array(bounds).T
+    step = np.clip(found.x[:size], low, high)
+    left = max(0.0, float((here.limits + here.limit_slopes @ step).max(initial=0.0)))
+    promised = price * (here.violation - left) + float(slope @ step - step @ bend @ step / 2)
+    return step, promised
+
+
+def _lagrangian(task: Task, x: Array, here: Local, found: Multipliers, unit: float) -> Array:
+    """Slope of f − λ c − μ e over the unit."""
+    return (here.slope - found.limits @ here.limit_slopes - found.held * task.held(x)[1]) / unit
+
+
+def _bent(bend: Array, step: Array, change: Array) -> Array:
+    """Powell's damped BFGS update."""
+    along = bend @ step
+    curvature = float(step @ along)
+    if curvature < 1e-16:
+        return bend
+    share = float(step @ change)
+    damped = 1.0 if share >= 0.2 * curvature else 0.8 * curvature / (curvature - share)
+    change = damped * change + (1 - damped) * along
+    return bend - np.outer(along, along) / curvature + np.outer(change, change) / float(step @ change)
+
