@@ -177,11 +177,17 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
 
 
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
-    """Names of the lengths of frame and plate, and of those of the electrode that have an edge within the film."""
+    """Names of the lengths of frame and plate, and of those of the electrode that have an edge within the film.
+
+    Corners and points that an outline is drawn through are among them where the specimen has no mirror plane.
+    """
     electrode = specimen.electrode
     margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate") if getattr(electrode, name) > 0)
-    return (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
-            *numbers(electrode.outline, "electrode.outline"))
+    names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
+             *numbers(electrode.outline, "electrode.outline"))
+    # Moving one corner alone would break a mirror symmetry that the model may use.
+    drawn = {"vertices", "through", "segments"} if specimen.mirror_planes else set()
+    return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
 
 
 def numbers(value: Any, path: str) -> tuple[str, ...]:

@@ -71,7 +71,8 @@ class Velocities:
         Raises
         ------
         InputError
-            Where an edge of the electrode runs into another edge, so that nodes would have to slide along it.
+            Where an edge of the electrode runs into another edge, so that nodes would have to slide along it, or where
+            the film's stress is infinite at a sharp corner.
         """
         key = tuple(path)
         if key not in self._known:
@@ -112,6 +113,7 @@ class Velocities:
     def _feet(self) -> dict[str, tuple[Array, Foot]]:
         """Nodes on each edge, and where along it."""
         model, edges = self.model, _edges(self.model.specimen)
+        _refuse_notches(model.specimen)
         rims = {name: model.boundary_nodes(name) for name in ("frame", "plate")}
         inner = _electrode_nodes(model)
         if len(inner):
@@ -183,6 +185,16 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
     if electrode.outline is not None:
         edges["electrode"] = Edge(electrode.outline.outline, electrode.outline.offset)
     return edges
+
+
+def _refuse_notches(specimen: Specimen) -> None:
+    """Sharp corners of the plate, or of the frame into the film, make derivatives by lengths converge too slowly."""
+    for key, outline, inwards in (("plate", specimen.plate.outline, 1), ("frame", specimen.frame, -1)):
+        turns = inwards * outline.curve.turns()
+        if turns.max() > 1e-3:
+            x, y = 1e3 * outline.curve.starts[int(turns.argmax())]
+            raise InputError(f"must be rounded for derivatives by lengths: at the sharp corner at {x:.4g}, {y:.4g} mm "
+                             "the film's stress has no limit", key=key, given=outline.shape)
 
 
 def _electrode_nodes(model: Model) -> Array:

@@ -149,7 +149,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
 
     Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band. With an
     outline, where its edge nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter
-    of h_plate or 3 widths.
+    of h_plate or 3 widths. From tight fillets they grow as from the plate.
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -169,6 +169,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
         # What is bare is no longer a band alone; this field is as fine in the bands.
         least = min([perimeter / settings.around_plate / 4, *(3 * METRE * width for width in margins)])
         fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
+    fields += _fillet_fields(gmsh, settings, perimeter / settings.around_plate, groups)
     for number, (name, width) in enumerate(widths.items(), start=5):
         field.add("Constant", number)
         field.setNumber(number, "VIn", 3 * width * METRE)
@@ -177,6 +178,29 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     field.add("Min", 9)
     field.setNumbers(9, "FieldsList", fields)
     field.setAsBackgroundMesh(9)
+
+
+def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: dict[str, list[tuple[int, int]]]
+                   ) -> list[int]:
+    """Numbers of the fields by which elements grow from edges so curved that theirs are less than half of ``plain``."""
+    sizes: dict[int, list[int]] = {}
+    for dim, tag in (*groups["plate"], *groups["frame"]):
+        start, end = gmsh.model.getParametrizationBounds(dim, tag)
+        curvature = float(np.max(np.abs(gmsh.model.getCurvature(dim, tag, np.linspace(start[0], end[0], 33)))))
+        size = 2 * np.pi / (max(curvature, 1e-12) * settings.around_plate)
+        if size < plain / 2:
+            # Edges of about the same curvature share a field.
+            sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(tag)
+    field, numbers = gmsh.model.mesh.field, []
+    for number, (level, tags) in enumerate(sizes.items()):
+        distance, grown = 20 + 2 * number, 21 + 2 * number
+        field.add("Distance", distance)
+        field.setNumbers(distance, "CurvesList", tags)
+        field.setNumber(distance, "Sampling", 100)
+        field.add("MathEval", grown)
+        field.setString(grown, "F", f"{2 ** ((level + 0.5) / 4)!r} + {settings.growth!r}*F{distance}")
+        numbers.append(grown)
+    return numbers
 
 
 def _outline_field(gmsh: Any, across: float, least: float, groups: dict[str, list[tuple[int, int]]]) -> int:

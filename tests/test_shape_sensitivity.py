@@ -21,8 +21,17 @@ from fem.shape import velocities
 from fem.stiffness import Stiffness
 from fem.work import Work
 from geometry.errors import InputError
-from geometry.outlines import Circle, Ellipse
-from geometry.specimen import Electrode, Region, Specimen
+from geometry.outlines import (
+    Circle,
+    ClosedSpline,
+    Ellipse,
+    Outline,
+    Rotated,
+    RoundedRectangle,
+    Stadium,
+    Superellipse,
+)
+from geometry.specimen import Electrode, Plate, Region, Specimen
 
 FORCE, VOLTAGE = 0.2, 3000.0
 FILM = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(25e3), 4.7)
@@ -138,3 +147,30 @@ def test_an_electrode_across_the_frame_is_refused() -> None:
     with pytest.raises(InputError, match="away from plate, frame and margins"):
         heave_gradient(film, state, ["frame.radius"])
     assert heave_gradient(film, state, ["force"])["force"] > 0
+
+
+@pytest.mark.parametrize(("frame", "plate", "name"), [
+    (Stadium((75e-3, 45e-3)), Plate(Circle(10e-3)), "frame.semi_axes.0"),
+    (RoundedRectangle((75e-3, 45e-3), 20e-3), Plate(Circle(10e-3)), "frame.semi_axes.0"),
+    (Ellipse((75e-3, 45e-3)), Plate(RoundedRectangle((20e-3, 10e-3), 4e-3)), "plate.outline.corner_radius"),
+    (Superellipse((75e-3, 45e-3), 3.0), Plate(Circle(10e-3)), "frame.exponent"),
+    (ClosedSpline.example(), Plate(Circle(10e-3), (3e-3, 2e-3)), "frame.through.1.1"),
+    (Rotated(Stadium((75e-3, 45e-3)), 0.3), Plate(Ellipse((20e-3, 10e-3))), "frame.rotation")])
+def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, name: str) -> None:
+    base = replace(circular(), frame=frame, plate=plate)
+
+    def heave(change: float) -> float:
+        film = model(with_change(base, name.split("."), change), order=4)
+        return equilibrium(film, FORCE, VOLTAGE).state.plate.heave
+
+    film = model(base, order=4)
+    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3}.get(name, 3e-4)
+    assert found == pytest.approx(slope(heave, 0.0, step), rel=2e-4)
+
+
+def test_sharp_corners_into_the_film_are_refused_and_named() -> None:
+    film = model(replace(circular(), plate=Plate(RoundedRectangle((20e-3, 10e-3), 0.0))), order=2)
+    with pytest.raises(InputError, match=r"sharp corner at 20, -?10 mm"):
+        velocities(film).check()
+    velocities(model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)), order=2)).check()

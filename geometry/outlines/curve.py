@@ -92,8 +92,10 @@ class Curve:
         return (low_x, high_x), (low_y, high_y)
 
     def _extreme(self, axis: int, sign: int) -> Any:
-        found = [_extreme(piece, axis, sign) for piece in self.pieces]
-        return sign * max(found, key=np.real)
+        found = np.array([_extreme(piece, axis, sign) for piece in self.pieces])
+        # Where pieces reach equally far, the derivative is the mean of those to both sides.
+        largest = found.real.max()
+        return sign * found[found.real >= largest - 1e-13 * abs(largest)].mean().item()
 
     @cached_property
     def mirror_planes(self) -> frozenset[str]:

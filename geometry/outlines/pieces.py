@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 from scipy.spatial import cKDTree
 
 Array = NDArray[Any]
@@ -128,21 +128,47 @@ class Arc:
 class Spline:
     """The cubic spline with continuous curvature through points at ascending ``knots``, with given end derivatives."""
 
-    knots: tuple[float, ...]
+    knots: tuple[Any, ...]
     points: tuple[Point, ...]
     slopes: tuple[Point, Point]
 
     @cached_property
     def breaks(self) -> Array:
         """As for :class:`Line`."""
-        knots = np.array(self.knots)
-        return (knots - knots[0]) / self._span
+        knots = np.real(np.array(self.knots))
+        return (knots - knots[0]) / (knots[-1] - knots[0])
 
     def at(self, t: Array) -> Local:
-        """As for :class:`Line`."""
-        place = self.knots[0] + t * self._span
-        value, slope, bend = (self.curve(place, order) for order in range(3))
-        return value, slope * self._span, bend * self._span**2
+        """As for :class:`Line`. Between two knots ``t`` is a share of the way, also where knots are complex."""
+        coefficients, widths = self._cubics
+        k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)
+        a, b, c, d = coefficients[:, k]
+        width = widths[k][:, None]
+        u = (t[:, None] - self.breaks[k][:, None]) / width
+        return (a + u * (b + u * (c + u * d)), (b + u * (2 * c + 3 * u * d)) / width, (2 * c + 6 * u * d) / width**2)
+
+    @cached_property
+    def _cubics(self) -> tuple[Array, Array]:
+        """Coefficients between knots by the share of the way, shape (4, intervals, 2), and shares of the whole way."""
+        knots: Array = np.array(self.knots)
+        points: Array = np.array(self.points)
+        step, rise = np.diff(knots)[:, None], np.diff(points, axis=0)
+        slopes = np.vstack([np.array(self.slopes[:1]), self._inner_slopes(step, rise), np.array(self.slopes[1:])])
+        start, end = slopes[:-1] * step, slopes[1:] * step
+        return np.stack([points[:-1], start, 3 * rise - 2 * start - end, start + end - 2 * rise]), np.diff(self.breaks)
+
+    def _inner_slopes(self, step: Array, rise: Array) -> Array:
+        """Derivatives at the inner knots that make the curvature continuous."""
+        if len(step) == 1:
+            return np.empty((0, 2))
+        right = 3 * (rise[:-1] / step[:-1] ** 2 + rise[1:] / step[1:] ** 2)
+        right[0] -= np.array(self.slopes[0]) / step[0]
+        right[-1] -= np.array(self.slopes[1]) / step[-1]
+        inverse = 1 / step[:, 0]
+        bands = np.zeros((3, len(right)), inverse.dtype)
+        bands[0, 1:] = bands[2, :-1] = inverse[1:-1]
+        bands[1] = 2 * (inverse[:-1] + inverse[1:])
+        return np.asarray(solve_banded((1, 1), bands, right))
 
     def nearest(self, places: Array) -> Array:
         """As for :class:`Line`."""
@@ -162,16 +188,6 @@ class Spline:
         (u, v), (x, y) = self.slopes
         knots = tuple(self.knots[0] + self.knots[-1] - knot for knot in reversed(self.knots))
         return Spline(knots, self.points[::-1], ((-x, -y), (-u, -v)))
-
-    @cached_property
-    def curve(self) -> Any:
-        """The spline over its knots, as scipy's."""
-        first, last = (np.array(slope) for slope in self.slopes)
-        return CubicSpline(self.knots, np.array(self.points), bc_type=((1, first), (1, last)))
-
-    @property
-    def _span(self) -> float:
-        return self.knots[-1] - self.knots[0]
 
     @cached_property
     def _samples(self) -> Samples:

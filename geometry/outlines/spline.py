@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from geometry.outlines.outline import Boxed, register
-from geometry.outlines.pieces import Piece, Spline
+from geometry.outlines.pieces import Array, Piece, Spline
 from geometry.tables import Table
 
 
@@ -37,12 +36,22 @@ class ClosedSpline(Boxed):
         return False
 
     def pieces(self) -> tuple[Piece, ...]:
-        """One spline between any two of the points whose knots are those of the whole curve."""
+        """One spline; its knots, the lengths of chords, move with the points."""
         points = np.array([*self.through, self.through[0]])
-        chords = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
-        # Knots follow the points, real parts alone: what a curve passes through decides it, not how fast.
-        knots = np.concatenate([[0.0], np.cumsum(chords.real)])
-        curve = CubicSpline(knots, points, bc_type="periodic")
-        slopes = curve(np.array([0.0, knots[-1]]), 1)
-        (u, v), (w, z) = slopes.tolist()
-        return (Spline(tuple(knots.tolist()), tuple((x, y) for x, y in points.tolist()), ((u, v), (w, z))),)
+        rise = np.diff(points, axis=0)
+        step = np.sqrt((rise * rise).sum(axis=1))
+        slope = tuple(_slopes(step, rise)[0].tolist())
+        knots = np.concatenate([np.zeros(1), np.cumsum(step)])
+        return (Spline(tuple(knots.tolist()), tuple((x, y) for x, y in points.tolist()), (slope, slope)),)
+
+
+def _slopes(step: Array, rise: Array) -> Array:
+    """Derivatives at the points that make the curvature continuous around the curve."""
+    before, count = np.roll(1 / step, 1), len(step)
+    here = np.arange(count)
+    matrix = np.zeros((count, count), step.dtype)
+    matrix[here, here] = 2 * (before + 1 / step)
+    matrix[here, here - 1] += before
+    matrix[here, (here + 1) % count] += 1 / step
+    steep = rise / step[:, None] ** 2
+    return np.asarray(np.linalg.solve(matrix, 3 * (steep + np.roll(steep, 1, axis=0))))
