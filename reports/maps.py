@@ -20,30 +20,29 @@ def draw(chart: Chart, folder: Path, formats: Sequence[str] = ("png",)) -> list[
     with style.look():
         figure = style.page(68.0)
         alpha, stroke, missed = (style.place(figure, left, 8, 44, 48) for left in (12, 70, 132))
-        _levels(alpha, chart, np.array([one.alpha for one in chart.grid]), "α₁", "%.2f")
-        _formula(alpha, chart)
-        _levels(stroke, chart, 1e3 * np.array([one.stroke for one in chart.grid]),
+        weights = np.array([one.alpha for one in chart.grid])
+        levels = np.arange(np.ceil(40 * weights.min()), 40 * weights.max()) / 40
+        _levels(alpha, chart, weights, levels, "α₁ (dashed: formula)", "%.3g")
+        _formula(alpha, chart, levels)
+        _levels(stroke, chart, 1e3 * np.array([one.stroke for one in chart.grid]), 9,
                 f"stroke at {chart.settings.voltage / 1e3:g} kV, {chart.settings.mass * 1e3:g} g [mm]", "%.2f")
         _errors(missed, chart)
         return style.save(figure, folder, "alpha-map", formats)
 
 
-def _levels(axes: Axes, chart: Chart, values: Any, title: str, form: str) -> None:
+def _levels(axes: Axes, chart: Chart, values: Any, levels: Any, title: str, form: str) -> None:
     shape = len(chart.settings.aspects), len(chart.settings.ratios)
     axes.grid(False)
-    drawn = axes.contour(chart.settings.aspects, chart.settings.ratios, values.reshape(shape).T, 9,
+    drawn = axes.contour(chart.settings.aspects, chart.settings.ratios, values.reshape(shape).T, levels,
                          colors=style.PALETTE[0], linewidths=1.0)
     axes.clabel(drawn, fmt=form, fontsize=6)
     axes.set(title=title, xlabel="aspect ratio r₂/r₁", ylabel="plate r/r₁")
 
 
-def _formula(axes: Axes, chart: Chart) -> None:
+def _formula(axes: Axes, chart: Chart, levels: Any) -> None:
     aspect, ratio = np.meshgrid(np.linspace(*chart.formula.aspects, 80), np.linspace(*chart.formula.ratios, 60))
-    values = np.array([one.alpha for one in chart.grid])
-    levels = np.linspace(values.min(), values.max(), 7)[1:-1]
     axes.contour(aspect, ratio, chart.formula(aspect, ratio), levels, colors=style.PALETTE[1], linewidths=0.7,
                  linestyles="dashed")
-    axes.set_title("α₁ (dashed: formula)")
 
 
 def _errors(axes: Axes, chart: Chart) -> None:

@@ -9,7 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import alpha, data, diagnose, effects, lumped, maps, material, modes, optimise, path, sensitivity, sweep
+from tympan import (
+    alpha,
+    data,
+    diagnose,
+    effects,
+    lumped,
+    maps,
+    material,
+    modes,
+    optimise,
+    outlines,
+    path,
+    sensitivity,
+    sweep,
+)
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
 
 
@@ -45,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     _study(commands)
     _solve(commands)
     alpha.add(commands)
+    outlines.add(commands)
     maps.add(commands)
     modes.add(commands)
     sensitivity.add(commands)

@@ -1,0 +1,40 @@
+"""``tympan outlines``: the registered outlines, and α of each with its held-out error."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from tympan.options import command, mesh_argument, read_settings
+
+
+def add(commands: Any) -> None:
+    """The subcommand."""
+    parser = command(commands, "outlines", _run, "α of every registered outline with its held-out error")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    mesh_argument(parser)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from geometry.outlines import examples
+    from reports.outlines import draw
+    from studies.outline_table import HEADER, outline_table, write
+    from tympan.progress import bar
+
+    with bar(len(examples())) as progress:
+        rows = list(outline_table(read_settings(options), progress=progress))
+    write(rows, options.output)
+    draw(rows, options.output)
+    table = [dict(zip(HEADER, row.cells(), strict=True)) for row in rows]
+    if options.json:
+        print(json.dumps({"outlines": table}, ensure_ascii=False, allow_nan=False))
+        return
+    for line in table:
+        print("  ".join(_cell(line[name]) for name in HEADER[:-1]))
+
+
+def _cell(value: Any) -> str:
+    return f"{value:<17}" if isinstance(value, str) else "    -    " if value is None else f"{value:<9.4g}"
