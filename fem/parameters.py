@@ -186,7 +186,7 @@ def shape_names(specimen: Specimen) -> tuple[str, ...]:
     names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
              *numbers(electrode.outline, "electrode.outline"))
     # Moving one corner alone would break a mirror symmetry that the model may use.
-    drawn = {"vertices", "through", "segments"} if specimen.mirror_planes else set()
+    drawn = {"vertices", "through"} if specimen.mirror_planes else set()
     return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
 
 

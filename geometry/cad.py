@@ -1,4 +1,4 @@
-"""The specimen's parts in cadquery [mm]: membrane face for meshing, frame and plate for making."""
+"""The specimen's parts in cadquery [mm]: the film for meshing and masks."""
 
 from __future__ import annotations
 
@@ -52,19 +52,6 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
             for name, faces in _coverage(specimen).items()}
 
 
-def frame_part(specimen: Specimen, width: float = 8e-3, height: float = 4e-3) -> cq.Solid:
-    """A frame ring of the given width and height [m] around the film."""
-    inner = _wire(specimen.frame)
-    outer = inner.offset2D(width * METRE)[0]
-    return cq.Solid.extrudeLinear(outer, [inner], cq.Vector(0, 0, height * METRE))
-
-
-def plate_part(specimen: Specimen, height: float = 2e-3) -> cq.Solid:
-    """The plate as a disc of the given height [m]."""
-    rim = _wire(specimen.plate.outline, specimen.plate.offset)
-    return cq.Solid.extrudeLinear(rim, [], cq.Vector(0, 0, height * METRE))
-
-
 def membrane_part(specimen: Specimen) -> cq.Face:
     """The film as one face between frame and plate."""
     return _annulus(_wire(specimen.frame), _wire(specimen.plate.outline, specimen.plate.offset))
@@ -78,13 +65,6 @@ def electrode_part(specimen: Specimen) -> cq.Compound:
 def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
     """Shapes as one STEP file [mm]."""
     cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file), exportType="STEP")
-
-
-def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """Outlines of the shapes' faces in the plane z = 0 as one DXF file [mm]."""
-    flat = [face for shape in shapes for face in shape.Faces() if abs(face.BoundingBox().zmax) < 1e-9]
-    wires = [wire for face in flat for wire in face.Wires()]
-    cq.exporters.exportDXF(cq.Workplane("XY").add(wires), str(file))
 
 
 def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
@@ -103,9 +83,9 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     plate = _wire(specimen.plate.outline, specimen.plate.offset)
     wires = [frame]
     if electrode.margin_frame > 0:
-        wires.append(_offset(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
+        wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
     if electrode.margin_plate > 0:
-        wires.append(_offset(specimen.plate.outline, specimen.plate.offset, electrode.margin_plate))
+        wires.append(offset_wire(specimen.plate.outline, specimen.plate.offset, electrode.margin_plate))
     rings = [_annulus(outer, inner) for outer, inner in pairwise([*wires, plate])]
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
@@ -127,10 +107,15 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face], region: Reg
     return {"covered": inside, "bare": [*bare, *outside]}
 
 
-def _offset(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
+def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
     """The parallel curve at a distance [m], outwards if positive; that of an ellipse or spline within 1e-8 of its size.
 
     OpenCASCADE's own offset curves do not survive STEP into gmsh.
+
+    Raises
+    ------
+    InputError
+        Where the outline has a sharp corner or bends too tightly for the parallel curve.
     """
     if isinstance(outline, Circle | Ellipse):
         return _smooth_offset(outline, centre, distance)

@@ -38,17 +38,17 @@ def _edge(piece: Piece) -> cq.Edge:
 
 
 def _arc(arc: Arc) -> cq.Edge:
+    if arc.sweep < 0:
+        arc = arc.backwards()
     x, y, a, b = millimetres(*arc.centre, *arc.radii)
     first = arc.turn if a >= b else arc.turn + np.pi / 2
     start = arc.start if a >= b else arc.start - np.pi / 2
-    up = 1.0 if arc.sweep > 0 else -1.0
-    axes = gp_Ax2(cq.Vector(x, y, 0).toPnt(), cq.Vector(0, 0, up).toDir(),
+    axes = gp_Ax2(cq.Vector(x, y, 0).toPnt(), cq.Vector(0, 0, 1).toDir(),
                   cq.Vector(np.cos(first), np.sin(first), 0).toDir())
     curve = Geom_Circle(axes, a) if a == b else Geom_Ellipse(axes, max(a, b), min(a, b))
-    if abs(arc.sweep) > 2 * np.pi - 1e-12:
+    if arc.sweep > 2 * np.pi - 1e-12:
         return cq.Edge(BRepBuilderAPI_MakeEdge(curve).Edge())
-    begin = up * start
-    return cq.Edge(BRepBuilderAPI_MakeEdge(curve, begin, begin + abs(arc.sweep)).Edge())
+    return cq.Edge(BRepBuilderAPI_MakeEdge(curve, start, start + arc.sweep).Edge())
 
 
 def _spline(spline: Spline) -> cq.Edge:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import InputError
-from geometry.outlines import Circle, Ellipse, Outline, read_outline
+from geometry.outlines import Circle, Ellipse, Outline, check, read_outline
 from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
@@ -133,6 +133,10 @@ class Specimen:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built."""
+        check(self.frame, "frame")
+        check(self.plate.outline, "plate")
+        if self.electrode.outline is not None:
+            check(self.electrode.outline.outline, "electrode.outline")
         gap, (x, y) = self._narrowest
         if gap <= 0:
             raise InputError(

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from geometry.outlines import Outline, Rotated
+from geometry.outlines import Drawn, Outline, Rotated
+from geometry.outlines.drawn import segment_content
 from geometry.specimen import Plate, Region, Specimen, Strength
 from geometry.units import DIMENSIONS, quantity
 
@@ -128,6 +129,9 @@ def _constant(name: str, value: Any, dimensions: Mapping[str, str]) -> Any:
 def _outline(outline: Outline) -> dict[str, Any]:
     if isinstance(outline, Rotated):
         return {**_outline(outline.outline), "rotation": quantity_text(outline.rotation, "angle")}
+    if isinstance(outline, Drawn):
+        segments = [segment_content(piece, quantity_text) for piece in outline.segments]
+        return {"shape": outline.shape, "segments": segments}
     return {"shape": outline.shape, **constants(outline, _OUTLINES)}
 
 

@@ -10,22 +10,25 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from geometry import cad
+from geometry import cad, parts
 from geometry.mesher import MeshSettings, mesh_film
+from geometry.parts import PartOptions
 from geometry.specimen import Specimen
 from studies.store import write_atomically
 
 
-def export(specimen: Specimen, settings: MeshSettings, folder: Path) -> Iterator[Path]:
-    """Write frame, plate and film as STEP and DXF [mm] and a second-order mesh as VTU [m]; yields the files.
+def export(specimen: Specimen, settings: MeshSettings, folder: Path,
+           options: PartOptions = PartOptions()) -> Iterator[Path]:
+    """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m]; yields the files.
 
     Where the electrode leaves film bare, it is written too, for a mask.
     """
-    parts = {"frame": cad.frame_part(specimen), "plate": cad.plate_part(specimen), "film": cad.membrane_part(specimen)}
+    solids = {"frame": parts.frame_part, "clamp": parts.clamp_part, "plate": parts.plate_part}
+    made = {name: make(specimen, options) for name, make in solids.items()} | {"film": cad.membrane_part(specimen)}
     if not specimen.electrode.everywhere:
-        parts["electrode"] = cad.electrode_part(specimen)
-    for name, part in parts.items():
-        for suffix, write in (("step", cad.write_step), ("dxf", cad.write_dxf)):
+        made["electrode"] = cad.electrode_part(specimen)
+    for name, part in made.items():
+        for suffix, write in (("step", cad.write_step), ("dxf", parts.write_dxf), ("svg", parts.write_svg)):
             file = folder / f"{specimen.name}-{name}.{suffix}"
             write_atomically(file, partial(write, [part]))
             yield file

@@ -25,10 +25,9 @@ UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "ener
          "pull_in_pressure": "Pa"}
 
 _PARAMETER_UNITS = {
-    "m": ("thickness", "radius", "semi_axes", "corner_radius", "fillet", "vertices", "through", "segments", "offset",
-          "margin_frame", "margin_plate", "weight_offset", "rest", "gap", "decay"),
-    "rad": ("rotation",), "kg": ("mass", "unaccounted_mass"),
-    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"),
+    "m": ("thickness", "radius", "semi_axes", "corner_radius", "fillet", "vertices", "through", "offset",
+          "margin_frame", "margin_plate", "weight_offset", "rest", "gap", "decay"), "rad": ("rotation",),
+    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"), "kg": ("mass", "unaccounted_mass"),
     "V": ("voltage", "sag_voltage", "lag_voltage"), "N/m": ("spring",), "N": ("force",), "m/s²": ("gravity",),
     "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim", "lambda_lock", "exponent",
           "power", "amplifier_gain"), "kg/m³": ("density",)}

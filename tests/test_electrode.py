@@ -186,7 +186,8 @@ def test_export_writes_the_electrode_for_a_mask(tmp_path: Path) -> None:
     region = REGIONS["beyond the frame"][0]
     files = list(export(specimen(region), MeshSettings(), tmp_path))
     assert {file.name for file in files if "electrode" in file.name} == {"circle-electrode.step",
-                                                                         "circle-electrode.dxf"}
+                                                                         "circle-electrode.dxf",
+                                                                         "circle-electrode.svg"}
     mask = cq.importers.importStep(str(tmp_path / "circle-electrode.step"))
     area = sum(face.Area() for face in mask.faces().vals())
     assert area == pytest.approx(chord_area(region, 45e-3, 10e-3) * 1e6, rel=1e-6)
@@ -224,7 +225,7 @@ def test_outline_in_a_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("old", "new", "key", "words"), [
     ('"3 cm", ', "", "electrode.outline.semi_axes", "list of 2"),
-    ('"ellipse"\nsemi', '"heart"\nsemi', "electrode.outline.shape", "circle, ellipse"),
+    ('"ellipse"\nsemi', '"heart"\nsemi', "electrode.outline.shape", "circle, drawn"),
     ("offset", "ofset", "electrode.outline.ofset", "did you mean 'offset'"),
     ('["1 cm", "0 mm"]', '["1 kg", "0 mm"]', "electrode.outline.offset", "wrong dimension"),
     ('["1 cm", "0 mm"]', '["1 m", "0 mm"]', "electrode.outline", "cover some of the film"),

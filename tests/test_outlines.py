@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from fem.library import MATERIALS
 from fem.paths import equilibrium
+from geometry.errors import InputError
 from geometry.mesh import folded
 from geometry.mesher import MeshSettings
-from geometry.outlines import Circle, Ellipse, Outline, Rotated, Stadium, Superellipse, area, examples
-from geometry.specimen import Film, Plate, Specimen
+from geometry.outlines import Circle, Ellipse, Outline, Rotated, RoundedRectangle, Stadium, Superellipse, area, examples
+from geometry.specimen import Electrode, Film, Plate, Specimen
 from studies.cases import Settings, build_model
 
 EXAMPLES = examples()
@@ -142,3 +143,19 @@ def test_a_rotated_ellipse_behaves_as_an_ellipse() -> None:
     heaves = [equilibrium(build_model(specimen, COARSE), 0.17, 3e3).state.plate.heave for specimen in (upright, lying)]
     assert heaves[0] == pytest.approx(heaves[1], rel=1e-6)
     assert upright.frame.semi_axes == pytest.approx((45e-3, 60e-3))
+
+
+def test_electrode_margins_follow_every_outline(outline: Outline) -> None:
+    """Steiner's formula for the area of the band along the frame; a mesh without folds."""
+    specimen = replace(film(outline), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
+    model = build_model(specimen, COARSE)
+    assert folded(model.mesh) == 0
+    covered = float((model.basis.dx * model.covered).sum()) * 2 ** len(model.planes)
+    inner = area(outline) - 3e-3 * outline.curve.length + np.pi * 3e-3**2
+    assert covered == pytest.approx(inner - np.pi * 12e-3**2, rel=1e-6)
+
+
+def test_margins_at_sharp_corners_are_refused() -> None:
+    sharp = replace(film(RoundedRectangle((45e-3, 40e-3), 0.0)), electrode=Electrode(margin_frame=3e-3))
+    with pytest.raises(InputError, match="without sharp corners"):
+        build_model(sharp, COARSE)

@@ -63,7 +63,7 @@ BAD = [
     ('thickness = "1 mm"', 'thickness = "-1 mm"', "membrane.thickness", "positive"),
     ('thickness = "1 mm"', 'thickness = "inf mm"', "membrane.thickness", "positive"),
     ("relative_permittivity = 4.7", "relative_permittivity = 0.5", "membrane.relative_permittivity", "at least 1"),
-    ('shape = "circle"', 'shape = "heart"', "plate.shape", "circle, ellipse"),
+    ('shape = "circle"', 'shape = "heart"', "plate.shape", "circle, drawn"),
     ('"0.02 kPa"]', '"-3 kPa"]', "membrane.material", "admissible"),
     ("alpha = [2, 4]", "alpha = [2]", "membrane.material.mu", "same length"),
     ("alpha = [2, 4]", "alpha = [2, 0]", "membrane.material.alpha", "zero"),

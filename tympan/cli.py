@@ -161,7 +161,7 @@ def _run_report(options: argparse.Namespace) -> None:
 
 
 def _export(commands: Any) -> None:
-    parser = command(commands, "export", _run_export, "frame, plate and film as STEP, their outlines as DXF, the mesh")
+    parser = command(commands, "export", _run_export, "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
     specimen_argument(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     mesh_argument(parser)

@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from geometry.errors import InputError
+from geometry.outlines import files as _files  # noqa: F401
+from geometry.outlines.checks import check
 from geometry.outlines.circle import Circle
 from geometry.outlines.curve import Curve
+from geometry.outlines.drawn import Drawn
 from geometry.outlines.ellipse import Ellipse
 from geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
 from geometry.outlines.polygon import Polygon, RegularPolygon
@@ -18,13 +22,18 @@ from geometry.outlines.stadium import Stadium
 from geometry.outlines.superellipse import Superellipse
 from geometry.tables import Table
 
-__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Ellipse", "Outline", "Pieced", "Polygon", "RegularPolygon",
-           "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "examples", "read_outline", "register"]
+__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced", "Polygon",
+           "RegularPolygon",
+           "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "check", "examples",
+           "read_outline", "register"]
 
 
 def read_outline(table: Table) -> Outline:
     """The outline a table describes: its ``shape``, the shape's own keys, and ``rotation``."""
-    outline = table.choice("shape", REGISTRY)(table)
+    try:
+        outline = table.choice("shape", REGISTRY)(table)
+    except InputError as error:
+        raise error.located(file=table.file, key=table.where) from None
     rotation = table.quantity("rotation", "angle", "0 rad")
     return outline if rotation == 0 or isinstance(outline, Circle) else Rotated(outline, rotation)
 
