@@ -17,6 +17,7 @@ benchmarks: .venv/ready
 	.venv/bin/python -m benchmarks.reference_problem
 	.venv/bin/python -m benchmarks.gradient
 	.venv/bin/python -m benchmarks.diagnosis
+	.venv/bin/python -m benchmarks.sweep
 
 scaling: .venv/ready
 	.venv/bin/python -m benchmarks.scaling --peers

@@ -7,17 +7,17 @@ discretisation error.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import skfem
 from numpy.typing import NDArray
 
 from fem.density import FilmDensity
 from fem.model import Model, cauchy_green
 from fem.state import State
 from fem.tautness import Tension, tension_state
-from geometry.mesh import unfold
+from geometry.mesh import ELEMENTS, unfold
 from geometry.specimen import Film
 
 Array = NDArray[Any]
@@ -140,11 +140,27 @@ def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
     """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
     points = np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
                        for i in range(parts) for j in range(parts + 1 - t - i)]).T
-    basis = skfem.CellBasis(model.mesh, model.mesh.elem(),
-                            quadrature=(points, np.full(parts**2, 0.5 / parts**2)))
-    found = cell_fields(model, state, points).tension.reshape(basis.dx.shape)
-    wrinkled, slack = (float(basis.dx[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
-    return LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / float(basis.dx.sum()))
+    slopes = tabulated(model.mesh.order, points.tobytes())[1]
+    areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5 / parts**2)
+    found = cell_fields(model, state, points).tension.reshape(areas.shape)
+    wrinkled, slack = (float(areas[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
+    return LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / float(areas.sum()))
+
+
+@lru_cache(maxsize=64)
+def tabulated(order: int, points: bytes) -> tuple[Array, Array]:
+    """Shape functions (local, points) and their slopes (points, local, 2) at reference points, an array's bytes."""
+    at = np.frombuffer(points).reshape(2, -1)
+    element = ELEMENTS[order]()
+    values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
+    shapes = np.stack([np.broadcast_to(value, at.shape[1:]) for value, _ in values])
+    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape) for _, slope in values], axis=-1)
+    return shapes, slopes.transpose(1, 2, 0)
+
+
+def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
+    """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
+    return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None], slopes)
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
@@ -157,14 +173,13 @@ def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
 def _fields(model: Model, state: State, cells: Array, points: Array, along: Array | None = None) -> Fields:
     """Fields in some elements; ``plate_traction`` on cuts ``along`` these vectors, shape (cells, points, 2)."""
     film = model.specimen.membrane
-    basis = skfem.CellBasis(model.mesh, model.mesh.elem(), elements=cells,
-                            quadrature=(points, np.ones(points.shape[1])))
     nodes = model.connectivity[cells]
-    shapes = np.stack([np.broadcast_to(np.asarray(shape[0]), basis.dx.shape) for shape in basis.basis])
-    slopes = np.stack([shape[0].grad for shape in basis.basis])
-    reference = np.einsum("lep,elc->epc", shapes, model.reference[nodes]).reshape(-1, 3)
-    current = np.einsum("lep,elc->epc", shapes, state.positions[nodes]).reshape(-1, 3)
-    f = np.einsum("lkep,elc->epck", slopes, state.positions[nodes]).reshape(-1, 3, 2)
+    shapes, slopes = tabulated(model.mesh.order, points.tobytes())
+    reference = np.einsum("lp,elc->epc", shapes, model.reference[nodes]).reshape(-1, 3)
+    current = np.einsum("lp,elc->epc", shapes, state.positions[nodes]).reshape(-1, 3)
+    inverse = np.linalg.inv(jacobian(model, cells, slopes))
+    local = np.matmul(state.positions[nodes].transpose(0, 2, 1)[:, None], slopes)
+    f = np.matmul(local, inverse).reshape(-1, 3, 2)
     covered = np.repeat(model.covered[cells, 0], points.shape[1])
 
     c = cauchy_green(f)

@@ -1,0 +1,47 @@
+"""The same sweep on a Dask cluster, one of whose workers is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import partial
+
+import pytest
+import xarray as xr
+from sweeps import read
+
+from geometry.errors import InputError
+from studies.sweep.cluster import cluster
+from studies.sweep.pool import here
+from studies.sweep.run import run
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
+                            "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_cluster_gives_the_same_table_also_when_a_worker_is_killed(tmp_path) -> None:
+    from distributed import LocalCluster
+
+    sweep = read(tmp_path)
+    run(sweep, tmp_path / "here", here)
+    killed: list[int] = []
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+                      silence_logs=50) as machine:
+
+        def after_two(done: int, kept: int) -> None:
+            if done >= 12 and not killed:
+                killed.append(next(iter(machine.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address), after_two)
+    assert killed
+    assert summary.solved == 48
+    with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as one,
+          xr.open_dataset(tmp_path / "dask" / "sweep.nc", engine="h5netcdf") as other):
+        xr.testing.assert_allclose(one, other, rtol=1e-12, atol=0)
+        assert (one["status"] == other["status"]).all()
+
+
+def test_a_scheduler_that_is_not_there_is_one_message(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("studies.sweep.cluster._PATIENCE", "300ms")
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        run(read(tmp_path), tmp_path / "out", partial(cluster, address="tcp://127.0.0.1:9"))
