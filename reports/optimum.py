@@ -77,4 +77,4 @@ def _limits(axes: Axes, result: Optimised, optimum: Optimum) -> None:
     axes.set_title("Share of each limit used", loc="left")
     axes.set_ylim(0.0, 1.08)
     if result.problem.limits:
-        axes.legend(loc="lower left", ncols=2, fontsize=5.5, columnspacing=0.8, handlelength=1.2)
+        axes.legend(loc="lower left", fontsize=5.5, labelspacing=0.15, handlelength=1.2)

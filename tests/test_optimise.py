@@ -222,6 +222,29 @@ def test_a_start_without_equilibrium_is_told() -> None:
     assert "pulls in" in found.failed[0].best.reason
 
 
+def test_a_frame_out_of_reach_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = PROBLEM.split("[limits]", maxsplit=1)[0].replace('"11 cm"', '"8 cm"').replace('"8 cm"]', '"76 mm"]')
+    far = small.replace("[vary]", 'reference = "circular"\nhold = "area"\n[vary]').replace('["40 mm"', '["70 mm"')
+    (tmp_path / "far.toml").write_text(far, encoding="utf-8")
+    assert main(["optimise", str(tmp_path / "far.toml"), "-o", str(tmp_path / "out"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["optima"] == []
+    assert "no design within the bounds has the area" in printed["failed"][0]["reason"]
+    assert (tmp_path / "out" / "path.csv").exists()
+
+
+@pytest.mark.study
+def test_the_shipped_problem_with_pull_in_as_the_active_limit() -> None:
+    result = optimise(default_problem())
+    assert not result.failed
+    for optimum in result.optima:
+        assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2
+        assert optimum.apart < 0.01
+        assert optimum.finer.stroke == pytest.approx(optimum.best.best.stroke, rel=1e-3)
+        assert optimum.finer.limited["pull_in_margin"] == pytest.approx(1.2, rel=1e-3)
+        assert optimum.gain > 0.3
+
+
 def test_length_and_area_of_an_ellipse() -> None:
     a, b = 75e-3, 45e-3
     assert perimeter(Ellipse((a, b))) == pytest.approx(4 * a * ellipe(1 - (b / a) ** 2), rel=1e-10)

@@ -18,6 +18,7 @@ from fem.paths import Outcome, PathSettings, equilibrium
 from fem.quantities import Field, Largest, larger_stress, true_field
 from fem.sensitivity import gradient_many, limit_gradient
 from fem.shape import Edge
+from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.tables import POSITIVE, Rule, Table
 from studies.cases import Case, node_fields
@@ -72,8 +73,11 @@ class Found:
                           self.path)
         if end.critical is None or end.limited != "voltage":
             return float(np.sqrt(end.state.voltage_squared)) / film_voltage, np.zeros(len(self.names))
-        slopes = limit_gradient(self.model, end.critical, "voltage", self._named("voltage"))
         margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
+        try:
+            slopes = limit_gradient(self.model, end.critical, "voltage", self._named("voltage"))
+        except InputError:  # no smooth limit: the film lost its stability otherwise
+            return margin, np.zeros(len(self.names))
         return margin, np.array([slopes[name] for name in self.names]) / (2 * margin * film_voltage**2)
 
     def _named(self, limited: Any) -> dict[str, Parameter]:

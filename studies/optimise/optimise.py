@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.parameters import at, with_change
+from fem.parameters import at, shape_names, with_change
 from fem.shape import velocities
 from geometry.errors import InputError
 from geometry.specimen import Specimen
@@ -109,7 +109,8 @@ def optimise(problem: Problem, settings: Settings = _SETTINGS, descent: DescentS
 def run_from(problem: Problem, held: str, number: int, values: Array, settings: Settings, descent: DescentSettings
              ) -> Run:
     """One descent, every point on its way kept."""
-    task = _Task(problem, held, Bench(problem, settings))
+    reason = f"no design within the bounds has the {held} of the reference's frame"
+    task = _Task(problem, held, Bench(problem, settings), Design(values, reason=reason))
     stations: list[Station] = []
 
     def note(x: Array, accepted: bool) -> None:
@@ -126,6 +127,9 @@ def check(problem: Problem, settings: Settings) -> None:
     velocities(build_model(problem.specimen, settings, problem.rig.loading)).check()
     values = np.array([at(problem.specimen, variable.path) for variable in problem.variables])
     for number, variable in enumerate(problem.variables):
+        if variable.name not in shape_names(problem.specimen):
+            raise InputError("has no derivative: moved alone it would break the specimen's symmetry",
+                             key=f"vary.{variable.key}", given=problem.specimen.name)
         step = 1e-5 * (variable.high - variable.low)
         inward = step if values[number] - 2 * step < variable.low else -step
         ends = [_edge(problem.design(values + share * inward * np.eye(len(values))[number]), variable.path[0])
@@ -145,7 +149,7 @@ class _Task:
     problem: Problem
     measure: str
     bench: Bench
-    last: Design = field(default_factory=lambda: Design(np.zeros(0)))
+    last: Design
 
     def renewed(self, x: Array) -> Local | None:
         """On a new mesh."""
@@ -158,8 +162,11 @@ class _Task:
         return self._scaled(local)
 
     def held(self, x: Array) -> tuple[float, Array]:
-        """What the frame must keep."""
-        miss, slope = self.problem.held_slopes(self.measure, self._values(x))
+        """What the frame must keep; nan where there is no such frame."""
+        try:
+            miss, slope = self.problem.held_slopes(self.measure, self._values(x))
+        except InputError:
+            return float("nan"), np.zeros(len(x))
         return miss, slope * self._widths
 
     def share(self, values: Array) -> Array:

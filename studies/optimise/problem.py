@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -80,20 +81,20 @@ class Problem:
         InputError
             When it cannot be built.
         """
-        # All at once: on the way from one design to another, plate and frame might cross.
-        parts = {"frame": self.specimen.frame, "plate": self.specimen.plate}
-        for variable, value in zip(self.variables, values, strict=True):
-            first, *rest = variable.path
-            # Taken away first, so that the sum is the very value.
-            zero = with_change(parts[first], rest, -at(parts[first], rest))
-            parts[first] = with_change(zero, rest, float(value))
-        changes: dict[str, Any] = {**parts, "name": name or self.specimen.name}
-        return replace(self.specimen, **changes)
+        changes: dict[str, Any] = {"name": name or self.specimen.name, "frame": self.frame(values)}
+        plate = {variable.path[1:]: float(value) for variable, value in zip(self.variables, values, strict=True)
+                 if variable.path[0] == "plate"}
+        return replace(self.specimen, **changes, plate=_set(self.specimen.plate, plate))
+
+    def frame(self, values: np.ndarray) -> Any:
+        """The frame with these values of the variables, whether or not a plate fits in."""
+        return _set(self.specimen.frame, {variable.path[1:]: float(value) for variable, value
+                                          in zip(self.variables, values, strict=True) if variable.path[0] == "frame"})
 
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
         """A held measure of the frame over the reference's, minus one, and its derivatives by the variables."""
         whole = float(np.real(MEASURES[measure](self.reference.frame)))
-        frame = self.design(values).frame
+        frame = self.frame(values)
         slopes = [float(MEASURES[measure](with_change(frame, variable.path[1:], 1e-40j)).imag) / 1e-40
                   if variable.path[0] == "frame" else 0.0 for variable in self.variables]
         return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
@@ -115,6 +116,18 @@ def read_problem(file: Path) -> Problem:
     table.asked.add("start")
     table.done()
     return problem
+
+
+def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
+    """A copy with the numbers at these paths, set all at once: on the way from one to the next none need be valid."""
+    if () in numbers:
+        return numbers[()]
+    below: dict[str, dict[tuple[str, ...], float]] = {}
+    for path, number in numbers.items():
+        below.setdefault(path[0], {})[path[1:]] = number
+    if isinstance(value, tuple):
+        return tuple(_set(item, below.get(str(index), {})) for index, item in enumerate(value))
+    return replace(value, **{key: _set(getattr(value, key), inner) for key, inner in below.items()}) if below else value
 
 
 def default_problem() -> Problem:

@@ -1,0 +1,142 @@
+"""The shipped optimisation as a page: ``docs/optimum.md`` with its figure (``make optimum``)."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from reports.optimum import draw
+from studies.cases import Settings
+from studies.optimise.design import Bench
+from studies.optimise.optimise import Optimised, Optimum, optimise
+from studies.optimise.problem import Problem, default_problem
+from studies.optimise.stored import record
+from studies.store import write_text
+
+_DOCS = Path(__file__).parent.parent / "docs"
+
+
+def main() -> None:
+    """Run it whole, then frame and plate each for itself, and write the page."""
+    problem = default_problem()
+    began = time.perf_counter()
+    whole = optimise(problem)
+    took = time.perf_counter() - began
+    parts = {name: optimise(_only(problem, name)) for name in ("frame", "plate")}
+    with tempfile.TemporaryDirectory() as folder:
+        (picture,) = draw(whole, Path(folder))
+        shutil.copy(picture, _DOCS / "optimum.png")
+    write_text(_DOCS / "optimum.md", page(whole, parts, took))
+
+
+def page(whole: Optimised, parts: dict[str, Optimised], took: float) -> str:
+    """The page as Markdown."""
+    problem, reference = whole.problem, whole.reference
+    lines = [
+        "# The ellipse with the largest stroke", "",
+        f"Stroke: deflection at {problem.voltage / 1e3:g} kV minus that at none, under {problem.mass * 1e3:g} g. "
+        f"`make optimum` makes this page in about {took / 60:.0f} min from `studies/optimise/ellipse.toml`; "
+        "the search of it alone is `tympan optimise`.", "",
+        f"To beat: `{problem.reference.name}`, stroke {1e3 * reference.stroke:.4f} mm, "
+        + ", ".join(f"{_words(name)} {_shown(problem, name, value)}" for name, value in reference.limited.items())
+        + ".", "", "![Outlines along the way, stroke and limits](optimum.png)", "",
+        "| | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima) + " |",
+        "|---|" + "---|" * len(whole.optima), *_rows(whole), "",
+        "Gain over the reference when only one part may change, with the same limits:", "",
+        "| varied | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima) + " |",
+        "|---|" + "---|" * len(whole.optima),
+        *(f"| {name} | " + " | ".join(f"{optimum.gain:+.2%}" for optimum in found.optima) + " |"
+          for name, found in {**parts, "both": whole}.items()), "",
+        "## What this says", "", *_meaning(whole), "",
+        "## How far to trust it", "", *_trust(whole)]
+    return "\n".join(lines) + "\n"
+
+
+def _meaning(whole: Optimised) -> list[str]:
+    """In words, of what was found."""
+    lines = []
+    for found in record(whole)["optima"]:
+        x, y = (1e3 * found["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
+        shape = "the circle" if abs(x / y - 1) < 2e-3 else f"{x:.1f} by {y:.1f} mm"
+        active = [_words(name) for name, limit in found["limits"].items() if limit["active"]]
+        bounds = ", ".join(found["at_bounds"])
+        lines.append(f"* Equal {found['held']}: the best frame among ellipses is {shape}; "
+                     + (f"held by the bounds of {bounds}" if bounds else "no bound of a variable holds it")
+                     + f"; active limits: {', '.join(active) or 'none'}.")
+    return [*lines, "* How much of the gain is the frame's and how much the plate's: the table above. A frame that "
+            "must not be higher than the reference's has that as a bound in `[vary]`."]
+
+
+def _rows(whole: Optimised) -> list[str]:
+    stored = record(whole)["optima"]
+    rows = [["status", *(found["status"] for found in stored)]]
+    for variable in whole.problem.variables:
+        rows.append([f"{variable.key} [mm]", *(f"{1e3 * found['variables'][variable.key]:.3f}" for found in stored)])
+    rows += [["stroke [mm]", *(f"{1e3 * found['stroke_m']:.4f}" for found in stored)],
+             ["gain over the reference", *(f"{found['gain']:+.2%}" for found in stored)],
+             ["the same on a mesh twice as fine", *(f"{found['finer']['gain']:+.2%}" for found in stored)]]
+    for limit in whole.problem.limits:
+        name = limit.name
+        rows.append([f"{_words(name)}, limit {_shown(whole.problem, name, limit.bound)}",
+                     *(_kept(whole.problem, name, found["limits"][name]) for found in stored)])
+    rows += [["stroke for 1 % more of what is held", *(f"{found['held_multiplier']:+.3f} %" for found in stored)],
+             ["conditions of optimality miss by, relative", *(f"{found['kkt_residual']:.1e}" for found in stored)],
+             ["starts apart, in stroke", *(f"{found['starts_apart_stroke']:.1e}" for found in stored)],
+             ["starts apart, in a variable, of its bounds",
+              *(f"{found['starts_apart_variables']:.1e}" for found in stored)],
+             ["designs tried, by start", *(", ".join(str(run["trials"]) for run in found["starts"])
+                                           for found in stored)]]
+    return ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def _kept(problem: Problem, name: str, found: dict[str, float]) -> str:
+    text = f"{_shown(problem, name, found['value'])}, finer mesh {_shown(problem, name, found['finer'])}"
+    return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"] else "")
+
+
+def _trust(whole: Optimised) -> list[str]:
+    lines = []
+    for optimum in whole.optima:
+        short = ", ".join(f"{_words(name)} {share - 1:.1%}" for name, share in _scales(whole.problem, optimum).items()
+                          if share != 1.0)
+        lines.append(f"* Equal {optimum.held}: the largest nodal values exceed the norms that stand for them: {short}; "
+                     "the search scales the norms by that, anew on every new mesh.")
+        lines += [f"* Equal {optimum.held}: {warning}" for warning in optimum.warnings]
+    return [*lines,
+            "* Slopes are exact for the mesh at hand, which the tests check by Taylor's test. Within a step meshes are "
+            "moved, not made anew, so designs compare without the noise of meshing.",
+            "* The margin to pull-in is that of the perfect film. Where the film loses tension before it pulls in, the "
+            "margin is less certain, and differs between meshes by more than the stroke does."]
+
+
+def _scales(problem: Problem, optimum: Optimum) -> dict[str, float]:
+    bench = Bench(problem, Settings())
+    bench.fresh(optimum.best.best.values)
+    assert bench.base is not None
+    return dict(bench.base.scales)
+
+
+def _only(problem: Problem, part: str) -> Problem:
+    """The problem with the numbers of one part alone, from the specimen itself."""
+    chosen = [number for number, variable in enumerate(problem.variables) if variable.path[0] == part]
+    starts = tuple(np.array(problem.starts[0])[chosen].tolist())
+    return replace(problem, variables=tuple(problem.variables[number] for number in chosen), starts=(starts,))
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _shown(problem: Problem, name: str, value: float) -> str:
+    unit = next(limit.unit for limit in problem.limits if limit.name == name)
+    scale, text = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}.get(unit, (1.0, ""))
+    return f"{scale * value:.4g}{text}"
+
+
+if __name__ == "__main__":
+    main()
