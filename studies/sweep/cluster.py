@@ -33,7 +33,7 @@ def cluster(tasks: Sequence[Task], address: str) -> Iterator[Found]:
     try:
         futures = [client.submit(task.run, key=f"tympan-{task.id}", pure=False) for task in tasks]
         wanted = dict(zip((future.key for future in futures), tasks, strict=True))
-        done = as_completed(futures)
+        done = as_completed(futures, loop=client.loop)
         futures.clear()
         for future in done:
             yield wanted[future.key], outcome(future)
