@@ -21,6 +21,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser("lumped", help=words, description=words[0].upper() + words[1:] + ".")
     kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _simulate(kinds)
+    _identify(kinds)
 
 
 def _simulate(kinds: Any) -> None:
@@ -147,3 +148,48 @@ def _positive(text: str, option: str) -> float:
     if not 0 < value < 1e9:
         raise InputError("must be positive", key=option, given=text)
     return value
+
+
+def _identify(kinds: Any) -> None:
+    parser = command(kinds, "identify", _run_identify, "the static constants behind a dataset's readings at rest")
+    parser.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and static.csv")
+    parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
+                        help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
+    parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
+                        help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
+                             "(default: %(default)s)")
+    parser.add_argument("--nelder-mead", action="store_true", help="also the paper's simplex, to compare")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write identify.json and figures")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _run_identify(options: argparse.Namespace) -> None:
+    from studies.dataset import read_dataset
+    from studies.lumped.static_fit import StaticProblem, identify_static, nelder_mead, readings_of
+    from studies.store import write_json
+
+    dataset = read_dataset(options.dataset)
+    problem = StaticProblem(readings_of(dataset), options.law)
+    fit = identify_static(problem, options.objective)
+    result: dict[str, Any] = {"dataset": dataset.name, "static": fit.json()}
+    if options.nelder_mead:
+        result["nelder_mead"] = nelder_mead(problem)
+    if options.output is not None:
+        from reports.lumped import draw_static
+
+        write_json(options.output / "identify.json", result)
+        draw_static(fit, options.output)
+    if options.json:
+        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        return
+    print(f"{dataset.name}: misfit {1e6 * fit.rmse:.3g} um (noise {1e6 * fit.sigma:.3g} um); "
+          f"{fit.determined} of {len(fit.constants)} numbers are determined")
+    for one in fit.constants:
+        limits = "not determined by these data" if one.low is None else f"{one.low:.6g} to {one.high:.6g}"
+        print(f"  {one.name:<24}{one.value:>14.6g} {'' if one.unit == '1' else one.unit:<4}{limits}")
+    for words in fit.warnings:
+        print(f"warning: {words}")
+    if options.nelder_mead:
+        other = result["nelder_mead"]
+        print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
+              f"{other['seconds']:.2f} s; least squares: {fit.evaluations}, {fit.seconds:.2f} s")
