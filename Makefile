@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness hidden optimum clean
+.PHONY: study test benchmarks scaling verification robustness hidden optimum outlines map clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -30,6 +30,12 @@ robustness: .venv/ready
 
 hidden: .venv/ready
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python tests/hidden_study.py --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
+
+outlines: .venv/ready
+	.venv/bin/tympan outlines -o "$(OUT)"
+
+map: .venv/ready
+	.venv/bin/tympan map -o "$(OUT)"
 
 optimum: .venv/ready
 	.venv/bin/python -m benchmarks.optimum
