@@ -266,7 +266,8 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection")
     size = problem.readings.noise or 1e-6
     free = np.ones(len(values), bool)
     # In force the problem is nearly linear: its fit is a safe place to begin from.
-    rounds: list[Objective] = ["force"] * 3 + [objective] * 6 if objective == "deflection" else [objective] * 6
+    safe: list[Objective] = ["force", "force", "force"] if objective == "deflection" else []
+    rounds = [*safe, *[objective] * 6]
     for seek in rounds:
         kept = _directions(problem, values, free, size)
         base = values.copy()
