@@ -132,7 +132,7 @@ def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
     --------
     >>> t = np.linspace(0, 10, 20001)
     >>> round(settling_time(t, 0.1 * t + np.exp(-t) * np.cos(60 * t)), 1)
-    3.0
+    3.1
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:
