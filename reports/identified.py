@@ -119,7 +119,7 @@ def _dynamic(fit: DynamicFit) -> Figure:
             for axes in (above, below):
                 grid(axes)
         columns[0][0].set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
-        columns[0][0].legend(loc="lower right")
+        columns[1][0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(numbers))
         columns[0][0].set_ylabel("displacement (mm)")
         columns[0][1].set_ylabel("fit − read (µm)")
     return figure
@@ -129,12 +129,12 @@ def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, en
               ) -> None:
     """One run up to a time since its voltage changed, as dots read and a line fitted; the difference below."""
     since = record.time - record.begins
-    inside = np.flatnonzero(since <= end)
+    inside = np.flatnonzero((since <= end) & (since >= -end / 5))
     inside = inside[np.unique(np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int))]
     at, read = since[inside], 1e3 * record.displacement[inside]
-    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0)
+    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0, rasterized=True)
     above.plot(at, read + 1e3 * residual[inside], color=colour, linewidth=0.6, label=name)
-    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0)
+    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0, rasterized=True)
 
 
 def _profiles(judgement: Judgement) -> Figure:

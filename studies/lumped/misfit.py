@@ -81,9 +81,8 @@ _MET = 0.01
 _MOST = 12
 
 
-#: How much χ² may still fall where a profile's fit stops. A flat valley falls by little at a step and for long: at a
-#: hundredth of the 3.84 that make a 95 % limit the fit stops too early there and the limit is too narrow.
-_EXACT = 4e-5
+#: How much χ² may still fall where a profile's fit stops: 0.1 % of the 3.84 that make a 95 % limit.
+_EXACT = 4e-3
 
 
 def settled(misfit: Misfit, best: Array) -> Array:
