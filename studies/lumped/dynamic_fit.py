@@ -14,6 +14,7 @@ from geometry.errors import InputError
 from geometry.specimen import Specimen
 from studies.cone import radii_of
 from studies.lumped.collocation import Follower
+from studies.lumped.intervals import CREDIBLE
 from studies.lumped.misfit import Misfit
 from studies.lumped.model import Actuator, Viscous
 from studies.lumped.records import Record
@@ -75,8 +76,8 @@ class Exact:
 class Held:
     """Constants found from readings at rest, held as firmly as those determine them.
 
-    A turn of 1 moves them by one standard deviation along a combination, at most by one scale: 30,000 readings in time
-    may see what 48 at rest do not.
+    A turn of 1 moves them by one standard deviation along a combination, at most by ten of their scales: 30,000 readings
+    in time may see what 48 at rest do not.
     """
 
     fit: StaticFit
@@ -85,7 +86,7 @@ class Held:
     def directions(self) -> Array:
         """Changes of the static constants, a column for each combination that any reading may notice."""
         scale = self.fit.problem.column("scale")
-        return np.array([scale * one.coefficients * min(one.deviation, 1.0)
+        return np.array([scale * one.coefficients * min(one.deviation, CREDIBLE)
                          for one in self.fit.judgement.combinations if one.deviation < _UNNOTICED]).T
 
     @property

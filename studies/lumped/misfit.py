@@ -103,9 +103,9 @@ def profile(misfit: Misfit, best: Array, index: int, quantile: float) -> Profile
     residual, slopes = misfit.both(best)
     least = float(residual @ residual)
     others = np.arange(len(best)) != index
-    # How the others move with it, to first order: the start of every fit. Directions nobody sees do not move.
+    # How the others move with it, to first order: the start of every fit.
     along = np.zeros(len(best))
-    along[others] = -np.linalg.lstsq(slopes[:, others], slopes[:, index], rcond=1e-6)[0]
+    along[others] = -np.linalg.lstsq(slopes[:, others], slopes[:, index], rcond=1e-12)[0]
     along[index] = 1.0
     sharp = float(np.linalg.norm(slopes @ along))
     walk = _Walk(misfit, best, index, along, least, quantile)
