@@ -140,7 +140,8 @@ class _Walk:
         for _ in range(_MOST):
             at = sign * min(sign * at, sign * end)
             last, rise = self._rise(last, at)
-            self.seen.append((at, float(sign * rise)))
+            if np.isfinite(rise):
+                self.seen.append((at, float(sign * rise)))
             if abs(rise - self.quantile) < _MET * self.quantile:
                 return at
             if rise > self.quantile:
@@ -150,28 +151,29 @@ class _Walk:
             else:
                 inside = (at, rise)
             at = self._next(inside, outside, (start, 0.0), step)
-        return None if outside is None else outside[0]
+        return None if outside is None or not np.isfinite(outside[1]) else outside[0]
 
     def _next(self, inside: tuple[float, float], outside: tuple[float, float] | None, start: tuple[float, float],
               step: float) -> float:
         """A straight line through what is known, outward at most three times as far."""
         if outside is not None:
-            share = (self.quantile - inside[1]) / (outside[1] - inside[1])
-            return inside[0] + min(max(share, 0.05), 0.95) * (outside[0] - inside[0])
+            share = (self.quantile - inside[1]) / (outside[1] - inside[1])  # 0 where the model does not reach
+            return inside[0] + min(max(share, 0.1), 0.95) * (outside[0] - inside[0])
         far = inside[0] - start[0]
         grown = min(self.quantile / inside[1], 3.0) if inside[1] > 0 else 3.0
         return start[0] + far * max(grown, 1.02)
 
     def _rise(self, last: Array, at: float) -> tuple[Array, float]:
-        start = last + self.along * (at - last[self.index])
+        start = np.clip(last + self.along * (at - last[self.index]), self.misfit.low, self.misfit.high)
         start[self.index] = at
+        if not np.isfinite(self.misfit.both(start)[0]).all():  # the model does not reach so far
+            return last, np.inf
         held = np.arange(len(start)) == self.index
         if held.all():
             z = start
             self.evaluations += 1
         else:
-            z, calls = minimise(self.misfit, np.clip(start, self.misfit.low, self.misfit.high), held,
-                                _EXACT / max(self.least, 1.0))
+            z, calls = minimise(self.misfit, start, held, _EXACT / max(self.least, 1.0))
             self.evaluations += calls
         residual, _ = self.misfit.both(z)
         return z, max(float(residual @ residual) - self.least, 0.0) ** 0.5

@@ -18,7 +18,10 @@ _FLAT = 1e-9  # of the largest change: what is no change
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage."""
+    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage.
+
+    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of them [m].
+    """
 
     specimen: int
     mass: float
@@ -26,11 +29,8 @@ class Record:
     time: Array
     displacement: Array
     drive: Pieces
-
-    @property
-    def interval(self) -> float:
-        """Between two readings [s], as it is most often."""
-        return float(np.median(np.diff(self.time)))
+    interval: float
+    first: float
 
     @property
     def begins(self) -> float:
@@ -38,6 +38,14 @@ class Record:
         points, volts = self.drive.time, self.drive.voltage
         changed = np.flatnonzero(volts != volts[0])
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
+
+    def calm(self, wait: float) -> Record:
+        """What was not read within so long after a jump of the voltage [s]."""
+        points, volts = self.drive.time, self.drive.voltage
+        jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
+        since = self.time[:, None] - jumps
+        kept = ~((since >= 0) & (since < wait)).any(axis=1)
+        return replace(self, time=self.time[kept], displacement=self.displacement[kept])
 
     def until(self, time: float) -> Record:
         """What was read up to a time [s]."""
@@ -101,6 +109,7 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
         if len(order) < 5:
             raise InputError("must have at least five readings", key=f"transient.csv, {names[number]}, run {run}",
                              given=len(order))
-        found.append(Record(number, mass, run, table.time[order], table.displacement[order],
-                            drive_of(table.time[order], table.voltage[order])))
+        time = table.time[order]
+        found.append(Record(number, mass, run, time, table.displacement[order], drive_of(time, table.voltage[order]),
+                            float(np.median(np.diff(time))), float(table.displacement[order[0]])))
     return tuple(found)
