@@ -7,8 +7,8 @@ import json
 import tempfile
 import threading
 import time
-from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, fields
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from studies.cases import Case, CaseResult, Settings, build_model, summarise
 from studies.store import write_fields
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are then not reused.
-REVISION = 1
+REVISION = 2
 
 #: Of a case that could not even be tried: no film can be built or meshed, or the process that tried it died.
 FAILED = "failed"
@@ -34,6 +34,7 @@ _TURN = threading.Lock()
 Row = dict[str, Any]
 
 
+@cache
 def solver() -> str:
     """What solves: version and revision."""
     return f"tympan {metadata.version('tympan')} revision {REVISION}"
@@ -134,8 +135,7 @@ def _vtu(model: Any, state: Any) -> bytes:
 
 def _content(specimen: Specimen) -> Any:
     """All of a specimen but its name, floats to the last digit."""
-    nameless = replace(specimen, name="any")
-    return specimen_content(nameless, lambda one: law_content(one.membrane.material, {}))
+    return {**specimen_content(specimen, lambda one: law_content(one.membrane.material, {})), "name": "any"}
 
 
 def _hash(value: Any) -> str:
