@@ -19,7 +19,7 @@ from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.written import law_content, specimen_content
-from studies.cases import Case, CaseResult, Settings, build_model, summarise
+from studies.cases import Case, CaseResult, Settings, build_model, summaries
 from studies.store import write_fields
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are then not reused.
@@ -112,9 +112,9 @@ class Task:
         for mass in self.masses:
             path = voltage_path(model, self.rig.force(mass, model.plate_area), seen, self.rig.gas_pressure,
                                 self.settings.path)
-            for voltage, outcome in zip(self.voltages, path, strict=True):
+            cases = [Case(self.specimen, mass, voltage, self.rig) for voltage in self.voltages]
+            for result, outcome in summaries(cases, model, path):
                 number = self.ids[len(rows)]
-                result = summarise(Case(self.specimen, mass, voltage, self.rig), model, outcome, 0.0)
                 rows.append({"id": number} | {name: value for name, value in result.json().items() if name in COLUMNS})
                 if self.fields and outcome.status == "equilibrium":
                     kept[number] = _vtu(*whole(model, outcome.state))
