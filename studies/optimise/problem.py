@@ -14,7 +14,7 @@ from fem.library import load_specimen
 from fem.parameters import at, numbers, with_change
 from fem.rig import Rig
 from geometry.errors import InputError
-from geometry.measures import MEASURES
+from geometry.outlines import area, perimeter
 from geometry.specimen import Specimen
 from geometry.tables import POSITIVE, Table
 from geometry.written import outline_dimension
@@ -23,6 +23,9 @@ from studies.optimise.limits import LIMITS, Limit
 
 #: The specimen to beat when a problem names none: the paper's large ellipse.
 PAPER = "elliptical-large"
+
+#: What of a frame may be held, by its name in problem files.
+MEASURES = {"area": area, "perimeter": perimeter}
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Variable:
 class Problem:
     """Largest stroke of a specimen over ``variables``, under limits, the frame holding the reference's area or length.
 
-    ``held``: of :data:`geometry.measures.MEASURES`; each gives an optimum of its own. ``starts``: values of the
+    ``held``: of :data:`MEASURES`; each gives an optimum of its own. ``starts``: values of the
     variables to start from, one row each.
     """
 
