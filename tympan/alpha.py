@@ -15,8 +15,8 @@ def add(commands: Any) -> None:
     specimen_argument(parser)
     parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
     parser.add_argument("--radii", default="semi_axes", metavar="CHOICE",
-                        help="of the circles: semi_axes (the frame's half extents and between them), sectors (the frame's "
-                        "distance in as many parts of the full angle) or fit (default: %(default)s)")
+                        help="of the circles: semi_axes (the frame's half extents and between them), sectors (the "
+                        "frame's distance in as many parts of the full angle) or fit (default: %(default)s)")
     parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
                         help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
     parser.add_argument("--uncertainty", action="store_true",

@@ -31,7 +31,7 @@ class LoadGrid:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Equilibria: force on the film [N], deflection [m], voltage across the film [V], shares of the parts (n, parts)."""
+    """Equilibria: force on the film [N], deflection [m], the film's voltage [V], shares of the parts (n, parts)."""
 
     force: Array
     deflection: Array
