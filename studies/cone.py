@@ -10,9 +10,24 @@ import numpy as np
 
 from fem.density import maxwell
 from geometry.errors import InputError
+from geometry.outlines import Outline
 from geometry.specimen import Specimen
 
 _RINGS = 12
+_ALIKE = 1e-9  # relative difference at which semi-axes are one circle's
+
+
+def radii_of(frame: Outline) -> tuple[float, ...]:
+    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one where they are equal.
+
+    Examples
+    --------
+    >>> from geometry.outlines import Circle, Ellipse
+    >>> radii_of(Ellipse((60e-3, 45e-3))), radii_of(Circle(45e-3))
+    ((0.045, 0.06), (0.045,))
+    """
+    short, long = sorted(frame.semi_axes)
+    return (short, long) if long > short * (1 + _ALIKE) else (short,)
 
 
 @dataclass(frozen=True)
@@ -123,8 +138,9 @@ class Lumped(Specimen):
     def __post_init__(self) -> None:
         """Refuse what is no mixture."""
         super().__post_init__()
-        if len(self.weights) != len(self._radii) or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
-            raise InputError(f"must be {len(self._radii)} numbers from 0 that add up to 1, one for each semi-axis",
+        count = len(radii_of(self.frame))
+        if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
+            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each semi-axis",
                              key="weights", given=self.weights)
 
     @classmethod
@@ -135,7 +151,7 @@ class Lumped(Specimen):
     @property
     def circles(self) -> tuple[ConeCircle, ...]:
         """The circles it is mixed of."""
-        return tuple(ConeCircle(self, radius, self.profile) for radius in self._radii)
+        return tuple(ConeCircle(self, radius, self.profile) for radius in radii_of(self.frame))
 
     def force(self, deflection: float, voltage: float) -> float:
         """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
@@ -146,8 +162,3 @@ class Lumped(Specimen):
         """Σ α_j C_j [F] at a deflection [m]."""
         parts = (circle.capacitance(deflection) for circle in self.circles)
         return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
-
-    @property
-    def _radii(self) -> tuple[float, ...]:
-        short, long = sorted(self.frame.semi_axes)
-        return (short, long) if long > short * (1 + 1e-9) else (short,)

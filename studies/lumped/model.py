@@ -16,7 +16,7 @@ from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.outlines import area
 from geometry.specimen import Specimen
-from studies.cone import ConeCircle
+from studies.cone import ConeCircle, radii_of
 from studies.lumped.table1 import known
 
 Array = NDArray[np.float64]
@@ -76,8 +76,7 @@ class Actuator:
         Without ``weights`` the circles share equally (the paper's are lost). ``profile`` is that of
         :class:`~studies.cone.ConeCircle`.
         """
-        short, long = sorted(specimen.frame.semi_axes)
-        radii = (short, long) if long > short * (1 + 1e-9) else (short,)
+        radii = radii_of(specimen.frame)
         if weights is None or len(radii) == 1:
             weights = (1 / len(radii),) * len(radii)
         circles = tuple(ConeCircle(specimen, radius, profile) for radius in radii)

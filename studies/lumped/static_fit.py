@@ -17,7 +17,7 @@ from fem.laws import Separable
 from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.specimen import Specimen
-from studies.cone import ConeCircle
+from studies.cone import ConeCircle, radii_of
 from studies.lumped.table1 import known
 
 Array = NDArray[np.float64]
@@ -85,12 +85,8 @@ class StaticProblem:
 
     @cached_property
     def _circles(self) -> list[list[ConeCircle]]:
-        result = []
-        for specimen in self.readings.specimens:
-            short, long = sorted(specimen.frame.semi_axes)
-            radii = (short, long) if long > short * (1 + 1e-9) else (short,)
-            result.append([ConeCircle(specimen, radius) for radius in radii])
-        return result
+        return [[ConeCircle(specimen, radius) for radius in radii_of(specimen.frame)]
+                for specimen in self.readings.specimens]
 
     def _materials(self, specimen: Specimen) -> list[Any]:
         film = specimen.membrane
