@@ -236,3 +236,9 @@ def test_time_is_reported_truly(capsys) -> None:
     began = time.perf_counter()
     assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json"]) == 0
     assert 0 < printed(capsys)["wall_s"] < time.perf_counter() - began
+
+
+def test_report_says_what_it_rebuilds(tmp_path, capsys) -> None:
+    assert main(["report", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (f"tympan: {tmp_path}: holds neither study.json nor diagnosis.json: only what tympan "
+                                       "study and tympan diagnose wrote is rebuilt\n")

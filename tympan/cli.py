@@ -156,9 +156,15 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
+    from geometry.errors import InputError
     from reports import diagnosis, html
 
-    print((diagnosis if (options.folder / "diagnosis.json").exists() else html).build(options.folder))
+    builders = {"study.json": html.build, "diagnosis.json": diagnosis.build}
+    found = [build for name, build in builders.items() if (options.folder / name).exists()]
+    if not found:
+        raise InputError(f"holds neither {' nor '.join(builders)}: only what tympan study and tympan diagnose wrote is "
+                         "rebuilt", file=options.folder)
+    print(found[-1](options.folder))
 
 
 def _materials(commands: Any) -> None:
