@@ -92,9 +92,9 @@ class MembraneCircle:
         """The same of the voltage, per V²."""
         return self._pull(maxwell(self.specimen, 1.0), deflection)
 
-    def capacitance(self, deflection: float) -> float:
+    def capacitance(self, deflection: Any) -> Any:
         """Of the whole film [F] at a deflection [m]; half its derivative times U² is the voltage's pull."""
-        return float(self.flat_capacitance - 2 * self.electric(deflection)[0])
+        return self.flat_capacitance - 2 * self.electric(deflection)[0]
 
     def _pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
         prestretch = np.sqrt(self.specimen.membrane.area_prestretch)

@@ -85,7 +85,7 @@ class Circle(Protocol):
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
         """The same of the voltage, per V²."""
 
-    def capacitance(self, deflection: float) -> float:
+    def capacitance(self, deflection: Any) -> Any:
         """At a deflection [m], in F."""
 
 
@@ -234,7 +234,7 @@ class Actuator:
             total = total + weight * circle.volume * self.viscous.k1 * (1 + strain) * (x - 1 - np.log(x))
         return total
 
-    def capacitance(self, y: float) -> float:
+    def capacitance(self, y: Any) -> Any:
         """Σ α C of the circles [F] at a deflection [m], the factor on the voltage's energy on its change."""
         pairs = tuple(zip(self.weights, self.circles, strict=True))
         flat, now = (sum(weight * circle.capacitance(at) for weight, circle in pairs) for at in (0.0, y))
