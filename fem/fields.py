@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.density import FilmDensity
+from fem.isoparametric import tabulated
 from fem.model import Model, cauchy_green
 from fem.state import State
 from fem.tautness import Tension, tension_state
-from geometry.mesh import ELEMENTS, unfold
+from geometry.mesh import unfold
 from geometry.specimen import Film
 
 Array = NDArray[Any]
@@ -152,7 +153,7 @@ def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
 def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
     """The same at several states of one model, which are computed together."""
     points = _middles(parts)
-    slopes = tabulated(model.mesh.order, points.tobytes())[1]
+    slopes = tabulated(model.mesh.order, points)[1]
     areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5 / parts**2)
     whole_area = float(areas.sum())
     result = []
@@ -190,17 +191,6 @@ def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Ar
     return np.asarray(np.matmul(local[:, :, None], np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
 
 
-@lru_cache(maxsize=64)
-def tabulated(order: int, points: bytes) -> tuple[Array, Array]:
-    """Shape functions (local, points) and their slopes (points, local, 2) at reference points, an array's bytes."""
-    at = np.frombuffer(points).reshape(2, -1)
-    element = ELEMENTS[order]()
-    values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
-    shapes = np.stack([np.broadcast_to(value, at.shape[1:]) for value, _ in values])
-    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape) for _, slope in values], axis=-1)
-    return shapes, slopes.transpose(1, 2, 0)
-
-
 def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
     """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
     return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None], slopes)
@@ -220,7 +210,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, 
     """
     film = model.specimen.membrane
     nodes = model.connectivity[cells]
-    shapes, slopes = tabulated(model.mesh.order, points.tobytes())
+    shapes, slopes = tabulated(model.mesh.order, points)
     here = np.matmul(shapes.T, model.reference[nodes]).reshape(-1, 3)
     reference = np.tile(here, (len(states), 1))
     current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3) for state in states])
@@ -273,9 +263,6 @@ def _normal(along: Array, towards: Array) -> Array:
 
 def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
     """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
-    element = model.mesh.elem()
-    points = np.array(_EDGES[local](s))
+    slopes = tabulated(model.mesh.order, np.array(_EDGES[local](s)))[1]
     along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
-    nodes = model.reference[model.connectivity[cells], :2]
-    slopes = np.stack([(element.lbasis(points, i)[1] * along).sum(0) for i in range(nodes.shape[1])])
-    return np.einsum("elc,lp->epc", nodes, slopes)
+    return np.asarray(np.matmul(jacobian(model, cells, slopes), along)[..., 0])

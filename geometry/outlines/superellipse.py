@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from geometry.outlines.curve import Curve
-from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Array, Piece, fitted, graded
 from geometry.tables import Rule, Table
 
@@ -18,7 +18,7 @@ _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (n
 
 @register
 @dataclass(frozen=True)
-class Superellipse(Pieced):
+class Superellipse(Symmetric):
     """The curve |x/a|ⁿ + |y/b|ⁿ = 1 of semi-axes a, b [m] and exponent n, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
@@ -34,11 +34,6 @@ class Superellipse(Pieced):
     def example(cls) -> Superellipse:
         """Between the paper's large ellipse and a rectangle."""
         return cls((75e-3, 45e-3), 3.0)
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
 
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
