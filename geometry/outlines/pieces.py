@@ -241,7 +241,8 @@ class Samples:
 def fitted(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
     """The spline through a curve at knots; ``curve`` gives points and derivatives, shape (n, 2) each."""
     points, slopes = curve(knots)
-    return Spline(tuple(knots.tolist()), _pairs(points), (_pairs(slopes)[0], _pairs(slopes)[-1]))
+    first, last = _pairs(slopes[[0, -1]])
+    return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
 def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: float) -> Array:
@@ -288,7 +289,7 @@ def _rotation(angle: Any) -> Array:
 
 
 def _pairs(points: Array) -> tuple[Point, ...]:
-    return tuple((x, y) for x, y in points.tolist())
+    return tuple(map(tuple, points.tolist()))
 
 
 def direction(x: Any, y: Any) -> Any:
