@@ -185,6 +185,7 @@ def test_factors_carry_what_circles_do_not_know(name: str) -> None:
     assert plain is not None
     assert corrected is not None
     assert corrected < 5e-3 < 0.02 < plain
+    assert ("capacitance" in " ".join(built.warnings)) == (name == "bands")
 
 
 @pytest.mark.parametrize("shape", ["superellipse", "stadium"])

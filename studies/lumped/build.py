@@ -37,7 +37,7 @@ KINEMATICS = {"cone": "the paper's cones with the α best for them",
               "membrane": "membrane circles with α",
               "corrected": "membrane circles with α and two factors"}
 
-#: Deflection error, relative, above which a model is said not to stand for its specimen.
+#: Error of deflection or capacitance, relative, above which a model is said not to stand for its specimen.
 NEAR = 0.01
 
 
@@ -160,6 +160,10 @@ class Built:
             found.append("the lumped model pulls in at a load at which the field model does not")
         elif errors.max() > NEAR:
             found.append(f"the deflection is up to {errors.max():.1%} off: other circles (--circles, --radii) may do")
+        spread = self.capacitance_error("corrected")
+        if spread is not None and spread > NEAR:
+            found.append(f"the capacitance is up to {spread:.1%} off: covered film also moves in its plane, which the "
+                         "model does not know")
         if self.model.specimen.membrane.density:
             found.append("the lumped model has no film mass: its frequencies are those of plate and weight alone")
         return found
