@@ -142,7 +142,8 @@ def test_weights_converge_with_the_mesh() -> None:
 
 def test_part_shares_of_a_circle_are_halves() -> None:
     film = model(circular(DEFAULT))
-    assert part_shares(film, equilibrium(film, 0.1755, 2e3).state) == pytest.approx([0.5, 0.5], abs=1e-4)
+    state = equilibrium(film, 0.1755, 2e3).state
+    assert part_shares(film, state, parts_of(film.specimen, 2)) == pytest.approx([0.5, 0.5], abs=1e-4)
 
 
 def test_loads_beyond_pull_in_are_left_out_and_said() -> None:

@@ -166,10 +166,13 @@ def _positive(text: str, option: str) -> float:
 
 
 def _identify(kinds: Any) -> None:
-    parser = command(kinds, "identify", _run_identify, "the static constants behind a dataset's readings at rest")
+    parser = command(kinds, "identify", _run_identify, "the constants behind a dataset's readings at rest")
     parser.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and static.csv")
     parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
                         help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
+    parser.add_argument("--alpha", choices=("each", "shared"), default="each",
+                        help="an α of the circle with the short semi-axis for each shape, or one for all as in "
+                             "Eq. (11) (default: %(default)s)")
     parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
                         help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
                              "(default: %(default)s)")
@@ -180,31 +183,39 @@ def _identify(kinds: Any) -> None:
 
 def _run_identify(options: argparse.Namespace) -> None:
     from studies.dataset import read_dataset
-    from studies.lumped.static_fit import StaticProblem, identify_static, nelder_mead, readings_of
+    from studies.lumped.static_fit import StaticProblem, readings_of
+    from studies.lumped.static_search import identify_static, nelder_mead
     from studies.store import write_json
 
     dataset = read_dataset(options.dataset)
-    problem = StaticProblem(readings_of(dataset), options.law)
+    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
     fit = identify_static(problem, options.objective)
     result: dict[str, Any] = {"dataset": dataset.name, "static": fit.json()}
     if options.nelder_mead:
         result["nelder_mead"] = nelder_mead(problem)
     if options.output is not None:
+        from reports.identified import draw_correlations, draw_profiles
         from reports.lumped import draw_static
 
         write_json(options.output / "identify.json", result)
         draw_static(fit, options.output)
+        draw_profiles(fit.judgement, options.output)
+        draw_correlations(fit.judgement, options.output)
     if options.json:
         print(json.dumps(result, ensure_ascii=False, allow_nan=False))
         return
     print(f"{dataset.name}: misfit {1e6 * fit.rmse:.3g} um (noise {1e6 * fit.sigma:.3g} um); "
-          f"{fit.determined} of {len(fit.constants)} numbers are determined")
-    for one in fit.constants:
-        limits = "not determined by these data" if one.low is None else f"{one.low:.6g} to {one.high:.6g}"
-        print(f"  {one.name:<24}{one.value:>14.6g} {'' if one.unit == '1' else one.unit:<4}{limits}")
-    for words in fit.warnings:
-        print(f"warning: {words}")
+          f"{fit.judgement.determined} of {len(fit.judgement.constants)} numbers are determined")
+    _show_constants(result["static"])
     if options.nelder_mead:
         other = result["nelder_mead"]
         print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
               f"{other['seconds']:.2f} s; least squares: {fit.evaluations}, {fit.seconds:.2f} s")
+
+
+def _show_constants(found: dict[str, Any]) -> None:
+    for one in found["constants"]:
+        limits = "not determined by these data" if one["low"] is None else f"{one['low']:.6g} to {one['high']:.6g}"
+        print(f"  {one['name']:<28}{one['value']:>14.6g} {'' if one['unit'] == '1' else one['unit']:<5}{limits}")
+    for words in found["warnings"]:
+        print(f"warning: {words}")
