@@ -14,7 +14,8 @@ from studies.lumped.build import Built
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _ABOVE, _BELOW = 62.0, 34.0
-_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"), "cone": ("--", "cones, dashes in turn")}
+_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"),
+          "cone": ("--", "cones, dashes in turn")}
 
 
 def draw_built(found: Sequence[Built], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:

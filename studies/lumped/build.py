@@ -209,8 +209,10 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     Raises
     ------
     InputError
-        When the field model has no equilibrium at one of the loads, naming the load and why.
+        When the field model has no equilibrium at one of the loads, naming the load and why, or the rig has what the
+        lumped model does not.
     """
+    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the lumped model does not have
     progress(f"{specimen.name}: field model")
     found = _statics(specimen, settings, chosen, rig)
     weights = alpha(specimen, settings, AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
@@ -236,7 +238,8 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
         outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path)
         for column, outcome in enumerate(outcomes):
             if outcome.status != "equilibrium":
-                raise InputError(f"the field model has no equilibrium: {why(outcome)}",
+                missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
+                raise InputError(f"the field model {missing}: {why(outcome)}",
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
             deflection[row, column] = outcome.state.plate.heave
