@@ -6,6 +6,8 @@ gmsh keeps one global state per process, and its options survive ``clear()``; so
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -96,7 +98,8 @@ def _session() -> Iterator[Any]:
         raise missing_library(error) from None
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing with tympan")
-    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    with _kept(signal.SIGPIPE):
+        gmsh.initialize(interruptible=False, readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
@@ -105,6 +108,18 @@ def _session() -> Iterator[Any]:
         yield gmsh
     finally:
         gmsh.finalize()
+
+
+@contextmanager
+def _kept(number: int) -> Iterator[None]:
+    """A signal means afterwards what it meant before, in any thread; gmsh's start makes a broken pipe lethal."""
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
+    get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
+    handler = get(number)
+    try:
+        yield
+    finally:
+        put(number, handler)
 
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
