@@ -132,9 +132,11 @@ def _reading(found: Sequence[Built]) -> list[str]:
         "shape: multiplied by one number it is as good in deflection as the membrane, with an α of "
         f"{large.alpha.by_basis['cone_scaled'].alpha[0]:.3f} for the large ellipse instead of the "
         f"{large.model.weights[0]:.3f} that membranes have. What the membrane adds: the number follows from the size "
-        "of the circle, so the film's own law and permittivity serve as they are; α means what the field says; and the "
-        f"capacitance is right, which the scaled cone has up to "
-        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong."]
+        "of the circle, so the film's own law and permittivity serve as they are; α is that of circles of real film; "
+        "and the capacitance is right, which the scaled cone has up to "
+        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong. (The share of the edge "
+        f"force, {large.alpha.from_fields.alpha[0]:.3f} around the short axis of the large ellipse, is a third number "
+        "and no weight for either.)"]
 
 
 def _capacitances(others: Sequence[tuple[str, Built]]) -> list[str]:

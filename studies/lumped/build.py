@@ -43,7 +43,7 @@ NEAR = 0.01
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """Masses [kg] and voltages [V] the model is for, and the circles it is made of (:class:`~studies.alpha.AlphaSettings`).
+    """Masses [kg] and voltages [V] the model is for, and its circles, as in :class:`~studies.alpha.AlphaSettings`.
 
     It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all other loads it is
     tested. ``viscous`` is taken over as it is: a field model at rest says nothing about it.
