@@ -155,9 +155,11 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
-    from reports import diagnosis, html
+    from reports import diagnosis, html, lumped_page
 
-    print((diagnosis if (options.folder / "diagnosis.json").exists() else html).build(options.folder))
+    other = {"diagnosis.json": diagnosis, "paper.json": lumped_page}
+    made: Any = next((page for file, page in other.items() if (options.folder / file).exists()), html)
+    print(made.build(options.folder))
 
 
 def _export(commands: Any) -> None:

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan import lumped_paper
 from tympan.options import command, parse_quantity, read_rig
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ def add(commands: Any) -> None:
     kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _simulate(kinds)
     _identify(kinds)
+    lumped_paper.add(kinds)
 
 
 def _simulate(kinds: Any) -> None:
