@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan import lumped_build
+from tympan import lumped_build, lumped_paper
 from tympan.options import command, parse_quantity, read_rig
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def add(commands: Any) -> None:
     _simulate(kinds)
     _identify(kinds)
     lumped_build.add(kinds)
+    lumped_paper.add(kinds)
 
 
 def _simulate(kinds: Any) -> None:

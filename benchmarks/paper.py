@@ -1,0 +1,74 @@
+"""The paper's figures and what is wrong in it as a page: ``docs/paper.md`` with two figures (``make paper``)."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from reports.lumped_page import CAPTIONS, read, shown
+from studies.lumped.published import MASSES, NAMES, SETTLING
+from studies.store import write_text
+
+_DOCS = Path(__file__).parent.parent / "docs"
+_FIGURES = {"fig14": "paper-fig14.png", "misfit": "paper-misfit.png"}
+
+
+def main() -> None:
+    """Write the page from a folder that ``tympan lumped paper`` has written."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    folder = parser.parse_args().folder
+    for figure, file in _FIGURES.items():
+        shutil.copy(folder / f"{figure}.png", _DOCS / file)
+    write_text(_DOCS / "paper.md", page(read(folder)))
+
+
+def page(content: Any) -> str:
+    """The page as Markdown."""
+    ranges, settling = content["table_2"], content["settling"]
+    columns = [(name, f"{1e3 * mass:g}") for mass in MASSES for name in NAMES]
+    lines = [
+        "# The paper's lumped model, computed again", "",
+        "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 and an HTML page. "
+        "Figure 4 and α from the fields: `make study`.", "",
+        "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
+        "## Table 2: ranges of motion", "",
+        *_table(("actuator", "mass [g]", "paper [mm]", "at rest, 0 to 7 kV [mm]", "over figure 14's steps [mm]",
+                 "paper [%]", "at rest [%]", "over the steps [%]"),
+                ((one["specimen"], f"{one['mass_g']:g}", f"{one['paper_mm']:.2f}", f"{one['at_rest_mm']:.3f}",
+                  f"{one['over_steps_mm']:.3f}", f"{one['paper_percent']:.0f}", f"{one['at_rest_percent']:.1f}",
+                  f"{one['over_steps_percent']:.1f}") for one in ranges["rows"])), "",
+        *(f"* {words}" for words in ranges["why"]), "",
+        f"![{CAPTIONS['fig14']}]({_FIGURES['fig14']})", "",
+        "## Settling times of the oscillation [s]", "",
+        *_table(("within", *(f"{name}, {mass} g" for name, mass in columns), "off by (rms)"),
+                [("paper", *(f"{value:.2f}" for value in SETTLING.ravel()), ""),
+                 *((one["criterion"].replace("um", "µm"),
+                    *(f"{one[f'{name}_{mass}g_s']:.2f}" for name, mass in columns), f"{one['rms_s']:.2f}")
+                   for one in settling["rows"])]), "",
+        "The last three rows are the best of their kind.", "", *(f"* {words}" for words in settling["why"]), "",
+        "## Hysteresis", "",
+        *_table(("actuator", "u₀ [kV]", "u₁ [kV]", "range [µm]", "widest gap over range [%]"),
+                ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}", f"{one['range_um']:.1f}",
+                  f"{one['gap_percent']:.1f}") for one in content["hysteresis"]["rows"])), "",
+        "## What is wrong or missing in the paper", ""]
+    for number, one in enumerate(content["findings"], 1):
+        lines += [f"### {number}. {one['title']}", ""]
+        for words in one["words"]:
+            lines += [words, ""]
+        if one["key"] == "lost":
+            lines += [f"![{CAPTIONS['misfit']}]({_FIGURES['misfit']})", ""]
+        lines += [*_table(("number", "value"), ((item["what"], shown(item)) for item in one["numbers"])), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    return [" | ".join(("", *head, "")).strip(), "|---|" + "---:|" * (len(head) - 1),
+            *(" | ".join(("", *row, "")).strip() for row in rows)]
+
+
+if __name__ == "__main__":
+    main()
