@@ -9,6 +9,7 @@ from scipy.interpolate import make_interp_spline
 
 from geometry.outlines.pieces import Arc, Line, Piece, Spline
 from geometry.system import missing_library
+from geometry.units import METRE
 
 try:
     import cadquery as cq
@@ -21,8 +22,6 @@ except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
-
-METRE = 1e3  #: cadquery's model unit is the millimetre
 
 
 def pieces_wire(pieces: Sequence[Piece], centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:

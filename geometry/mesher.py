@@ -18,11 +18,10 @@ from typing import Any
 import meshio
 import numpy as np
 
-from geometry import cad
-from geometry.edges import METRE
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.system import missing_library
+from geometry.units import METRE
 
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
@@ -77,6 +76,8 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
         Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``, ``plate``,
         ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and ``bare``.
     """
+    from geometry import cad  # not loaded by those who let others mesh
+
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
         surfaces = _surface_groups(gmsh, cad.membrane_faces(specimen, planes), Path(folder))
         groups = _curve_groups(gmsh, specimen) | surfaces
@@ -154,11 +155,13 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> dict[str, list[tuple[int, int]]]:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
+    from geometry.cad import write_step
+
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []
     for name, members in faces.items():
         if members:
-            cad.write_step(members, folder / f"{name}.step")
+            write_step(members, folder / f"{name}.step")
             surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
             names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]

@@ -11,12 +11,13 @@ import numpy as np
 
 from geometry.cad import offset_wire
 from geometry.drawings import edge_pieces
-from geometry.edges import METRE, pieces_wire
+from geometry.edges import pieces_wire
 from geometry.errors import InputError
 from geometry.outlines import Drawn, Outline
 from geometry.outlines.drawn import joined
 from geometry.outlines.pieces import Arc, Array, Line, Piece
 from geometry.specimen import Specimen
+from geometry.units import METRE
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "angle": ("rad", "5 mrad"),
 }
 
+METRE = 1e3  #: in cadquery's model unit, the millimetre
+
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)
 
 

@@ -42,8 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MissingLibrary as error:
         print(f"tympan: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print("tympan: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interruption:
+        print("; ".join(["tympan: interrupted", *map(str, interruption.args)]), file=sys.stderr)
         return 1
     except BrokenPipeError:
         sys.stderr.close()
