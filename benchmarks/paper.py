@@ -80,6 +80,7 @@ def page(content: Any, seeds: list[str]) -> str:
         *_table(("actuator", "u₀ [kV]", "u₁ [kV]", "range [µm]", "widest gap over range [%]"),
                 ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}", f"{one['range_um']:.1f}",
                   f"{one['gap_percent']:.1f}") for one in content["hysteresis"]["rows"])), "",
+        *content["hysteresis"]["why"], "",
         "## What is wrong or missing in the paper", ""]
     for number, one in enumerate(content["findings"], 1):
         lines += [f"### {number}. {one['title']}", ""]
