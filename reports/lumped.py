@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from reports import style
 from studies.lumped.record import Simulated
-from studies.lumped.static_fit import StaticFit
+from studies.lumped.static_search import StaticFit
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0

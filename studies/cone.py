@@ -10,9 +10,43 @@ import numpy as np
 
 from fem.density import maxwell
 from geometry.errors import InputError
+from geometry.outlines import Outline
 from geometry.specimen import Specimen
 
 _RINGS = 12
+_ALIKE = 1e-9  # relative difference at which semi-axes are one circle's
+
+
+def radii_of(frame: Outline) -> tuple[float, ...]:
+    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one where they are equal.
+
+    Examples
+    --------
+    >>> from geometry.outlines import Circle, Ellipse
+    >>> radii_of(Ellipse((60e-3, 45e-3))), radii_of(Circle(45e-3))
+    ((0.045, 0.06), (0.045,))
+    """
+    short, long = sorted(frame.semi_axes)
+    return (short, long) if long > short * (1 + _ALIKE) else (short,)
+
+
+def sloped_stretch(steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], and its two derivatives by y."""
+    slope = steepness * deflection
+    stretch = np.sqrt(1 + slope * slope)
+    return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
+
+
+def sloped_film(material: Any, prestretch: float, steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+    """Energy per volume [J/m³] of such a film over that of the flat one, and its two derivatives by y [m].
+
+    ``prestretch`` is equibiaxial; across the slope the film keeps it.
+    """
+    stretch, phi, bend = sloped_stretch(steepness, deflection)
+    held = 0 * stretch + prestretch
+    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
+    flat = material.derivatives(held, held)[0]
+    return w - flat, prestretch * w1 * phi, prestretch * (w1 * bend + prestretch * w11 * phi * phi)
 
 
 @dataclass(frozen=True)
@@ -56,9 +90,7 @@ class ConeCircle:
 
         ``deflection`` [m] is any array, complex ones included.
         """
-        slope = self.steepness * deflection
-        stretch = np.sqrt(1 + slope * slope)
-        return stretch, self.steepness * slope / stretch, (self.steepness / stretch) ** 2 / stretch
+        return sloped_stretch(self.steepness, deflection)
 
     def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
         """Energy [J] over that of the flat film, force [N] and stiffness [N/m] of a material, at deflections [m].
@@ -66,12 +98,16 @@ class ConeCircle:
         ``material`` is the film's own or any other with derivatives W, W₁, …, such as :class:`fem.density.Maxwell`.
         """
         prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
-        stretch, phi, bend = self.stretch(deflection)
-        held = 0 * stretch + prestretch
-        w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
-        flat = material.derivatives(held, held)[0]
-        return (self.volume * (w - flat), self.volume * prestretch * w1 * phi,
-                self.volume * prestretch * (w1 * bend + prestretch * w11 * phi * phi))
+        energy, force, stiffness = sloped_film(material, prestretch, self.steepness, deflection)
+        return self.volume * energy, self.volume * force, self.volume * stiffness
+
+    def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the film's own material."""
+        return self.pull(self.specimen.membrane.material, deflection)
+
+    def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the voltage, per V² across the film; energy and force are negative."""
+        return self.pull(maxwell(self.specimen, 1.0), deflection)
 
     def force(self, deflection: float, voltage: float) -> float:
         """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
@@ -123,8 +159,9 @@ class Lumped(Specimen):
     def __post_init__(self) -> None:
         """Refuse what is no mixture."""
         super().__post_init__()
-        if len(self.weights) != len(self._radii) or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
-            raise InputError(f"must be {len(self._radii)} numbers from 0 that add up to 1, one for each semi-axis",
+        count = len(radii_of(self.frame))
+        if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
+            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each semi-axis",
                              key="weights", given=self.weights)
 
     @classmethod
@@ -135,7 +172,7 @@ class Lumped(Specimen):
     @property
     def circles(self) -> tuple[ConeCircle, ...]:
         """The circles it is mixed of."""
-        return tuple(ConeCircle(self, radius, self.profile) for radius in self._radii)
+        return tuple(ConeCircle(self, radius, self.profile) for radius in radii_of(self.frame))
 
     def force(self, deflection: float, voltage: float) -> float:
         """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
@@ -146,8 +183,3 @@ class Lumped(Specimen):
         """Σ α_j C_j [F] at a deflection [m]."""
         parts = (circle.capacitance(deflection) for circle in self.circles)
         return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
-
-    @property
-    def _radii(self) -> tuple[float, ...]:
-        short, long = sorted(self.frame.semi_axes)
-        return (short, long) if long > short * (1 + 1e-9) else (short,)

@@ -13,7 +13,8 @@ import pytest
 from fem.laws import Separable
 from fem.rig import Rig
 from studies.lumped.model import Actuator
-from studies.lumped.static_fit import Readings, StaticFit, StaticProblem, identify_static, nelder_mead
+from studies.lumped.static_fit import Readings, Sharing, StaticProblem
+from studies.lumped.static_search import StaticFit, identify_static, nelder_mead
 from studies.lumped.statics import rest
 from studies.lumped.table1 import paper_actuators
 from tympan.cli import main
@@ -39,19 +40,21 @@ def clean() -> Readings:
 def noisy(seed: int, noise: float | None = NOISE) -> StaticProblem:
     base = clean()
     read = base.displacement + NOISE * np.random.default_rng(seed).standard_normal(len(base.mass))
-    return StaticProblem(replace(base, displacement=read, noise=noise))
+    return StaticProblem(replace(base, displacement=read, noise=noise), alpha="shared")
 
 
-def test_truth_leaves_no_residual_and_derivatives_are_exact() -> None:
-    problem = StaticProblem(clean())
+@pytest.mark.parametrize("sharing", ["each", "shared"])
+def test_truth_leaves_no_residual_and_derivatives_are_exact(sharing: Sharing) -> None:
+    problem = StaticProblem(clean(), alpha=sharing)
+    truth = TRUTH if sharing == "shared" else np.append(TRUTH, TRUTH[-1])
     for objective in ("deflection", "force", "printed"):
-        residual, slopes = problem.residual(TRUTH, objective)
+        residual, slopes = problem.residual(truth, objective)
         if objective != "printed":
             assert np.abs(residual).max() < 1e-11
         for number, size in enumerate(problem.column("scale")):
-            step = np.zeros(len(TRUTH))
+            step = np.zeros(len(truth))
             step[number] = 1e-4 * size
-            ends = [problem.residual(TRUTH + sign * step, objective)[0] for sign in (1, -1)]
+            ends = [problem.residual(truth + sign * step, objective)[0] for sign in (1, -1)]
             numeric = (ends[0] - ends[1]) / (2e-4 * size)
             assert slopes[:, number] == pytest.approx(numeric, rel=1e-5, abs=1e-6 * np.abs(numeric).max())
 
@@ -60,19 +63,41 @@ def hits(fits: list[StaticFit]) -> np.ndarray:
     """Whether each determined combination's interval holds the truth."""
     scale = fits[0].problem.column("scale")
     return np.array([abs(np.array(one.coefficients) @ (TRUTH / scale) - one.value) <= one.half
-                     for fit in fits for one in fit.combinations if one.half is not None])
+                     for fit in fits for one in fit.judgement.combinations if one.half is not None])
 
 
 def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
     """40 runs, the noise known in 30; 95 % of the independent combinations, within 3.3 standard deviations of it."""
-    fits = [identify_static(noisy(seed, NOISE if seed < 30 else None)) for seed in range(40)]
+    fits = [identify_static(noisy(seed, NOISE if seed < 30 else None), profiles=seed % 5 == 0) for seed in range(40)]
     inside = hits(fits)
     assert abs(inside.mean() - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / len(inside))
     for fit in fits:
-        assert 2 <= fit.determined < len(TRUTH)
-        named = {one.name for one in fit.constants if one.low is None}
+        assert 2 <= fit.judgement.determined < len(TRUTH)
+        named = set(fit.judgement.undetermined)
         assert {"beta_1", "beta_2", "beta_3", "gamma_1", "gamma_2", "gamma_3"} <= named
         assert fit.rmse == pytest.approx(NOISE, rel=0.4)
+
+
+def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
+    """Readings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and says so."""
+    base, values = clean(), np.append(TRUTH[:-1], [0.40, 0.55])
+    problem = StaticProblem(base)
+    read = problem.rest(values)[0]
+    for number, (one, alpha) in enumerate(zip(base.specimens, (1.0, 0.40, 0.55), strict=True)):
+        first = int(np.flatnonzero(base.which == number)[0])
+        weights = (alpha, 1 - alpha) if number else None
+        law = problem.specimen(number, values)
+        assert read[first] == pytest.approx(rest(Actuator.of(law, base.mass[first], weights), 0.0).deflection, rel=1e-9)
+        assert law.frame == one.frame
+    read = read + NOISE * np.random.default_rng(3).standard_normal(len(read))
+    each, shared = (identify_static(StaticProblem(replace(base, displacement=read), alpha=sharing))
+                    for sharing in ("each", "shared"))
+    for found, truth in zip(each.judgement.constants[-2:], (0.40, 0.55), strict=True):
+        assert found.low is not None
+        assert found.high is not None
+        assert found.low < truth < found.high < found.low + 0.01
+    assert shared.rmse > 10 * each.rmse
+    assert "do not follow this law" in shared.warnings[0]
 
 
 @pytest.mark.study
@@ -83,7 +108,7 @@ def test_coverage_of_400_runs() -> None:
 
 def test_eq_11_as_printed_asks_the_film_to_push_down() -> None:
     """With its signs the fit's films are unstable and their rest is nowhere near the readings; with Eq. (5)'s it is."""
-    problem = StaticProblem(clean())
+    problem = StaticProblem(clean(), alpha="shared")
     right, wrong = (identify_static(problem, objective).values for objective in ("force", "printed"))
     assert (problem.force(right, problem.read)[1] > 0).all()
     assert (problem.force(wrong, problem.read)[0] < 0).all()

@@ -14,6 +14,7 @@ from tympan import (
     data,
     diagnose,
     effects,
+    export,
     lumped,
     maps,
     material,
@@ -70,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     lumped.add(commands)
     diagnose.add(commands)
     _report(commands)
-    _export(commands)
+    export.add(commands)
     _materials(commands)
     material.add(commands)
     effects.add(commands)
@@ -155,26 +156,16 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
+    from geometry.errors import InputError
     from reports import diagnosis, html, lumped_page
 
-    other = {"diagnosis.json": diagnosis, "paper.json": lumped_page}
-    made: Any = next((page for file, page in other.items() if (options.folder / file).exists()), html)
-    print(made.build(options.folder))
-
-
-def _export(commands: Any) -> None:
-    parser = command(commands, "export", _run_export, "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
-    specimen_argument(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    mesh_argument(parser)
-
-
-def _run_export(options: argparse.Namespace) -> None:
-    from fem.library import load_specimen
-    from studies.export import export
-
-    for file in export(load_specimen(options.specimen), read_settings(options).mesh, options.output):
-        print(file)
+    builders = {"study.json": html.build, "diagnosis.json": diagnosis.build,
+                "paper.json": lumped_page.build}
+    found = [build for name, build in builders.items() if (options.folder / name).exists()]
+    if not found:
+        raise InputError(f"holds none of {', '.join(builders)}: only what tympan study, tympan diagnose and "
+                         "tympan lumped paper wrote is rebuilt", file=options.folder)
+    print(found[-1](options.folder))
 
 
 def _materials(commands: Any) -> None:

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan import lumped_paper
+from tympan import lumped_build, lumped_paper
 from tympan.options import command, parse_quantity, read_rig
 
 if TYPE_CHECKING:
@@ -23,12 +23,15 @@ def add(commands: Any) -> None:
     kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _simulate(kinds)
     _identify(kinds)
+    lumped_build.add(kinds)
     lumped_paper.add(kinds)
 
 
 def _simulate(kinds: Any) -> None:
     parser = command(kinds, "simulate", _run_simulate, "response to a step, ramp, sine, random steps or a CSV file")
-    parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
+    parser.add_argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml")
+    parser.add_argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
+                        help="models that `tympan lumped build` made, instead of specimens or beside them")
     parser.add_argument("--signal", default="step", metavar="KIND",
                         help="step, ramp (up and down), sine, random, or a CSV file with t_s, voltage_kV "
                              "(default: %(default)s)")
@@ -55,6 +58,7 @@ def _run_simulate(options: argparse.Namespace) -> None:
     from studies.lumped.dynamics import simulate
     from studies.lumped.model import Actuator
     from studies.lumped.record import Simulated, simulated_json, write_simulated
+    from studies.lumped.stored import read_model
     from tympan.progress import bar
 
     mass = parse_quantity(options.mass, "mass", "--mass")
@@ -62,13 +66,17 @@ def _run_simulate(options: argparse.Namespace) -> None:
     signal, period = _signal(options)
     rig, weights = read_rig(options.rig), _weights(options.alpha)
     found: list[Simulated] = []
-    specimens = _specimens(options)
-    with bar(len(specimens)) as progress:
-        for specimen in specimens:
-            progress(specimen.name)
-            actuator = Actuator.of(specimen, mass, weights, rig=rig)
+    models = [read_model(file) for file in options.model]
+    for model in models:
+        model.check(rig.film_voltage(signal.peak))
+    actuators = [*(Actuator.of(specimen, mass, weights, rig=rig) for specimen in _specimens(options)),
+                 *(model.actuator(mass, rig) for model in models)]
+    _distinct([actuator.specimen.name for actuator in actuators])
+    with bar(len(actuators)) as progress:
+        for number, actuator in enumerate(actuators):
+            progress(actuator.specimen.name)
             found.append(Simulated(simulate(actuator, signal), interval, period, options.signal == "step",
-                                   weights is None))
+                                   weights is None and number < len(actuators) - len(models)))
     result = simulated_json(found)
     if options.output is not None:
         from reports.lumped import draw_simulated
@@ -97,14 +105,20 @@ def _specimens(options: argparse.Namespace) -> list[Specimen]:
     from studies.lumped.table1 import eq8
 
     specimens = [load_specimen(file) for file in options.specimens]
-    names = [specimen.name for specimen in specimens]
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
     if options.permittivity is None:
         return specimens
     if not 1 <= options.permittivity <= 1000:
         raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1", given=options.permittivity)
     return [eq8(specimen, options.permittivity) for specimen in specimens]
+
+
+def _distinct(names: list[str]) -> None:
+    from geometry.errors import InputError
+
+    if not names:
+        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))
 
 
 def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
@@ -153,10 +167,13 @@ def _positive(text: str, option: str) -> float:
 
 
 def _identify(kinds: Any) -> None:
-    parser = command(kinds, "identify", _run_identify, "the static constants behind a dataset's readings at rest")
+    parser = command(kinds, "identify", _run_identify, "the constants behind a dataset's readings at rest")
     parser.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and static.csv")
     parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
                         help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
+    parser.add_argument("--alpha", choices=("each", "shared"), default="each",
+                        help="an α of the circle with the short semi-axis for each shape, or one for all as in "
+                             "Eq. (11) (default: %(default)s)")
     parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
                         help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
                              "(default: %(default)s)")
@@ -167,31 +184,39 @@ def _identify(kinds: Any) -> None:
 
 def _run_identify(options: argparse.Namespace) -> None:
     from studies.dataset import read_dataset
-    from studies.lumped.static_fit import StaticProblem, identify_static, nelder_mead, readings_of
+    from studies.lumped.static_fit import StaticProblem, readings_of
+    from studies.lumped.static_search import identify_static, nelder_mead
     from studies.store import write_json
 
     dataset = read_dataset(options.dataset)
-    problem = StaticProblem(readings_of(dataset), options.law)
+    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
     fit = identify_static(problem, options.objective)
     result: dict[str, Any] = {"dataset": dataset.name, "static": fit.json()}
     if options.nelder_mead:
         result["nelder_mead"] = nelder_mead(problem)
     if options.output is not None:
+        from reports.identified import draw_correlations, draw_profiles
         from reports.lumped import draw_static
 
         write_json(options.output / "identify.json", result)
         draw_static(fit, options.output)
+        draw_profiles(fit.judgement, options.output)
+        draw_correlations(fit.judgement, options.output)
     if options.json:
         print(json.dumps(result, ensure_ascii=False, allow_nan=False))
         return
     print(f"{dataset.name}: misfit {1e6 * fit.rmse:.3g} um (noise {1e6 * fit.sigma:.3g} um); "
-          f"{fit.determined} of {len(fit.constants)} numbers are determined")
-    for one in fit.constants:
-        limits = "not determined by these data" if one.low is None else f"{one.low:.6g} to {one.high:.6g}"
-        print(f"  {one.name:<24}{one.value:>14.6g} {'' if one.unit == '1' else one.unit:<4}{limits}")
-    for words in fit.warnings:
-        print(f"warning: {words}")
+          f"{fit.judgement.determined} of {len(fit.judgement.constants)} numbers are determined")
+    _show_constants(result["static"])
     if options.nelder_mead:
         other = result["nelder_mead"]
         print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
               f"{other['seconds']:.2f} s; least squares: {fit.evaluations}, {fit.seconds:.2f} s")
+
+
+def _show_constants(found: dict[str, Any]) -> None:
+    for one in found["constants"]:
+        limits = "not determined by these data" if one["low"] is None else f"{one['low']:.6g} to {one['high']:.6g}"
+        print(f"  {one['name']:<28}{one['value']:>14.6g} {'' if one['unit'] == '1' else one['unit']:<5}{limits}")
+    for words in found["warnings"]:
+        print(f"warning: {words}")

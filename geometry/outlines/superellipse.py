@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
+from geometry.outlines.curve import Curve
 from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Array, Piece, fitted, graded
 from geometry.tables import Rule, Table
@@ -38,6 +39,15 @@ class Superellipse(Symmetric):
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
         angles = _angles(float(np.real(self.exponent)))
         return tuple(fitted(self._quadrant(number), angles) for number in range(4))
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The pieces, centred as they are."""
+        return Curve(self.pieces())
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance [m]; the nearest point lies in the quadrant of the place."""
+        return Curve(self.curve.pieces[:1]).level(np.abs(x), np.abs(y))
 
     def _quadrant(self, number: int) -> Any:
         """Points and derivatives by the eccentric angle from the quadrant's start."""

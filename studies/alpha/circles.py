@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
+from fem.fields import reaction
 from fem.loading import Loading
 from fem.model import Model
 from fem.paths import held
@@ -20,7 +21,7 @@ from geometry.specimen import Plate, Specimen
 from studies.alpha.samples import Samples, frame_distances, parts_of
 from studies.alpha.simplex import simplex_fit
 from studies.cases import Settings, build_model
-from studies.cone import ConeCircle
+from studies.cone import ConeCircle, radii_of
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Circles:
             if outcome.status != "equilibrium":
                 raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its deflection",
                                  key="alpha", given=self.specimen.name)
-            column.append(outcome.state.force)
+            column.append(reaction(model, outcome.state))  # the film's alone, as the samples have it: no spring
         return column
 
     def _model(self, radius: float) -> Model:
@@ -72,10 +73,10 @@ Chooser = Callable[[Circles, Samples, int], tuple[float, ...]]
 
 
 def _semi_axes(circles: Circles, _: Samples, count: int) -> tuple[float, ...]:
-    short, long = sorted(circles.specimen.frame.semi_axes)
-    if long <= short * (1 + 1e-9):
-        return (short,)
-    return (float(np.sqrt(short * long)),) if count == 1 else _spread(short, long, count)
+    radii = radii_of(circles.specimen.frame)
+    if len(radii) == 1:
+        return radii
+    return (float(np.sqrt(np.prod(radii))),) if count == 1 else _spread(radii[0], radii[-1], count)
 
 
 def _sectors(circles: Circles, _: Samples, count: int) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from studies.alpha.circles import RADII, Circles
 from studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
 from studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from studies.cases import Settings, build_model
+from studies.cone import radii_of
 
 Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
@@ -165,8 +166,7 @@ def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
     """How many circles, and how their radii are chosen."""
     if concentric(specimen):
         return 1, "semi_axes"
-    short, long = sorted(specimen.frame.semi_axes)
-    if chosen.radii == "semi_axes" and long <= short * (1 + 1e-9):
+    if chosen.radii == "semi_axes" and len(radii_of(specimen.frame)) == 1:
         return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles, "sectors")
     return chosen.circles, chosen.radii
 

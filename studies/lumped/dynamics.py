@@ -88,7 +88,7 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     for piece, (left, right) in enumerate(pairwise(breaks)):
         done = solve_ivp(
             lambda t, x, piece=piece: actuator.rates(x, signal.within(piece, t)), (left, right), state, "Radau",
-            dense_output=True, events=_gone(actuator), rtol=settings.relative, atol=absolute,
+            dense_output=True, events=_Gone(actuator), rtol=settings.relative, atol=absolute,
             max_step=(right - left) / 8,
             jac=lambda t, x, piece=piece: actuator.jacobian(x, signal.within(piece, t)))
         pieces.append(done.sol)
@@ -114,12 +114,16 @@ def check(actuator: Actuator, signal: Signal) -> None:
                          key=f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g", given=f"{peak / 1e3:.5g} kV")
 
 
-def _gone(actuator: Actuator) -> Any:
-    def event(_: float, state: Array) -> float:
-        return actuator.reach - abs(float(state[0]))
+@dataclass(frozen=True)
+class _Gone:
+    """The event, for scipy, of a deflection that leaves the model's reach; it ends the motion."""
 
-    event.terminal = True  # type: ignore[attr-defined]
-    return event
+    actuator: Actuator
+    terminal: bool = True
+
+    def __call__(self, _: float, state: Array) -> float:
+        """Positive within the reach."""
+        return self.actuator.reach - abs(float(state[0]))
 
 
 def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:

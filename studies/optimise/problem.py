@@ -18,6 +18,7 @@ from geometry.outlines import area, perimeter
 from geometry.specimen import Specimen
 from geometry.tables import POSITIVE, Table
 from geometry.written import outline_dimension
+from studies.actuators import FILES
 from studies.cases import Case
 from studies.optimise.limits import LIMITS, Limit
 
@@ -142,10 +143,9 @@ def default_problem() -> Problem:
 def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
     given = table.text(key) if default is None else table.text(key, default)
     if not given.endswith(".toml"):
-        known = resources.files("studies") / "actuators" / f"{given}.toml"
-        if not known.is_file():
-            raise table.error(key, "must be a specimen file, ending in .toml, or the name of one of the paper's", given)
-        return load_specimen(str(known))
+        if given not in FILES:
+            raise table.error(key, f"must be a specimen file, ending in .toml, or one of {', '.join(FILES)}", given)
+        return load_specimen(FILES[given])
     return load_specimen(Path(table.file).parent / given)
 
 

@@ -43,8 +43,6 @@ def processes(tasks: Sequence[Task], workers: int) -> Iterator[Found]:
     again, and one that was there several times is then tried alone.
     """
     waiting, deaths = deque(tasks), Counter[str]()
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # gmsh's start makes it lethal; a dead child's pipe is no reason
     with _single_threaded():
         while waiting:
             yield from _until_broken(waiting, deaths, workers)

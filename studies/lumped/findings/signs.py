@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from fem.density import maxwell
 from fem.laws import Separable
+from studies.cone import ConeCircle
 from studies.lumped.findings.finding import Finding, Number
 from studies.lumped.lost import Lost
 from studies.lumped.model import Actuator
@@ -31,6 +32,7 @@ def forces(actuator: Actuator, y: Array, voltage: Array) -> Array:
     unit = maxwell(paper_actuators(1.0)[0], 1.0)
     total = np.zeros((len(y), 7))
     for weight, circle in zip(actuator.weights, actuator.circles, strict=True):
+        assert isinstance(circle, ConeCircle)
         columns = [circle.pull(law, y)[1] for law in laws]
         total += weight * np.array([*columns, voltage**2 * circle.pull(unit, y)[1]]).T
     return total

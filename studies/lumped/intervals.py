@@ -1,0 +1,152 @@
+"""What readings determine of a model's constants: independent combinations, and 95 % limits of each constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from studies.least_squares import Noise
+from studies.lumped.misfit import Misfit, Profile, profile, settled
+
+Array = NDArray[np.float64]
+
+#: A constant or combination counts as determined when its 95 % half-width is below this share of its scale.
+DETERMINED = 0.5
+#: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature mends it.
+_WORTH = 4.0
+#: A misfit above so many times the stated noise is the law's, not the noise's.
+MISFIT = 2.0
+
+
+class Named(Protocol):
+    """A constant as the limits need it."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Σ c z of the constants z in units of their scales, which the data see on its own.
+
+    ``half`` is half its linearised 95 % interval, None where it is not determined.
+    """
+
+    coefficients: tuple[float, ...]
+    value: float
+    half: float | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """One constant found; ``low``, ``high`` are 95 % limits by profile, None where the data do not determine it.
+
+    ``linear_low`` and ``linear_high`` are the linearised ones, None where they are wider than its scale allows.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float | None
+    high: float | None
+    linear_low: float | None
+    linear_high: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """Of every constant its limits and, where one was made, its profile (in units of the scales); the combinations.
+
+    ``combinations`` are the right singular vectors of the Jacobian, the best determined first; errors along them are
+    independent. ``correlations`` are of the constants, linearised. ``quantile`` of the noise makes the 95 % limits.
+    """
+
+    constants: tuple[Found, ...]
+    combinations: tuple[Combination, ...]
+    correlations: Array
+    profiles: tuple[Profile | None, ...]
+    quantile: float
+    values_of: Callable[[int, float], float]
+
+    @property
+    def determined(self) -> int:
+        """How many independent numbers the data determine."""
+        return sum(one.half is not None for one in self.combinations)
+
+    @property
+    def undetermined(self) -> list[str]:
+        """Names of the constants the data do not determine."""
+        return [one.name for one in self.constants if one.low is None]
+
+    def to_value(self, name: str, z: float) -> float:
+        """The value of a constant that is z in the search's unit."""
+        return self.values_of([one.name for one in self.constants].index(name), z)
+
+    def json(self) -> dict[str, Any]:
+        """As the command prints it."""
+        names = [one.name for one in self.constants]
+        return {
+            "determined": self.determined,
+            "constants": [vars(one) for one in self.constants],
+            "not_determined": self.undetermined,
+            "combinations": [{"coefficients": dict(zip(names, one.coefficients, strict=True)), "value": one.value,
+                              "half_width": one.half} for one in self.combinations],
+            "correlations": self.correlations.tolist(),
+        }
+
+
+def noise_of(squares: float, freedom: int, given: float | None) -> Noise:
+    """The noise stated, or that of the residuals; their misfit where the stated noise cannot explain it."""
+    estimated = Noise.of(squares, freedom, None)
+    if given is None:
+        return estimated
+    stated = Noise.of(squares, freedom, given)
+    # A misfit that noise cannot explain widens the limits, which it would make too narrow.
+    return stated if estimated.sigma < MISFIT * given else Noise(estimated.sigma, stated.quantile)
+
+
+def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: float,
+          values_of: Callable[[int, float], float], profiles: bool = True) -> Judgement:
+    """Limits at a minimum of a misfit in units of the noise; ``values_of(index, z)`` turns z into a constant's value.
+
+    Without ``profiles`` the limits are the linearised ones.
+    """
+    _, slopes = misfit.both(best)
+    _, singular, right = np.linalg.svd(slopes, full_matrices=False)
+    with np.errstate(divide="ignore"):
+        halves = quantile / singular
+    covariance = (right.T * np.minimum(1 / np.maximum(singular, 1e-300), 1e6) ** 2) @ right
+    spread = np.sqrt(np.diag(covariance))
+    free = settled(misfit, best) if profiles else best
+    found, drawn = [], []
+    for index, constant in enumerate(constants):
+        z, half = float(best[index]), quantile * float(spread[index])
+        open_ = misfit.low[index] < z < misfit.high[index]
+        linear = (max(z - half, misfit.low[index]), min(z + half, misfit.high[index]))
+        line = profile(misfit, free, index, quantile) if profiles and open_ and half < _WORTH else None
+        limits = linear if not profiles else (None, None) if line is None else (line.low, line.high)
+        drawn.append(line)
+        sure = _limited(limits) if profiles or (open_ and half < DETERMINED) else None
+        rough = linear if open_ and half < DETERMINED else None
+        ends = [None if pair is None else values_of(index, pair[side]) for pair in (sure, rough) for side in (0, 1)]
+        found.append(Found(constant.name, constant.unit, values_of(index, z), *ends))
+    combinations = tuple(
+        Combination(tuple(direction.tolist()), float(direction @ best), float(half) if half < DETERMINED else None)
+        for direction, half in zip(right, halves, strict=True))
+    return Judgement(tuple(found), combinations, covariance / np.outer(spread, spread), tuple(drawn), quantile,
+                     values_of)
+
+
+def _limited(pair: tuple[float | None, float | None]) -> tuple[float, float] | None:
+    """The limits, where there are two and they are close enough to say something."""
+    low, high = pair
+    return None if low is None or high is None or high - low > 2 * DETERMINED else (low, high)
