@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from geometry.errors import InputError
 from reports import lumped_paper
 from reports.html import embedded, template, text
 from studies.lumped.published import MASSES, NAMES, SETTLING
@@ -25,7 +23,7 @@ CAPTIONS = {
     "fig12": "Figure 12: the same, its beginning.",
     "fig13": "Figure 13: hysteresis between voltage and distance, one period after two others.",
     "fig14": "Figure 14: response to pseudo-random steps every 30 s.",
-    "misfit": "The lost parameters: worst misfit to Table 2's six ranges at rest; dot: the least, line: twice that.",
+    "misfit": "The lost parameters: worst misfit to Table 2's six ranges at rest; line: twice the least.",
 }
 
 
@@ -37,24 +35,12 @@ def build(folder: Path) -> Path:
     InputError
         When something that ``tympan lumped paper`` stores is missing or damaged.
     """
-    content = read(folder)
+    content = lumped_paper.read(folder)
     lumped_paper.draw(folder)
     file = folder / "paper.html"
     pictures = {name: embedded(folder / f"{name}.svg") for name in CAPTIONS}
     write_text(file, page(content, pictures))
     return file
-
-
-def read(folder: Path) -> Content:
-    """What paper.json holds."""
-    file = folder / "paper.json"
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
-            raise ValueError("something is missing")
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"cannot be read: {error}; run tympan lumped paper again", file=file) from None
-    return dict(content)
 
 
 def page(content: Content, pictures: Mapping[str, str]) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from geometry.errors import InputError
 from reports import style
-from studies.lumped.published import MASSES, NAMES, SINES, STEP
+from studies.lumped.published import MASSES, NAMES, SETTLING, SINES, STEP
 from studies.lumped.replica import ZOOM
 
 Array = NDArray[np.float64]
@@ -53,9 +55,31 @@ class Curves:
         return {key: (both[0], both[1]) for key, both in columns.items()}
 
     @cached_property
+    def content(self) -> dict[str, Any]:
+        """What paper.json holds."""
+        return read(self.folder)
+
+    def row(self, mass: float, name: str) -> dict[str, Any]:
+        """Ranges under a mass [kg] of an actuator, ours and the paper's."""
+        return next(one for one in self.content["table_2"]["rows"]
+                    if abs(one["mass_g"] - 1e3 * mass) < 1e-6 and one["specimen"] == name)
+
+    @cached_property
     def steps(self) -> dict[Key, tuple[Array, Array]]:
         """Responses to the step."""
         return self.read("step", 2)
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """What paper.json holds."""
+    file = folder / "paper.json"
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
+            raise ValueError("something is missing")
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"cannot be read: {error}; run tympan lumped paper again", file=file) from None
+    return dict(content)
 
 
 def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
@@ -70,7 +94,9 @@ def _static(mass: float) -> Callable[[Curves], Figure]:
     def make(curves: Curves) -> Figure:
         figure, axes = _single()
         for colour, name, (volts, y) in _three(curves.read("static", 2), mass):
-            axes.plot(volts, y, color=colour, label=name)
+            row = curves.row(mass, name)
+            axes.plot(volts, y, color=colour,
+                      label=f"{name}: range {row['at_rest_mm']:.2f} mm (paper, over steps: {row['paper_mm']:.2f} mm)")
         return _finish(figure, axes, "voltage (kV)")
 
     return make
@@ -82,9 +108,18 @@ def _step(mass: float, zoom: bool) -> Callable[[Curves], Figure]:
         end = ZOOM if zoom else np.inf
         for colour, name, (time, y) in _three(curves.steps, mass):
             kept = time <= end
-            axes.plot(time[kept], y[kept], color=colour, linewidth=0.8, label=name)
+            settled = SETTLING[MASSES.index(mass), NAMES.index(name)]
+            ours = curves.content["settling"]["rows"][0][f"{name}_{1e3 * mass:g}g_s"]
+            axes.plot(time[kept], y[kept], color=colour, linewidth=0.8,
+                      label=f"{name}: {ours:.2f} s (paper: {settled:.2f} s)" if zoom else name)
+            if zoom:
+                for at, marker in ((ours, "o"), (settled, "v")):
+                    axes.plot(at, np.interp(at, time, y), marker, color=colour, markeredgecolor="black", markersize=5,
+                              markeredgewidth=0.6)
         axes.set_xlim(0, end if zoom else None)
-        axes.set_title(f"step {STEP[0] / 1e3:g} to {STEP[1] / 1e3:g} kV at 0 s, {1e3 * mass:g} g", loc="left")
+        axes.set_ylim(top=axes.get_ylim()[1] + 0.25 * np.ptp(axes.get_ylim()))
+        axes.set_title(f"step {STEP[0] / 1e3:g} to {STEP[1] / 1e3:g} kV at 0 s, {1e3 * mass:g} g"
+                       + (", settled: ○ within 5 % of the largest swing, ▽ paper" if zoom else ""), loc="left")
         return _finish(figure, axes, "time (s)")
 
     return make
@@ -123,11 +158,13 @@ def _random(curves: Curves) -> Figure:
         else:
             mass = MASSES[number - 1]
             for colour, name, (at, y) in _three(traces, mass):
-                axes.plot(at, y, color=colour, linewidth=0.7, label=name)
-            axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g", loc="left")
+                row = curves.row(mass, name)
+                axes.plot(at, y, color=colour, linewidth=0.7,
+                          label=f"{name} {row['at_levels_mm']:.2f} mm (paper {row['paper_mm']:.2f})")
+            axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g, ranges at the ends of the levels", loc="left")
             axes.set_ylabel("distance (mm)")
             axes.set_ylim(top=axes.get_ylim()[1] + 0.14 * np.ptp(axes.get_ylim()))
-            axes.legend(loc="upper right", ncols=3)
+            axes.legend(loc="upper right", ncols=3, handlelength=1.2, columnspacing=1.0)
         axes.set_xlim(0, time[-1])
         axes.tick_params(labelbottom=number == 2)
         _grid(axes)
@@ -141,13 +178,16 @@ def _misfit(curves: Curves) -> Figure:
     alpha = next(iter(columns.values()))[0]
     worst = np.array([pair[1] for pair in columns.values()])
     figure, axes = _single(0.62)
-    levels = [0.17, 0.2, 0.25, 0.33, 0.5, 0.75, 1.0]
-    filled = axes.contourf(permittivity, alpha, worst.T, levels=levels, cmap=style.COLOURS, extend="both")
-    least = float(np.nanmin(worst))
-    axes.contour(permittivity, alpha, worst.T, levels=[2 * least], colors="white", linewidths=1.2)
-    at = np.unravel_index(np.nanargmin(worst), worst.shape)
-    axes.plot(permittivity[at[0]], alpha[at[1]], "o", color="white", markersize=4)
+    lost = curves.content["lost"]
+    least, rest = lost["smallest_worst"], lost["readings"]["rest"]
+    edges = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.5, 6.0]) * least["worst_mm"]
+    filled = axes.contourf(permittivity, alpha, worst.T, levels=edges, cmap=style.COLOURS, extend="max")
+    axes.contour(permittivity, alpha, worst.T, levels=[2 * least["worst_mm"]], colors="white", linewidths=1.2)
+    for one, marker, words in ((least, "o", "smallest worst misfit"), (rest, "x", "least squares")):
+        axes.plot(one["relative_permittivity"], one["alpha_1"][0], marker, color="white", markersize=4.5, label=words)
+    axes.legend(loc="upper left", labelcolor="black")
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
+    bar.ax.yaxis.set_major_formatter("{x:.2f}")
     bar.set_label("worst misfit of the six ranges (mm)")
     axes.set_xlabel("relative permittivity")
     axes.set_ylabel("α₁ (circle with the short semi-axis)")
@@ -174,7 +214,7 @@ def _single(share: float = 0.75) -> tuple[Figure, Axes]:
 def _finish(figure: Figure, axes: Axes, across: str) -> Figure:
     axes.set_xlabel(across)
     axes.set_ylabel("distance (mm)")
-    axes.legend(loc="best")
+    axes.legend(loc="upper left" if "voltage" in across else "upper right")
     _grid(axes)
     return figure
 

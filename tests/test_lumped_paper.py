@@ -14,7 +14,7 @@ from conftest import circular
 from fem.laws import NeoHooke
 from geometry.errors import InputError
 from reports import lumped_paper
-from studies.lumped import lost, published
+from studies.lumped import lost, lost_steps, published
 from studies.lumped.dynamics import settling_time, simulate
 from studies.lumped.fleet import Fleet
 from studies.lumped.model import Actuator
@@ -93,6 +93,37 @@ def test_a_fleet_moves_as_its_actuators_do() -> None:
             assert column == pytest.approx(simulate(actuator, signal).deflection(time), abs=error)
 
 
+def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.Lost) -> None:
+    """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it back by a little."""
+    fleet = Fleet(fitted.actuators(22.45e-3))
+    signal = random_steps(0.0, 7e3, 6.0, 3, 4)
+    time, moved = fleet.simulate(signal, 0.1, 1e-7)
+    ends = moved[np.round(signal.breaks / 0.1).astype(int)]
+    assert fleet.levels(signal) == pytest.approx(ends, abs=3e-7)
+    assert fleet.levels(signal, 0.25) == pytest.approx(fleet.levels(signal), abs=1e-10)
+    assert np.ptp(ends, axis=0).min() > 1e-4
+    assert time[-1] == pytest.approx(18.0)
+
+
+def test_parameters_come_back_from_levels_they_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    signal, truth = random_steps(0.0, 7e3, 10.0, 3, 6), np.array([[8.7, 0.35]])
+    made = lost_steps.level_ranges(signal, truth)[0]
+    monkeypatch.setattr(lost_steps, "ranges", lambda: made)
+    found = lost_steps.fit_levels(signal)
+    assert [found.permittivity, found.alpha[0]] == pytest.approx(truth[0], rel=1e-4)
+    assert found.worst < 1e-7
+
+
+@pytest.mark.study
+def test_table_2_at_the_ends_of_levels() -> None:
+    """The ellipses' four ranges within 0.03 mm, the circle's not, and better than at rest, for three seeds."""
+    for seed in (6, 17, 25):
+        found = lost_steps.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
+        assert np.abs(found.misfit[:, 1:]).max() < 0.03e-3
+        assert np.abs(found.misfit[:, 0]).min() > 0.05e-3
+        assert found.rms < 0.4 * lost.fit().rms
+
+
 def test_a_fleet_is_of_one_film() -> None:
     with pytest.raises(InputError, match="same film"):
         Fleet((Actuator.of(circular(NeoHooke(20e3)), 17.9e-3), Actuator.of(circular(NeoHooke(21e3)), 17.9e-3)))
@@ -168,7 +199,8 @@ def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.Lost) -> No
 def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """With two levels; JSON, tables, figures and page agree, and the report is built again from the folder."""
     out = tmp_path / "out"
-    assert main(["lumped", "paper", "--levels", "2", "--seed", "3", "--period", "20 s", "-o", str(out), "--json"]) == 0
+    options = ["--levels", "2", "--seed", "3", "--period", "20 s", "--reading", "rest", "-o", str(out), "--json"]
+    assert main(["lumped", "paper", *options]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((out / "paper.json").read_text(encoding="utf-8"))
     for name in FIGURES:
@@ -184,7 +216,8 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
         moved = [(row["mass_g"], row["specimen"], float(row["distance_mm"])) for row in csv.DictReader(stream)]
     for row in rows:
         own = [y for mass, name, y in moved if (mass, name) == (f"{row['mass_g']:g}", row["specimen"])]
-        assert max(own) - min(own) == pytest.approx(row["over_steps_mm"], rel=1e-9)
+        assert max(own) - min(own) == pytest.approx(row["all_samples_mm"], rel=1e-9)
+        assert row["at_levels_mm"] < row["all_samples_mm"]
     assert printed["settling"]["rows"][-1]["rms_s"] > 0
     assert len(printed["findings"]) == 7
     text = (out / "paper.html").read_text(encoding="utf-8")

@@ -19,6 +19,7 @@ from studies.lumped.signals import Signal
 from studies.lumped.statics import rest
 
 Array = NDArray[np.float64]
+_ROUNDS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +77,7 @@ class Fleet:
         prestretch, law, unit, mass, load = self._constants
         rig, v = self.actuators[0].rig, self.actuators[0].viscous
         y, speed, strain = state[0], state[1], state[2:]
-        slope = self._steepness * y
-        stretch = np.sqrt(1 + slope * slope)
-        phi = self._steepness * slope / stretch
+        stretch, phi, _ = self._stretch(y)
         radial = prestretch * stretch
         squared = float(rig.film_voltage(voltage)) ** 2
         pull = prestretch * (law.derivatives(radial, prestretch)[1] + squared * unit.derivatives(radial, prestretch)[1])
@@ -86,6 +85,55 @@ class Fleet:
         stress = pull + (v.k1 * behind + v.eta2 * phi * speed) / stretch
         force = np.sum(self._volume * phi * stress, axis=0) + rig.spring * y
         return np.vstack([speed, (load - force) / mass, v.k1 / v.eta1 * behind])
+
+    def _stretch(self, y: Array) -> tuple[Array, Array, Array]:
+        slope = self._steepness * y
+        stretch = np.sqrt(1 + slope * slope)
+        return stretch, self._steepness * slope / stretch, (self._steepness / stretch) ** 2 / stretch
+
+    def follow(self, strain: Array, voltage: float, y: Array) -> Array:
+        """Where forces balance without inertia and η₂ [m] while the branches are at ε₁; Newton from ``y``."""
+        prestretch, law, unit, _, load = self._constants
+        rig, k1 = self.actuators[0].rig, self.actuators[0].viscous.k1
+        squared = float(rig.film_voltage(voltage)) ** 2
+        for _ in range(_ROUNDS):
+            stretch, phi, bend = self._stretch(y)
+            radial = prestretch * stretch
+            held, drawn = law.derivatives(radial, prestretch), unit.derivatives(radial, prestretch)
+            first, second = held[1] + squared * drawn[1], held[3] + squared * drawn[3]
+            behind = stretch - 1 - strain
+            pull = prestretch * first + k1 * behind / stretch
+            slope = prestretch**2 * second + k1 * (1 + strain) / stretch**2
+            force = np.sum(self._volume * phi * pull, axis=0) + rig.spring * y
+            stiffness = np.sum(self._volume * (bend * pull + phi * phi * slope), axis=0) + rig.spring
+            move = (load - force) / stiffness
+            y = y + move
+            if np.abs(move).max() < 1e-10:
+                break
+        return y
+
+    def levels(self, signal: Signal, step: float = 0.5) -> Array:
+        """Deflections [m] at the end of each level of a signal of steps, the rest before it first.
+
+        Without inertia and η₂, whose oscillation is gone by then: only the branches move, by Runge and Kutta's steps of
+        order 4 [s]. Shape (levels + 1, actuators).
+        """
+        state = self.rest(signal.first)
+        y, strain, found = state[0], state[2:], [state[0]]
+        rate = self.actuators[0].viscous.k1 / self.actuators[0].viscous.eta1
+        for piece, (left, right) in enumerate(pairwise(signal.breaks)):
+            voltage, count = float(signal.within(piece, right)), max(1, round((right - left) / step))
+            width = (right - left) / count
+            for _ in range(count):
+                slopes: list[Array] = []
+                for share in (0.0, 0.5, 0.5, 1.0):
+                    at = strain + share * width * slopes[-1] if slopes else strain
+                    y = self.follow(at, voltage, y)
+                    slopes.append(rate * (self._stretch(y)[0] - 1 - at))
+                strain = strain + width / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
+            y = self.follow(strain, voltage, y)
+            found.append(y)
+        return np.array(found)
 
     def rest(self, voltage: float) -> Array:
         """All at rest at a voltage [V]."""

@@ -93,7 +93,7 @@ class Ranges:
 class Lost:
     """Values for the lost cells: ε_r, α₁ of the small and of the large ellipse.
 
-    ``ranges`` at rest with them and ``misfit``, those less the paper's [m]; ``rows`` of Table 2 they were found from.
+    ``ranges`` with them and ``misfit``, those less the paper's [m]; ``rows`` of Table 2 they were found from.
     """
 
     permittivity: float
@@ -101,6 +101,12 @@ class Lost:
     ranges: Array
     misfit: Array
     rows: tuple[int, ...] = (0, 1)
+
+    @classmethod
+    def of(cls, permittivity: float, alpha: tuple[float, float], rows: tuple[int, ...] = (0, 1)) -> Lost:
+        """With their ranges at rest."""
+        found = Ranges().at(np.array([permittivity, *alpha]))[0]
+        return cls(float(permittivity), (float(alpha[0]), float(alpha[1])), found, found - ranges(), rows)
 
     @property
     def rms(self) -> float:
@@ -143,7 +149,8 @@ def fit(shared: bool = True, rows: Sequence[int] = (0, 1)) -> Lost:
     low, high = np.array(_bounds(shared)).T
     done = least_squares(residual, _start(shared), slopes, (low, high), x_scale=high - low, xtol=1e-12, ftol=1e-12,
                          gtol=1e-12)
-    return _lost(spread @ done.x, tuple(rows))
+    values = spread @ done.x
+    return Lost.of(values[0], (values[1], values[2]), tuple(rows))
 
 
 def smallest_worst(shared: bool = True) -> Lost:
@@ -153,7 +160,8 @@ def smallest_worst(shared: bool = True) -> Lost:
     start = np.append(_start(shared), 1e3 * began.worst)
     start[:-1] = np.linalg.lstsq(spread, np.array([began.permittivity, *began.alpha]), rcond=None)[0]
     done = _limited(spread, shared, start, lambda z: z[-1], np.eye(len(start))[-1])
-    return _lost(spread @ done[:-1], (0, 1))
+    values = spread @ done[:-1]
+    return Lost.of(values[0], (values[1], values[2]))
 
 
 def allowed(factor: float = 2.0, shared: bool = True) -> dict[str, tuple[float, float]]:
@@ -214,8 +222,3 @@ def _start(shared: bool) -> Array:
 
 def _bounds(shared: bool) -> tuple[tuple[float, float], ...]:
     return _BOUNDS[:2] if shared else _BOUNDS
-
-
-def _lost(values: Array, rows: tuple[int, ...]) -> Lost:
-    found = Ranges().at(values)[0]
-    return Lost(float(values[0]), (float(values[1]), float(values[2])), found, found - ranges(), rows)

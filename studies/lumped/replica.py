@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from studies.lumped.dynamics import Loop, SolverSettings, last_loop, simulate
 from studies.lumped.fleet import Fleet
 from studies.lumped.linear import linearise
 from studies.lumped.lost import Lost, allowed, fit, smallest_worst, worst_misfit
+from studies.lumped.lost_steps import fit_levels
 from studies.lumped.model import Actuator
 from studies.lumped.published import MASSES, NAMES
 from studies.lumped.settling import Criterion, Swings
@@ -26,6 +27,7 @@ from studies.store import write_csv
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
+Reading = Literal["rest", "levels"]
 
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
@@ -41,12 +43,15 @@ class Choices:
     """What the paper leaves open: figure 14's levels and their seed, figure 13's period [s]; None: found, and told.
 
     ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's voltages is taken.
+    ``reading`` is how Table 2 is read to find the lost ε_r and α₁: ``rest``, from 0 to 7 kV at rest, or ``levels``, at
+    the ends of figure 14's levels; None: whichever fits it better.
     """
 
     levels: int = 20
     seed: int | None = None
     period: float | None = None
     near: float = 100.0
+    reading: Reading | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated."""
@@ -103,7 +108,8 @@ class Trace:
 class Replica:
     """Everything of figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator."""
 
-    lost: Lost
+    reading: Reading
+    fits: dict[Reading, Lost]
     others: dict[str, Lost]
     smallest_worst: Lost
     allowed: dict[str, tuple[float, float]]
@@ -118,6 +124,12 @@ class Replica:
     signal: Pieces
     seed: int
     random: list[list[Trace]]
+    level_ranges: Array
+
+    @property
+    def lost(self) -> Lost:
+        """The ε_r and α₁ everything was computed with."""
+        return self.fits[self.reading]
 
     @property
     def rest_ranges(self) -> Array:
@@ -158,7 +170,11 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
         When figure 14's levels cannot reach both voltages, or one of them is beyond pull-in.
     """
     progress("lost parameters from Table 2")
-    lost = fit()
+    signal, seed = choices.steps()
+    fits: dict[Reading, Lost] = {"rest": fit(), "levels": fit_levels(signal)}
+    better: Reading = "levels" if fits["levels"].rms < fits["rest"].rms else "rest"
+    reading = choices.reading or better
+    lost = fits[reading]
     others = {"one alpha for each ellipse": fit(shared=False),
               **{f"{1e3 * mass:g} g alone": fit(rows=(row,)) for row, mass in enumerate(MASSES)}}
     permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
@@ -175,13 +191,14 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     swings = _by_mass([Swings.of(time, column) for column in deflections.T])
     period = choices.period or period_of(models[0][0])
     loops = [[_loop(model, Sine(*sine, period), progress) for model in models[0]] for sine in published.SINES]
-    signal, seed = choices.steps()
     progress("figure 14")
     time, deflections = fleet.simulate(signal, INTERVAL, _LONG)
     random = _by_mass([Trace.of(time, column) for column in deflections.T])
+    ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
+    levels = np.ptp(deflections[ends], axis=0).reshape(len(MASSES), len(NAMES))
     poles = np.array([[linearise(model, published.STEP[1]).poles[-1] for model in row] for row in models])
-    return Replica(lost, others, best, limits, map_, voltages, static, traces, swings, poles, period, loops, signal,
-                   seed, random)
+    return Replica(reading, fits, others, best, limits, map_, voltages, static, traces, swings, poles, period, loops,
+                   signal, seed, random, levels)
 
 
 #: How often :func:`run` calls ``progress``.

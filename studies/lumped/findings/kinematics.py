@@ -71,9 +71,9 @@ def cone(lost: Lost) -> Finding:
          "Laplace's equation).",
          f"The fit hides it in the constants: Table 1's {at / 1e3:.1f} kPa of prestress over {found[0]:.3f} is "
          f"{at / found[0] / 1e3:.1f} kPa, that of a neo-Hookean film of {modulus / 1e3:.1f} kPa at "
-         f"{prestretch:.3f}; independent data on VHB 4910 (`{DEFAULT}` of the library) give {tape / 1e3:.1f} kPa. "
-         f"ε_r {lost.permittivity:.2f} over it is {lost.permittivity / found[0]:.2f}, where the literature has 2.6 "
-         "to 4.7. The constants of Table 1 are those of the cone, not of the tape."),
+         f"{prestretch:.3f}; independent data on VHB 4910 ({DEFAULT} of the library) give {tape / 1e3:.1f} kPa. ε_r "
+         f"{lost.permittivity:.2f} over it is {lost.permittivity / found[0]:.2f}, where the literature has 2.6 to "
+         "4.7. The constants of Table 1 are those of the cone, not of the tape."),
         (*(Number(f"taut film over cones, {name}", value) for name, value in zip(NAMES, found, strict=True)),
          Number("prestress of Table 1 over the circle's factor", at / found[0], "Pa"),
          Number("neo-Hookean modulus of that prestress", modulus, "Pa"),
