@@ -24,6 +24,7 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "field": ("V/m", "30 MV/m"),
     "speed": ("m/s", "1 um/min"),
     "time": ("s", "30 s"),
+    "viscosity": ("Pa s", "62.4 kPa s"),
     "capacitance": ("F", "800 pF"),
     "angle": ("rad", "5 mrad"),
 }

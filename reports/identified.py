@@ -6,39 +6,135 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reports import style
+from reports.lumped import grid
+from studies.lumped.dynamic_search import DynamicFit
 from studies.lumped.intervals import Judgement
 from studies.lumped.misfit import Profile
+from studies.lumped.records import Record
+from studies.lumped.static_search import StaticFit
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
+_TITLE, _AXIS, _GAP, _VOLTAGE, _RESPONSE = 6.0, 12.0, 5.0, 22.0, 60.0
+_WHOLE, _LEFTOVER, _POINTS = 45.0, 18.0, 5000
+_BEGINNING = 30.0  # radians of the fast oscillation that are shown on their own
 _SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β₁", "beta_2": "β₂", "beta_3": "β₃",
             "gamma_1": "γ₁", "gamma_2": "γ₂", "gamma_3": "γ₃", "k_1": "k₁", "eta_1": "η₁", "eta_2": "η₂"}
 _PANEL, _COLUMNS, _CELL, _LONGEST, _BAR = 38.0, 3, 11.0, 34.0, 20.0
 
 
-def draw_profiles(judgement: Judgement, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw folder/profiles: of each constant that has one, √Δχ² over its value, with the 95 % limits.
+def draw_static(fit: StaticFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw folder/static: what was read and the fit, above; what is left, below; a column for each mass."""
+    style.check(formats)
+    with style.look():
+        return style.save(_static(fit), folder, "static", formats)
+
+
+def draw_dynamic(fit: DynamicFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw folder/dynamic: a row for each mass; what was read and the fit, their beginning, and what is left."""
+    style.check(formats)
+    with style.look():
+        return style.save(_dynamic(fit), folder, "dynamic", formats)
+
+
+def draw_profiles(judgement: Judgement, folder: Path, name: str = "profiles", formats: Sequence[str] = ("png", "svg")
+                  ) -> list[Path]:
+    """Draw folder/name: of each constant that has one, √Δχ² over its value, with the 95 % limits.
 
     A straight V is a linear problem; a branch that never meets the dotted line leaves its side open.
     """
     style.check(formats)
     with style.look():
-        return style.save(_profiles(judgement), folder, "profiles", formats)
+        return style.save(_profiles(judgement), folder, name, formats)
 
 
-def draw_correlations(judgement: Judgement, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw folder/correlations: the linearised correlations of the constants, those not determined in grey."""
+def draw_correlations(judgement: Judgement, folder: Path, name: str = "correlations",
+                      formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw folder/name: the linearised correlations of the constants, those not determined in grey."""
     style.check(formats)
     with style.look():
-        return style.save(_correlations(judgement), folder, "correlations", formats)
+        return style.save(_correlations(judgement), folder, name, formats)
 
 
 def _symbol(name: str) -> str:
     """As the paper writes it; of an α with the shape it belongs to."""
     plain, _, shape = name.partition("[")
     return _SYMBOLS.get(plain, plain) + (f" ({shape[:-1]})" if shape else "")
+
+
+def _static(fit: StaticFit) -> Figure:
+    readings = fit.problem.readings
+    left = fit.problem.residual(fit.values, "deflection")[0]
+    masses = np.unique(readings.mass)
+    figure = style.page(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
+    width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
+    for column, mass in enumerate(masses):
+        start = _LEFT + column * (width + _LEFT)
+        above = style.place(figure, start, _TITLE, width, _RESPONSE)
+        below = style.place(figure, start, _TITLE + _RESPONSE + _GAP, width, _VOLTAGE)
+        for number, specimen in enumerate(readings.specimens):
+            own = np.flatnonzero((readings.which == number) & (readings.mass == mass))
+            own = own[np.argsort(readings.voltage[own])]
+            colour = style.PALETTE[number % len(style.PALETTE)]
+            volts, at = 1e-3 * readings.voltage[own], fit.problem.read[own]
+            above.plot(volts, 1e3 * at, "o", color=colour, markersize=3, markerfacecolor="none", label=specimen.name)
+            above.plot(volts, 1e3 * (at + left[own]), color=colour, linewidth=0.8)
+            below.plot(volts, 1e6 * left[own], "o-", color=colour, markersize=2, linewidth=0.5)
+        above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
+        above.legend(loc="upper left")
+        above.tick_params(labelbottom=False)
+        below.set_xlabel("voltage (kV)")
+        if column == 0:
+            above.set_ylabel("displacement (mm)")
+            below.set_ylabel("fit − read (µm)")
+        for axes in (above, below):
+            grid(axes)
+    return figure
+
+
+def _dynamic(fit: DynamicFit) -> Figure:
+    records, parts = fit.problem.records, fit.problem.parts(fit.z)
+    masses = sorted({record.mass for record in records})
+    numbers = sorted({record.specimen for record in records})
+    height = _WHOLE + _GAP + _LEFTOVER
+    figure = style.page(len(masses) * (_TITLE + height + _AXIS))
+    width = style.WIDTH / 2 - _LEFT - _RIGHT
+    for row, mass in enumerate(masses):
+        top = _TITLE + row * (_TITLE + height + _AXIS)
+        columns = [(style.place(figure, left, top, width, _WHOLE),
+                    style.place(figure, left, top + _WHOLE + _GAP, width, _LEFTOVER))
+                   for left in (_LEFT, style.WIDTH / 2 + _LEFT)]
+        for record, (residual, _) in zip(records, parts, strict=True):
+            if record.mass == mass:
+                colour = style.PALETTE[numbers.index(record.specimen) % len(style.PALETTE)]
+                name = fit.problem.actuator(record, fit.z).specimen.name
+                for (above, below), end in zip(columns, (np.inf, _BEGINNING * fit.fast), strict=True):
+                    _response(above, below, record, residual, end, colour, name)
+        for above, below in columns:
+            above.tick_params(labelbottom=False)
+            below.set_xlabel("time since the voltage changed (s)")
+            for axes in (above, below):
+                grid(axes)
+        columns[0][0].set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
+        columns[1][0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(numbers))
+        columns[0][0].set_ylabel("displacement (mm)")
+        columns[0][1].set_ylabel("fit − read (µm)")
+    return figure
+
+
+def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, end: float, colour: str, name: str
+              ) -> None:
+    """One run up to a time since its voltage changed, as dots read and a line fitted; the difference below."""
+    since = record.time - record.begins
+    inside = np.flatnonzero((since <= end) & (since >= -end / 5))
+    inside = inside[np.unique(np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int))]
+    at, read = since[inside], 1e3 * record.displacement[inside]
+    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0, rasterized=True)
+    above.plot(at, read + 1e3 * residual[inside], color=colour, linewidth=0.6, label=name)
+    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0, rasterized=True)
 
 
 def _profiles(judgement: Judgement) -> Figure:

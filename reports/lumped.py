@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from reports import style
 from studies.lumped.record import Simulated
-from studies.lumped.static_search import StaticFit
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0
@@ -26,43 +25,6 @@ def draw_simulated(found: Sequence[Simulated], folder: Path, formats: Sequence[s
         if any(one.loop is not None for one in found):
             files += style.save(_loops(found), folder, "hysteresis", formats)
     return files
-
-
-def draw_static(fit: StaticFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw folder/static: what was read and the fit, above; what is left, below; a column for each mass."""
-    style.check(formats)
-    with style.look():
-        return style.save(_static(fit), folder, "static", formats)
-
-
-def _static(fit: StaticFit) -> Figure:
-    readings = fit.problem.readings
-    left = fit.problem.residual(fit.values, "deflection")[0]
-    masses = np.unique(readings.mass)
-    figure = style.page(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
-    width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
-    for column, mass in enumerate(masses):
-        start = _LEFT + column * (width + _LEFT)
-        above = style.place(figure, start, _TITLE, width, _RESPONSE)
-        below = style.place(figure, start, _TITLE + _RESPONSE + _GAP, width, _VOLTAGE)
-        for number, specimen in enumerate(readings.specimens):
-            own = np.flatnonzero((readings.which == number) & (readings.mass == mass))
-            own = own[np.argsort(readings.voltage[own])]
-            colour = style.PALETTE[number % len(style.PALETTE)]
-            volts, at = 1e-3 * readings.voltage[own], fit.problem.read[own]
-            above.plot(volts, 1e3 * at, "o", color=colour, markersize=3, markerfacecolor="none", label=specimen.name)
-            above.plot(volts, 1e3 * (at + left[own]), color=colour, linewidth=0.8)
-            below.plot(volts, 1e6 * left[own], "o-", color=colour, markersize=2, linewidth=0.5)
-        above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
-        above.legend(loc="upper left")
-        above.tick_params(labelbottom=False)
-        below.set_xlabel("voltage (kV)")
-        if column == 0:
-            above.set_ylabel("displacement (mm)")
-            below.set_ylabel("fit − read (µm)")
-        for axes in (above, below):
-            _grid(axes)
-    return figure
 
 
 def _responses(found: Sequence[Simulated]) -> Figure:
@@ -84,7 +46,7 @@ def _responses(found: Sequence[Simulated]) -> Figure:
     above.tick_params(labelbottom=False)
     for axes in (above, below):
         axes.set_xlim(0, max(one.response.end for one in found))
-        _grid(axes)
+        grid(axes)
     return figure
 
 
@@ -99,7 +61,7 @@ def _loops(found: Sequence[Simulated]) -> Figure:
     axes.set_xlabel("voltage (kV)")
     axes.set_ylabel("displacement (mm)")
     axes.legend(loc="best")
-    _grid(axes)
+    grid(axes)
     return figure
 
 
@@ -108,6 +70,7 @@ def _label(one: Simulated) -> str:
     return f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g"
 
 
-def _grid(axes: Axes) -> None:
+def grid(axes: Axes) -> None:
+    """Faint lines behind the curves."""
     axes.grid(color="#e4e6ea", linewidth=0.5)
     axes.set_axisbelow(True)

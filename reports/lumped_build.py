@@ -14,7 +14,8 @@ from studies.lumped.build import Built
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _ABOVE, _BELOW = 62.0, 34.0
-_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"), "cone": ("--", "cones")}
+_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"),
+          "cone": ("--", "cones, dashes in turn")}
 
 
 def draw_built(found: Sequence[Built], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
@@ -34,7 +35,7 @@ def _build(found: Sequence[Built]) -> Figure:
         above = style.place(figure, start, _TITLE, width, _ABOVE)
         below = style.place(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
         for number, one in enumerate(found):
-            _draw(one, column, style.PALETTE[number % len(style.PALETTE)], above, below)
+            _draw(one, column, number, len(found), above, below)
         columns.append((above, below))
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.tick_params(labelbottom=False)
@@ -54,10 +55,13 @@ def _build(found: Sequence[Built]) -> Figure:
     return figure
 
 
-def _draw(built: Built, row: int, colour: str, above: Axes, below: Axes) -> None:
+def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
+    colour = style.PALETTE[number % len(style.PALETTE)]
     voltage, fitted = 1e-3 * np.array(built.settings.voltages), built.settings.fitted[row]
     for kind, (line, _) in _SHOWN.items():
-        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], line, color=colour, linewidth=0.9)
+        # Cones of several shapes may coincide: their dashes take turns.
+        dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
+        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], linestyle=dashes, color=colour, linewidth=0.9)
         if kind != "cone":
             error = 100 * built.errors(kind)[row]
             below.plot(voltage, error, line, color=colour, linewidth=0.8)
@@ -69,8 +73,7 @@ def _draw(built: Built, row: int, colour: str, above: Axes, below: Axes) -> None
 
 def _key(axes: Axes) -> None:
     """What the lines are, in black, below and above alike."""
-    for line, words in _SHOWN.values():
-        axes.plot([], [], line, color="black", linewidth=0.9, label=words)
-    axes.plot([], [], "o", color="black", markersize=3, markerfacecolor="none", label="field model")
-    axes.plot([], [], "o", color="black", markersize=3, label="fitted here")
-    axes.legend(loc="upper left", ncols=2)
+    lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0] for line, words in _SHOWN.values()]
+    dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face, label=words)[0]
+            for face, words in (("none", "field model"), ("black", "fitted here"))]
+    axes.legend(handles=[*lines, *dots], loc="upper left", ncols=2)

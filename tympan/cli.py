@@ -157,13 +157,14 @@ def _report(commands: Any) -> None:
 
 def _run_report(options: argparse.Namespace) -> None:
     from geometry.errors import InputError
-    from reports import diagnosis, html
+    from reports import diagnosis, html, lumped_page
 
-    builders = {"study.json": html.build, "diagnosis.json": diagnosis.build}
+    builders = {"study.json": html.build, "diagnosis.json": diagnosis.build,
+                "paper.json": lumped_page.build}
     found = [build for name, build in builders.items() if (options.folder / name).exists()]
     if not found:
-        raise InputError(f"holds neither {' nor '.join(builders)}: only what tympan study and tympan diagnose wrote is "
-                         "rebuilt", file=options.folder)
+        raise InputError(f"holds none of {', '.join(builders)}: only what tympan study, tympan diagnose and "
+                         "tympan lumped paper wrote is rebuilt", file=options.folder)
     print(found[-1](options.folder))
 
 

@@ -7,13 +7,16 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan import lumped_build
+from tympan import lumped_build, lumped_paper
 from tympan.options import command, parse_quantity, read_rig
 
 if TYPE_CHECKING:
     from geometry.specimen import Specimen
+    from studies.dataset import Dataset
+    from studies.lumped.dynamic_search import DynamicFit
     from studies.lumped.record import Simulated
     from studies.lumped.signals import Signal
+    from studies.lumped.static_search import StaticFit
 
 
 def add(commands: Any) -> None:
@@ -24,6 +27,7 @@ def add(commands: Any) -> None:
     _simulate(kinds)
     _identify(kinds)
     lumped_build.add(kinds)
+    lumped_paper.add(kinds)
 
 
 def _simulate(kinds: Any) -> None:
@@ -166,13 +170,19 @@ def _positive(text: str, option: str) -> float:
 
 
 def _identify(kinds: Any) -> None:
-    parser = command(kinds, "identify", _run_identify, "the constants behind a dataset's readings at rest")
-    parser.add_argument("dataset", type=Path, metavar="DATASET", help="folder with dataset.toml and static.csv")
+    parser = command(kinds, "identify", _run_identify, "the constants behind a dataset's readings")
+    parser.add_argument("dataset", type=Path, metavar="DATASET",
+                        help="folder with dataset.toml and static.csv, transient.csv or both")
+    parser.add_argument("--dynamic", action="store_true",
+                        help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the static "
+                             "constants are those of static.csv or, where there is none, the films' own")
     parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
                         help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
     parser.add_argument("--alpha", choices=("each", "shared"), default="each",
                         help="an α of the circle with the short semi-axis for each shape, or one for all as in "
                              "Eq. (11) (default: %(default)s)")
+    parser.add_argument("--weights", metavar="A,B",
+                        help="both α of all shapes, for --dynamic without static.csv (default: equal)")
     parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
                         help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
                              "(default: %(default)s)")
@@ -183,34 +193,72 @@ def _identify(kinds: Any) -> None:
 
 def _run_identify(options: argparse.Namespace) -> None:
     from studies.dataset import read_dataset
-    from studies.lumped.static_fit import StaticProblem, readings_of
-    from studies.lumped.static_search import identify_static, nelder_mead
     from studies.store import write_json
 
     dataset = read_dataset(options.dataset)
-    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
-    fit = identify_static(problem, options.objective)
-    result: dict[str, Any] = {"dataset": dataset.name, "static": fit.json()}
-    if options.nelder_mead:
-        result["nelder_mead"] = nelder_mead(problem)
+    result: dict[str, Any] = {"dataset": dataset.name}
+    static = _fit_static(dataset, options, result)
+    dynamic = _fit_dynamic(dataset, static, options, result) if options.dynamic else None
     if options.output is not None:
-        from reports.identified import draw_correlations, draw_profiles
-        from reports.lumped import draw_static
+        from reports.identified import draw_correlations, draw_dynamic, draw_profiles, draw_static
 
         write_json(options.output / "identify.json", result)
-        draw_static(fit, options.output)
-        draw_profiles(fit.judgement, options.output)
-        draw_correlations(fit.judgement, options.output)
+        if static is not None:
+            draw_static(static, options.output)
+        if dynamic is not None:
+            draw_dynamic(dynamic, options.output)
+        for name, fit in (("", static), ("-dynamic", dynamic)):
+            if fit is not None:
+                draw_profiles(fit.judgement, options.output, f"profiles{name}")
+                draw_correlations(fit.judgement, options.output, f"correlations{name}")
     if options.json:
         print(json.dumps(result, ensure_ascii=False, allow_nan=False))
         return
-    print(f"{dataset.name}: misfit {1e6 * fit.rmse:.3g} um (noise {1e6 * fit.sigma:.3g} um); "
-          f"{fit.judgement.determined} of {len(fit.judgement.constants)} numbers are determined")
-    _show_constants(result["static"])
+    for kind in ("static", "dynamic"):
+        if kind in result:
+            _show_fit(f"{dataset.name}, {kind}", result[kind], result.get(f"nelder_mead_{kind}"))
+
+
+def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str, Any]) -> StaticFit | None:
+    from geometry.errors import InputError
+    from studies.lumped.static_fit import StaticProblem, readings_of
+    from studies.lumped.static_search import identify_static, nelder_mead
+
+    if options.dynamic and dataset.static is None:
+        return None
+    if options.weights is not None:
+        raise InputError("is for --dynamic without static.csv, whose readings tell α", key="--weights",
+                         given=options.weights)
+    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
+    fit = identify_static(problem, options.objective)
+    result["static"] = fit.json()
     if options.nelder_mead:
-        other = result["nelder_mead"]
+        result["nelder_mead_static"] = nelder_mead(problem)
+    return fit
+
+
+def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace, result: dict[str, Any]
+                 ) -> DynamicFit:
+    from studies.lumped.dynamic_fit import DynamicProblem, Exact, Held
+    from studies.lumped.dynamic_search import identify_dynamic, nelder_mead_dynamic
+    from studies.lumped.records import records_of
+
+    statics = Exact(dataset.specimens, dataset.rig, _weights(options.weights)) if static is None else Held(static)
+    problem = DynamicProblem(statics, dataset.rig, records_of(dataset), dataset.noise)
+    fit = identify_dynamic(problem)
+    result["dynamic"] = fit.json()
+    if options.nelder_mead:
+        result["nelder_mead_dynamic"] = nelder_mead_dynamic(problem)
+    return fit
+
+
+def _show_fit(title: str, found: dict[str, Any], other: dict[str, Any] | None) -> None:
+    print(f"{title}: misfit {found['rmse_um']:.3g} um (noise {found['noise_um']:.3g} um); "
+          f"{found['determined']} of {len(found['constants'])} numbers are determined")
+    _show_constants(found)
+    if other is not None:
         print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
-              f"{other['seconds']:.2f} s; least squares: {fit.evaluations}, {fit.seconds:.2f} s")
+              f"{other['seconds']:.2f} s; least squares: {found['evaluations']}, {found['seconds']:.2f} s")
 
 
 def _show_constants(found: dict[str, Any]) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings
+
+if TYPE_CHECKING:
+    from studies.lumped.model import Viscous
 
 _MOST = 200
 
@@ -25,6 +28,9 @@ def add(kinds: Any) -> None:
     parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
     parser.add_argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                         help="of the circles, as for `tympan alpha` (default: %(default)s)")
+    parser.add_argument("--viscous", metavar="K1,ETA1,ETA2",
+                        help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, '
+                             "the paper's)")
     parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="write NAME.lumped.toml for each, build.json, statics.csv and a figure")
@@ -44,7 +50,7 @@ def _run(options: argparse.Namespace) -> None:
     except InputError as error:
         raise InputError(error.allowed, key=f"--{error.key}", given=error.given) from None
     masses = tuple(parse_quantity(text, "mass", "--mass") for text in options.mass.split(","))
-    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii)
+    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii, _viscous(options.viscous))
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = [load_specimen(file) for file in options.specimens]
     names = [specimen.name for specimen in specimens]
@@ -81,6 +87,22 @@ def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
     return tuple(low + (high - low) * number / (options.count - 1) for number in range(options.count))
 
 
+def _viscous(text: str | None) -> Viscous:
+    from geometry.errors import InputError
+    from studies.lumped.model import Viscous
+
+    if text is None:
+        return Viscous()
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise InputError("must be a stress and two viscosities with commas between them", key="--viscous", given=text)
+    try:
+        return Viscous(*(parse_quantity(part, kind, "--viscous")
+                         for part, kind in zip(parts, ("stress", "viscosity", "viscosity"), strict=True)))
+    except InputError as error:
+        raise InputError(error.allowed, key="--viscous", given=error.given) from None
+
+
 def _show(result: dict[str, Any]) -> None:
     from studies.lumped.build import KINEMATICS
 
@@ -102,7 +124,7 @@ def _show(result: dict[str, Any]) -> None:
 
 
 def _percent(error: float | None) -> str:
-    return "pull-in" if error is None else f"{100 * error:.3g} %"
+    return "-" if error is None else f"{100 * error:.3g} %"
 
 
 def _hertz(value: float | None) -> str:

@@ -37,13 +37,13 @@ KINEMATICS = {"cone": "the paper's cones with the α best for them",
               "membrane": "membrane circles with α",
               "corrected": "membrane circles with α and two factors"}
 
-#: Deflection error, relative, above which a model is said not to stand for its specimen.
+#: Error of deflection or capacitance, relative, above which a model is said not to stand for its specimen.
 NEAR = 0.01
 
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """Masses [kg] and voltages [V] the model is for, and the circles it is made of (:class:`~studies.AlphaSettings`).
+    """Masses [kg] and voltages [V] the model is for, and its circles, as in :class:`~studies.alpha.AlphaSettings`.
 
     It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all other loads it is
     tested. ``viscous`` is taken over as it is: a field model at rest says nothing about it.
@@ -160,6 +160,10 @@ class Built:
             found.append("the lumped model pulls in at a load at which the field model does not")
         elif errors.max() > NEAR:
             found.append(f"the deflection is up to {errors.max():.1%} off: other circles (--circles, --radii) may do")
+        spread = self.capacitance_error("corrected")
+        if spread is not None and spread > NEAR:
+            found.append(f"the capacitance is up to {spread:.1%} off: covered film also moves in its plane, which the "
+                         "model does not know")
         if self.model.specimen.membrane.density:
             found.append("the lumped model has no film mass: its frequencies are those of plate and weight alone")
         return found
@@ -205,8 +209,10 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     Raises
     ------
     InputError
-        When the field model has no equilibrium at one of the loads, naming the load and why.
+        When the field model has no equilibrium at one of the loads, naming the load and why, or the rig has what the
+        lumped model does not.
     """
+    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the lumped model does not have
     progress(f"{specimen.name}: field model")
     found = _statics(specimen, settings, chosen, rig)
     weights = alpha(specimen, settings, AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
@@ -232,7 +238,8 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
         outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path)
         for column, outcome in enumerate(outcomes):
             if outcome.status != "equilibrium":
-                raise InputError(f"the field model has no equilibrium: {why(outcome)}",
+                missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
+                raise InputError(f"the field model {missing}: {why(outcome)}",
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
             deflection[row, column] = outcome.state.plate.heave

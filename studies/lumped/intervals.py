@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 DETERMINED = 0.5
 #: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature mends it.
 _WORTH = 4.0
+#: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden constant of 500 kPa is not
+#: one of this film. Without it the fits behind a profile wander along valleys without an end.
+CREDIBLE = 10.0
+#: A profile so many times narrower than the linearised limits comes of a fit that did not arrive.
+_DOUBTFUL = 5.0
 #: A misfit above so many times the stated noise is the law's, not the noise's.
 MISFIT = 2.0
 
@@ -38,12 +43,14 @@ class Named(Protocol):
 class Combination:
     """Σ c z of the constants z in units of their scales, which the data see on its own.
 
-    ``half`` is half its linearised 95 % interval, None where it is not determined.
+    ``half`` is half its linearised 95 % interval, None where it is not determined; ``deviation`` its linearised
+    standard deviation in any case.
     """
 
     coefficients: tuple[float, ...]
     value: float
     half: float | None
+    deviation: float
 
 
 @dataclass(frozen=True)
@@ -114,39 +121,66 @@ def noise_of(squares: float, freedom: int, given: float | None) -> Noise:
     return stated if estimated.sigma < MISFIT * given else Noise(estimated.sigma, stated.quantile)
 
 
+def seen(misfit: Misfit, at: Array, count: int) -> tuple[Array, Array]:
+    """How well, and along which directions (rows), readings see the first ``count`` constants, the others left free."""
+    _, slopes = misfit.both(at)
+    free = np.linalg.qr(slopes[:, count:])[0]
+    own = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
+    _, singular, right = np.linalg.svd(own, full_matrices=False)
+    return singular, right
+
+
+#: How firmly what readings do not determine stays where the search began, in standard deviations per scale.
+_FIRM = 100.0
+
+
+def unseen(misfit: Misfit, at: Array, count: int) -> tuple[Array, int]:
+    """Rows that hold what readings do not see of the first constants where a search began; and what they do see.
+
+    Left to itself it would follow the noise to the ends of its bounds.
+    """
+    singular, right = seen(misfit, at, count)
+    known = int(np.sum(singular > 2 / DETERMINED))
+    rows = np.zeros((count - known, len(at)))
+    rows[:, :count] = _FIRM * right[known:]
+    return rows, known
+
+
 def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: float,
           values_of: Callable[[int, float], float], profiles: bool = True) -> Judgement:
     """Limits at a minimum of a misfit in units of the noise; ``values_of(index, z)`` turns z into a constant's value.
 
-    Without ``profiles`` the limits are the linearised ones.
+    What the misfit depends on beyond these constants is left to fit. Without ``profiles`` the limits are linearised.
     """
-    _, slopes = misfit.both(best)
-    _, singular, right = np.linalg.svd(slopes, full_matrices=False)
+    count = len(constants)
+    singular, right = seen(misfit, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
-    covariance = (right.T * np.minimum(1 / np.maximum(singular, 1e-300), 1e6) ** 2) @ right
+    covariance = (right.T * np.minimum(1 / np.maximum(singular, 1e-300), CREDIBLE) ** 2) @ right
     spread = np.sqrt(np.diag(covariance))
-    free = settled(misfit, best) if profiles else best
+    credible = misfit.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
+    free = settled(credible, best) if profiles else best
     found, drawn = [], []
     for index, constant in enumerate(constants):
         z, half = float(best[index]), quantile * float(spread[index])
         open_ = misfit.low[index] < z < misfit.high[index]
         linear = (max(z - half, misfit.low[index]), min(z + half, misfit.high[index]))
-        line = profile(misfit, free, index, quantile) if profiles and open_ and half < _WORTH else None
+        line = profile(credible, free, index, quantile) if profiles and open_ and half < _WORTH else None
         limits = linear if not profiles else (None, None) if line is None else (line.low, line.high)
         drawn.append(line)
-        sure = _limited(limits) if profiles or (open_ and half < DETERMINED) else None
+        sure = _limited(limits, 2 * half / _DOUBTFUL) if profiles or (open_ and half < DETERMINED) else None
         rough = linear if open_ and half < DETERMINED else None
         ends = [None if pair is None else values_of(index, pair[side]) for pair in (sure, rough) for side in (0, 1)]
         found.append(Found(constant.name, constant.unit, values_of(index, z), *ends))
     combinations = tuple(
-        Combination(tuple(direction.tolist()), float(direction @ best), float(half) if half < DETERMINED else None)
+        Combination(tuple(direction.tolist()), float(direction @ best[:count]),
+                    float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
     return Judgement(tuple(found), combinations, covariance / np.outer(spread, spread), tuple(drawn), quantile,
                      values_of)
 
 
-def _limited(pair: tuple[float | None, float | None]) -> tuple[float, float] | None:
-    """The limits, where there are two and they are close enough to say something."""
+def _limited(pair: tuple[float | None, float | None], least: float) -> tuple[float, float] | None:
+    """The limits, where there are two, close enough to say something and not so close that they cannot be."""
     low, high = pair
-    return None if low is None or high is None or high - low > 2 * DETERMINED else (low, high)
+    return None if low is None or high is None or not least <= high - low <= 2 * DETERMINED else (low, high)

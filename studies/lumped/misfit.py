@@ -81,8 +81,8 @@ _MET = 0.01
 _MOST = 12
 
 
-#: How exactly a profile's χ² is found: 0.1 % of the 3.84 that make a 95 % limit.
-_EXACT = 0.004
+#: How much χ² may still fall where a profile's fit stops: 0.1 % of the 3.84 that make a 95 % limit.
+_EXACT = 4e-3
 
 
 def settled(misfit: Misfit, best: Array) -> Array:
@@ -103,9 +103,9 @@ def profile(misfit: Misfit, best: Array, index: int, quantile: float) -> Profile
     residual, slopes = misfit.both(best)
     least = float(residual @ residual)
     others = np.arange(len(best)) != index
-    # How the others move with it, to first order: the start of every fit. Directions nobody sees do not move.
+    # How the others move with it, to first order: the start of every fit.
     along = np.zeros(len(best))
-    along[others] = -np.linalg.lstsq(slopes[:, others], slopes[:, index], rcond=1e-6)[0]
+    along[others] = -np.linalg.lstsq(slopes[:, others], slopes[:, index], rcond=1e-12)[0]
     along[index] = 1.0
     sharp = float(np.linalg.norm(slopes @ along))
     walk = _Walk(misfit, best, index, along, least, quantile)
@@ -136,7 +136,7 @@ class _Walk:
         sign, start = np.sign(step), float(self.best[self.index])
         end = float((self.misfit.low if sign < 0 else self.misfit.high)[self.index])
         inside, outside = (start, 0.0), None
-        last, at = self.best, start + 0.5 * step
+        last, at = self.best, start + step
         for _ in range(_MOST):
             at = sign * min(sign * at, sign * end)
             last, rise = self._rise(last, at)

@@ -192,23 +192,30 @@ class Actuator:
         return np.array([speed, -force / self.moved, *creep])
 
     def jacobian(self, state: Any, voltage: Any) -> Any:
-        """Derivative of :meth:`rates` by the state, shape (2 + circles,) twice."""
+        """Derivative of :meth:`rates` by the state, shape (2 + circles,) twice, and the further axes of the state."""
+        return self.linear(state, voltage)[1]
+
+    def linear(self, state: Any, voltage: Any) -> tuple[Any, Any]:
+        """:meth:`rates` and their derivative by the state, for the price of one."""
         y, speed, strains = state[0], state[1], state[2:]
         v, size = self.viscous, 2 + len(self.circles)
-        result = np.zeros((size, size), dtype=np.result_type(state, voltage, 0.0))
+        result = np.zeros((size, size, *np.shape(y)), dtype=np.result_type(state, voltage, 0.0))
         result[0, 1] = 1.0
-        by_y, by_speed = self.balance(y, voltage)[1], 0.0
+        (force, by_y), by_speed, creep = self.balance(y, voltage), 0.0, []
         for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains, strict=True), 2):
             stretch, phi, bend = circle.stretch(y)
             lever = weight * circle.volume * phi / stretch
             change = weight * circle.volume * (bend / stretch - (phi / stretch) ** 2)
-            stress = v.k1 * (stretch - 1 - strain) + v.eta2 * phi * speed
+            behind = stretch - 1 - strain
+            stress = v.k1 * behind + v.eta2 * phi * speed
+            force = force + lever * stress
             by_y = by_y + change * stress + lever * (v.k1 * phi + v.eta2 * bend * speed)
             by_speed = by_speed + lever * v.eta2 * phi
+            creep.append(v.k1 / v.eta1 * behind)
             result[1, number] = lever * v.k1 / self.moved
             result[number, 0], result[number, number] = v.k1 / v.eta1 * phi, -v.k1 / v.eta1
         result[1, 0], result[1, 1] = -by_y / self.moved, -by_speed / self.moved
-        return result
+        return np.array([speed, -force / self.moved, *creep]), result
 
     def by_voltage(self, state: Any, voltage: float) -> Any:
         """Derivative of :meth:`rates` by the voltage [1/V], shape (2 + circles,)."""
@@ -217,6 +224,20 @@ class Actuator:
         squared = np.imag(self.rig.film_voltage(moved) ** 2) / step
         result = np.zeros(2 + len(self.circles))
         result[1] = -squared * self.electric(state[0])[1] / self.moved
+        return result
+
+    def by_viscous(self, state: Any) -> Any:
+        """Derivatives of :meth:`rates` by ln k₁, ln η₁ and ln η₂, shape (2 + circles, 3, …)."""
+        y, speed, strains = state[0], state[1], state[2:]
+        v = self.viscous
+        result = np.zeros((2 + len(self.circles), 3, *np.shape(y)))
+        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains, strict=True), 2):
+            stretch, phi, _ = circle.stretch(y)
+            lever = weight * circle.volume * phi / stretch / self.moved
+            behind = v.k1 * (stretch - 1 - strain)
+            result[1, 0] -= lever * behind
+            result[1, 2] -= lever * v.eta2 * phi * speed
+            result[number, 0], result[number, 1] = behind / v.eta1, -behind / v.eta1
         return result
 
     def energy(self, state: Any, voltage: Any) -> Any:

@@ -143,7 +143,7 @@ class StaticProblem:
         return [one.name for one in self.constants].index(self._alphas[number])
 
     def specimen(self, number: int, values: Any) -> Specimen:
-        """A specimen whose film follows the constants; complex ones too, for derivatives."""
+        """A specimen whose film follows the constants."""
         specimen = self.readings.specimens[number]
         film = specimen.membrane
         if self.law == "film":
@@ -155,22 +155,25 @@ class StaticProblem:
 
     def force(self, values: Array, y: Array) -> tuple[Array, Array, Array]:
         """The film's force [N] at deflections of all readings [m], its stiffness, its derivative by the constants."""
-        r, count = self.readings, len(self.constants)
-        force, stiffness, slopes = np.zeros(len(y)), np.zeros(len(y)), np.zeros((len(y), count))
-        squared = np.asarray(r.rig.film_voltage(r.voltage)) ** 2
-        for number, film in enumerate(self._films):
+        r = self.readings
+        force, stiffness, slopes = np.zeros(len(y)), np.zeros(len(y)), np.zeros((len(y), len(self.constants)))
+        for number in range(len(r.specimens)):
             own = r.which == number
-            pulls, stiffs = film.columns(y[own], squared[own])
-            weights, linear = self.weights(number, values), values[:pulls[0].shape[1]]
-            mixed = sum(w * pull for w, pull in zip(weights, pulls, strict=True))
-            force[own] = mixed @ linear + r.rig.spring * y[own]
-            stiffness[own] = sum(w * stiff for w, stiff in zip(weights, stiffs, strict=True)) @ linear + r.rig.spring
-            block = np.zeros((int(own.sum()), count))
-            block[:, :len(linear)] = mixed
-            if len(weights) > 1:
-                block[:, self._place(number)] = (pulls[0] - pulls[1]) @ linear
-            slopes[own] = block
+            force[own], stiffness[own], slopes[own] = self.force_of(number, values, y[own], r.voltage[own])
         return force, stiffness, slopes
+
+    def force_of(self, number: int, values: Array, y: Array, voltage: Array) -> tuple[Array, Array, Array]:
+        """The same of one specimen (by number), at deflections [m] and voltages [V] of one shape (points,)."""
+        rig = self.readings.rig
+        pulls, stiffs = self._films[number].columns(y, np.asarray(rig.film_voltage(voltage)) ** 2)
+        weights, linear = self.weights(number, values), values[:pulls[0].shape[1]]
+        mixed = sum(w * pull for w, pull in zip(weights, pulls, strict=True))
+        stiffness = sum(w * stiff for w, stiff in zip(weights, stiffs, strict=True)) @ linear
+        slopes = np.zeros((len(y), len(self.constants)))
+        slopes[:, :len(linear)] = mixed
+        if len(weights) > 1:
+            slopes[:, self._place(number)] = (pulls[0] - pulls[1]) @ linear
+        return mixed @ linear + rig.spring * y, stiffness + rig.spring, slopes
 
     @property
     def read(self) -> Array:

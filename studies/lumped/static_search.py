@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from geometry.errors import InputError
-from studies.lumped.intervals import DETERMINED, Judgement, judge, noise_of
+from studies.lumped.intervals import Judgement, judge, noise_of, unseen
 from studies.lumped.misfit import Misfit, minimise
 from studies.lumped.static_fit import Objective, StaticProblem
 
@@ -53,16 +53,12 @@ class StaticFit:
                 "the limits count the misfit as noise, and it is not"]
 
 
-#: How firmly what the readings do not determine stays where the search began, in standard deviations per scale.
-_FIRM = 100.0
-
-
 def identify_static(problem: StaticProblem, objective: Objective = "deflection", profiles: bool = True) -> StaticFit:
     """Fit the constants by bounded least squares with exact derivatives, and judge what the readings determine.
 
-    What the readings do not see, by the singular directions of the Jacobian, is held where the search began: left to
-    itself it would follow the noise to the ends of its bounds. Limits are Student's (normal, where the noise is known);
-    they are profiles of the misfit in deflection where that was the ``objective``, else linearised.
+    What the readings do not see, by the singular directions of the Jacobian, stays where the search began. Limits
+    are Student's (normal, where the noise is known); they are profiles of the misfit in deflection where that was the
+    ``objective``, else linearised.
 
     Raises
     ------
@@ -78,15 +74,13 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     # In force the problem is nearly linear: its fit is a safe place to begin from.
     safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:
-        _, singular, right = np.linalg.svd(_misfit(problem, "deflection", size).both(z)[1])
-        unseen = right[np.sum(singular > 2 / DETERMINED):]
-        found, evaluations = minimise(_misfit(problem, seek, size).with_rows(_FIRM * unseen, start), z)
+        rows, known = unseen(_misfit(problem, "deflection", size), z, len(z))
+        found, evaluations = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
         calls, moved, z = calls + evaluations, float(np.abs(found - z).max()), found
         if seek == objective and moved < 1e-4:
             break
     residual = problem.residual(scale * z, "deflection")[0]
-    freedom = len(residual) - (len(z) - len(unseen))
-    noise = noise_of(float(residual @ residual), freedom, problem.readings.noise)
+    noise = noise_of(float(residual @ residual), len(residual) - known, problem.readings.noise)
     judgement = judge(_misfit(problem, "deflection", noise.sigma), z, problem.constants, noise.quantile,
                       lambda index, at: float(scale[index] * at), profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))
