@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness hidden optimum outlines map clean
+.PHONY: study test benchmarks scaling verification robustness hidden optimum outlines map lumped-build paper clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -37,8 +37,15 @@ outlines: .venv/ready
 map: .venv/ready
 	.venv/bin/tympan map -o "$(OUT)"
 
+paper: .venv/ready
+	.venv/bin/tympan lumped paper -o "$(OUT)/paper"
+	.venv/bin/python -m benchmarks.paper "$(OUT)/paper"
+
 optimum: .venv/ready
 	.venv/bin/python -m benchmarks.optimum
+
+lumped-build: .venv/ready
+	.venv/bin/python -m benchmarks.lumped_build
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }

@@ -12,14 +12,13 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import resources
 
 import numpy as np
 
-from fem.library import load_specimen
 from fem.paths import voltage_path
 from fem.rig import Rig
 from geometry.mesher import MeshSettings
+from studies.actuators import actuators
 from studies.cases import Settings, build_model
 from studies.diagnosis.calibration import calibrated, law_error, with_effects
 from studies.diagnosis.diagnose import chosen_fit
@@ -32,7 +31,6 @@ from studies.diagnosis.table import States, Table, rows
 from studies.effects import REGISTRY, Setup, Use, extended
 
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
-NAMES = ("circular", "elliptical-small", "elliptical-large")
 HIDDEN = Use("prestretch_loss", (0.02,), "elliptical-small")
 OTHER_MESH = Settings(mesh=MeshSettings(order=3, around_plate=17, growth=0.45, across=0.55))
 AIM = 60.0
@@ -63,8 +61,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
     workers = parser.parse_args().workers
-    files = resources.files("studies") / "actuators"
-    setup = Setup(tuple(load_specimen(str(files / f"{name}.toml")) for name in NAMES), Rig())
+    setup = Setup(actuators(), Rig())
     table = readings(setup)
     causes = tuple(Cause(name, which) for name, effect in REGISTRY.items() if "direction" not in effect.columns
                    for which in effect.choices(setup))

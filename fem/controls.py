@@ -7,10 +7,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from fem.model import Model, Parts
-from fem.plate import HEAVE
+from fem.plate import HEAVE, turned
 from fem.state import Load, State
 
 Array = NDArray[np.float64]
@@ -87,8 +86,7 @@ def capacitance_of(model: Model, state: State) -> float:
 
 def difference(model: Model, state: State, origin: State) -> Parts:
     """Motion of the free components and of the plate from one state to another."""
-    turn = Rotation.from_matrix(state.plate.rotation @ origin.plate.rotation.T).as_rotvec()
-    plate = np.concatenate([state.plate.translation - origin.plate.translation, turn])
+    plate = np.concatenate([state.plate.translation - origin.plate.translation, turned(state.plate, origin.plate)])
     return (state.positions - origin.positions)[model.free], plate[list(model.plate_freedoms)]
 
 

@@ -6,6 +6,7 @@ discretisation error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.density import FilmDensity
+from fem.isoparametric import tabulated
 from fem.model import Model, cauchy_green
 from fem.state import State
 from fem.tautness import Tension, tension_state
-from geometry.mesh import ELEMENTS, unfold
+from geometry.mesh import unfold
 from geometry.specimen import Film
 
 Array = NDArray[Any]
@@ -75,7 +77,14 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
     """Fields at the same reference points, shape (2, k), of every element; element-major."""
-    return _fields(model, state, np.arange(model.mesh.nelements), points)
+    return cell_fields_of(model, [state], points)[0]
+
+
+def cell_fields_of(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
+    """The same at several states of one model, which are computed together."""
+    found = _fields(model, states, np.arange(model.mesh.nelements), points)
+    count = model.mesh.nelements * points.shape[1]
+    return [found[number * count : (number + 1) * count] for number in range(len(states))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +124,7 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
         cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
         if len(cells):
             tangent = _edge_tangent(model, cells, local, s)
-            parts.append(_fields(model, state, cells, np.array(edge(s)), tangent if name in _RIMS else None))
+            parts.append(_fields(model, [state], cells, np.array(edge(s)), tangent if name in _RIMS else None))
             weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
     return EdgeFields(joined, np.concatenate(weights))
@@ -138,24 +147,48 @@ class LostTension:
 
 def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
     """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
-    points = np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
-                       for i in range(parts) for j in range(parts + 1 - t - i)]).T
-    slopes = tabulated(model.mesh.order, points.tobytes())[1]
+    return lost_tension_of(model, [state], parts)[0]
+
+
+def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
+    """The same at several states of one model, which are computed together."""
+    points = _middles(parts)
+    slopes = tabulated(model.mesh.order, points)[1]
     areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5 / parts**2)
-    found = cell_fields(model, state, points).tension.reshape(areas.shape)
-    wrinkled, slack = (float(areas[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
-    return LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / float(areas.sum()))
+    whole_area = float(areas.sum())
+    result = []
+    for found in _tension(model, states, slopes):
+        wrinkled, slack = (float(areas[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
+        result.append(LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / whole_area))
+    return result
 
 
-@lru_cache(maxsize=64)
-def tabulated(order: int, points: bytes) -> tuple[Array, Array]:
-    """Shape functions (local, points) and their slopes (points, local, 2) at reference points, an array's bytes."""
-    at = np.frombuffer(points).reshape(2, -1)
-    element = ELEMENTS[order]()
-    values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
-    shapes = np.stack([np.broadcast_to(value, at.shape[1:]) for value, _ in values])
-    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape) for _, slope in values], axis=-1)
-    return shapes, slopes.transpose(1, 2, 0)
+@lru_cache
+def _middles(parts: int) -> Array:
+    return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
+                     for i in range(parts) for j in range(parts + 1 - t - i)]).T
+
+
+def _tension(model: Model, states: Sequence[State], slopes: Array) -> Array:
+    """Of :class:`fem.tautness.Tension`, shape (states, cells, points); stresses as the eigenvalues of S C."""
+    cells = np.arange(model.mesh.nelements)
+    c = cauchy_green(_deformation(model, states, cells, slopes))
+    density = FilmDensity(model.specimen, _voltages(states), model.covered, model.wrinkles)
+    s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
+    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
+    product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
+    radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
+    return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
+
+
+def _voltages(states: Sequence[State]) -> Array:
+    return np.array([state.voltage_squared for state in states])[:, None, None]
+
+
+def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Array) -> Array:
+    """F, shape (states, cells, points, 3, 2)."""
+    local = np.stack([state.positions for state in states])[:, model.connectivity[cells]].swapaxes(-1, -2)
+    return np.asarray(np.matmul(local[:, :, None], np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
 
 
 def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
@@ -170,20 +203,23 @@ def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
     return film.strength.field(l1, l2, thickness)
 
 
-def _fields(model: Model, state: State, cells: Array, points: Array, along: Array | None = None) -> Fields:
-    """Fields in some elements; ``plate_traction`` on cuts ``along`` these vectors, shape (cells, points, 2)."""
+def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, along: Array | None = None) -> Fields:
+    """Fields in some elements, one state after the other; ``along`` is for one state.
+
+    ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
+    """
     film = model.specimen.membrane
     nodes = model.connectivity[cells]
-    shapes, slopes = tabulated(model.mesh.order, points.tobytes())
-    reference = np.einsum("lp,elc->epc", shapes, model.reference[nodes]).reshape(-1, 3)
-    current = np.einsum("lp,elc->epc", shapes, state.positions[nodes]).reshape(-1, 3)
-    inverse = np.linalg.inv(jacobian(model, cells, slopes))
-    local = np.matmul(state.positions[nodes].transpose(0, 2, 1)[:, None], slopes)
-    f = np.matmul(local, inverse).reshape(-1, 3, 2)
-    covered = np.repeat(model.covered[cells, 0], points.shape[1])
+    shapes, slopes = tabulated(model.mesh.order, points)
+    here = np.matmul(shapes.T, model.reference[nodes]).reshape(-1, 3)
+    reference = np.tile(here, (len(states), 1))
+    current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3) for state in states])
+    f = _deformation(model, states, cells, slopes).reshape(-1, 3, 2)
+    covered = np.tile(np.repeat(model.covered[cells, 0], points.shape[1]), len(states))
+    voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 
     c = cauchy_green(f)
-    density = FilmDensity(model.specimen, state.voltage_squared, covered, model.wrinkles)
+    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles)
     stress = density(c, tangent=False).stress
     l1, l2, tense = density.stretches(c)
     inward = model.centre[:2] - reference[:, :2]
@@ -198,7 +234,7 @@ def _fields(model: Model, state: State, cells: Array, points: Array, along: Arra
     thickness = film.thickness / (l1 * l2)
     return Fields(
         position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
-        electric_field=covered * np.sqrt(max(state.voltage_squared, 0.0)) / thickness,
+        electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
         stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))
@@ -227,9 +263,6 @@ def _normal(along: Array, towards: Array) -> Array:
 
 def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
     """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
-    element = model.mesh.elem()
-    points = np.array(_EDGES[local](s))
+    slopes = tabulated(model.mesh.order, np.array(_EDGES[local](s)))[1]
     along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
-    nodes = model.reference[model.connectivity[cells], :2]
-    slopes = np.stack([(element.lbasis(points, i)[1] * along).sum(0) for i in range(nodes.shape[1])])
-    return np.einsum("elc,lp->epc", nodes, slopes)
+    return np.asarray(np.matmul(jacobian(model, cells, slopes), along)[..., 0])

@@ -1,15 +1,21 @@
-"""The geometry of curved triangles from their nodes, for nodes that may be complex."""
+"""Shape functions of curved triangles, and their geometry from nodes that may be complex."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.mesh import CurvedTriangles
+from geometry.mesh import ELEMENTS, CurvedTriangles
 
 Array = NDArray[Any]
+
+
+def tabulated(order: int, points: Array) -> tuple[Array, Array]:
+    """Shape functions, shape (local, points), and their slopes, (points, local, 2), at reference points (2, points)."""
+    return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
 def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: Array) -> tuple[Array, Array]:
@@ -29,11 +35,20 @@ def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: A
     weights
         Shape (elements, points) [m²].
     """
-    element = mesh.elem()
-    slopes = np.stack([element.lbasis(points, number)[1] for number in range(nodes.shape[1])])
-    jacobian = np.einsum("elc,lkp->epck", nodes, slopes)
+    slopes = tabulated(mesh.order, points)[1]
+    jacobian = np.matmul(nodes.swapaxes(1, 2)[:, None], slopes)
     (a, b), (c, d) = np.moveaxis(jacobian, (2, 3), (0, 1))
     determinant = a * d - b * c
     inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2) / determinant[..., None, None]
-    gradients = np.matmul(slopes.transpose(2, 0, 1)[None], inverse)
+    gradients = np.matmul(slopes, inverse)
     return gradients, determinant * np.sign(determinant.real) * weights
+
+
+@lru_cache(maxsize=64)
+def _tabulated(order: int, points: bytes) -> tuple[Array, Array]:
+    at = np.frombuffer(points).reshape(2, -1)
+    element = ELEMENTS[order]()
+    values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
+    shapes = np.stack([np.broadcast_to(value, at.shape[1:]) for value, _ in values])
+    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape) for _, slope in values], axis=-1)
+    return shapes, slopes.transpose(1, 2, 0)

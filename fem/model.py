@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from fem.assembly import element_forces, element_tangents
-from fem.density import FilmDensity, principal_stretches
+from fem.density import FilmDensity, plane_stress, principal_stretches
 from fem.direct import Analysis, analyse
 from fem.dissection import elimination_order
 from fem.isoparametric import isoparametric
@@ -261,14 +261,22 @@ class Model:
         """Derivative of the residual by the force, U² or the pressure, at a fixed configuration."""
         allowed = list(self.plate_freedoms)
         if load == "voltage":
-            # The forces need not be linear in U² where the film wrinkles.
-            forces = self.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP
+            forces = self._electric_forces(state)
             return forces[self.free], self.plate_forces(forces, state.plate)
         if load == "pressure":
             forces = -self._volume_forces(state.positions)
             outer = -plate_volume(self.plate_area, state.plate)[1][allowed] / self.mirrored
             return forces[self.free], self.plate_forces(forces, state.plate) + outer
         return np.zeros(int(self.free.sum())), -self.loading.lift(state.plate)[allowed] / self.mirrored
+
+    def _electric_forces(self, state: State) -> Array:
+        """Derivative of the nodal forces by U² [N/V²]; where the film wrinkles they need not be linear in it."""
+        if self.wrinkles:
+            return np.asarray(self.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP)
+        f = self.deformation(state.positions)
+        electric = self.density(1.0).maxwell
+        stress = plane_stress((electric,), cauchy_green(f), self.specimen.membrane.prestretch, tangent=False).stress
+        return self._scatter(self._element_forces(f, stress))
 
     def linearised(self, state: State) -> Linearised:
         """Forces and tangent with the plate's freedoms as border."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,10 @@ class NewtonSettings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What Newton ended with; ``advice`` says why when it did not converge."""
+    """What Newton ended with; ``advice`` says why when it did not converge.
+
+    ``predictions`` are those already made from it, by load.
+    """
 
     state: State
     converged: bool
@@ -44,6 +47,7 @@ class Solution:
     residual: float
     tangent: Tangent | None
     advice: str = ""
+    predictions: dict[Load, Prediction] = field(default_factory=dict)
 
     @property
     def stable(self) -> bool:
@@ -125,9 +129,14 @@ class Prediction:
     @classmethod
     def of(cls, model: Model, solution: Solution, load: Load) -> Prediction:
         """By the tangent of the solution's last iterate, which is close enough for a prediction."""
+        known = solution.predictions.get(load)
+        if known is not None and known.model is model:
+            return known
         assert solution.tangent is not None
         by = model.by_load(solution.state, load)
-        return cls(model, solution.state, load, solution.tangent.respond(_negative(by)))
+        made = cls(model, solution.state, load, solution.tangent.respond(_negative(by)))
+        solution.predictions[load] = made
+        return made
 
     def at(self, value: float) -> State:
         """The state at a value of the load."""

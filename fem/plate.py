@@ -39,6 +39,8 @@ class PlateMotion:
 
     def moved(self, step: Array) -> PlateMotion:
         """After a small motion in the six freedoms; rotations compose, so none is singular."""
+        if not step[3:].any():
+            return PlateMotion(self.translation + step[:3], self.rotation)
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
         return PlateMotion(self.translation + step[:3], turn @ self.rotation)
 
@@ -69,3 +71,10 @@ class PlateMotion:
         result = np.zeros((6, 6), dtype=moment.dtype)
         result[3:, 3:] = (moment + moment.T) / 2 - np.eye(3) * np.trace(moment)
         return result
+
+
+def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
+    """The rotation vector that turns one orientation into another [rad]."""
+    if plate.rotation is origin.rotation:
+        return np.zeros(3)
+    return np.asarray(Rotation.from_matrix(plate.rotation @ origin.rotation.T).as_rotvec())

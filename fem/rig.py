@@ -95,7 +95,9 @@ class Rig:
     def film_voltage(self, voltage: Array | float, direction: Array | float = 0.0) -> Array | float: ...
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
-        """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag, but at least 0.
+        """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag.
+
+        The lag never turns the sign. A negative voltage does what the positive one does: films feel its square.
 
         Numbers or arrays; ``direction`` is 1 where the voltage rises, -1 where it falls, 0 where that is not known.
 
@@ -105,11 +107,13 @@ class Rig:
         3500.0
         >>> [Rig(lag_voltage=100.0).film_voltage(3000.0, direction) for direction in (1.0, 0.0, -1.0)]
         [2900.0, 3000.0, 3100.0]
+        >>> Rig(amplifier_gain=0.5).film_voltage(-1000.0)
+        -1500.0
         """
         # The lag is the film's own: it comes after all that the supply does.
         supplied = (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
         followed = supplied - direction * self.lag_voltage
-        return followed * (np.real(followed) > 0)
+        return followed * (np.real(followed) * (1 - 2 * (np.real(supplied) < 0)) > 0)
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]; numbers or arrays.

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry.edges import METRE, millimetres, pieces_wire
+from geometry.edges import millimetres, pieces_wire
 from geometry.errors import InputError
 from geometry.outlines import Circle, Ellipse, Outline
 from geometry.outlines.pieces import Arc
 from geometry.specimen import Region, Specimen
 from geometry.system import missing_library
+from geometry.units import METRE
 
 try:
     import cadquery as cq

@@ -9,20 +9,19 @@ from scipy.interpolate import make_interp_spline
 
 from geometry.outlines.pieces import Arc, Line, Piece, Spline
 from geometry.system import missing_library
+from geometry.units import METRE
 
 try:
     import cadquery as cq
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
     from OCP.Geom import Geom_BSplineCurve, Geom_Circle, Geom_Ellipse
-    from OCP.gp import gp_Ax2
+    from OCP.gp import gp_Ax2, gp_Pnt
     from OCP.TColgp import TColgp_Array1OfPnt
     from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
-
-METRE = 1e3  #: cadquery's model unit is the millimetre
 
 
 def pieces_wire(pieces: Sequence[Piece], centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
@@ -57,7 +56,7 @@ def _spline(spline: Spline) -> cq.Edge:
     poles = make_interp_spline(spline.knots, np.array(spline.points) * METRE, k=3, bc_type=ends).c
     places = TColgp_Array1OfPnt(1, len(poles))
     for number, (x, y) in enumerate(poles.tolist(), 1):
-        places.SetValue(number, cq.Vector(x, y, 0).toPnt())
+        places.SetValue(number, gp_Pnt(x, y, 0.0))
     knots = TColStd_Array1OfReal(1, len(spline.knots))
     counts = TColStd_Array1OfInteger(1, len(spline.knots))
     for number, knot in enumerate(spline.knots, 1):

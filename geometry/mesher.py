@@ -6,6 +6,8 @@ gmsh keeps one global state per process, and its options survive ``clear()``; so
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,11 +18,13 @@ from typing import Any
 import meshio
 import numpy as np
 
-from geometry import cad
-from geometry.edges import METRE
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.system import missing_library
+from geometry.units import METRE
+
+#: Points along a curve at which elements are given a size by its curvature.
+_SIZES = 65
 
 _CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"), 4: ("line5", "triangle15")}
 
@@ -72,8 +76,9 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
         Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``, ``plate``,
         ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and ``bare``.
     """
+    from geometry import cad  # not loaded by those who let others mesh
+
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", settings.around_plate)
         surfaces = _surface_groups(gmsh, cad.membrane_faces(specimen, planes), Path(folder))
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups)
@@ -94,7 +99,8 @@ def _session() -> Iterator[Any]:
         raise missing_library(error) from None
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing with tympan")
-    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    with _kept(signal.SIGPIPE):
+        gmsh.initialize(interruptible=False, readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
@@ -105,34 +111,57 @@ def _session() -> Iterator[Any]:
         gmsh.finalize()
 
 
+@contextmanager
+def _kept(number: int) -> Iterator[None]:
+    """A signal means afterwards what it meant before, in any thread; gmsh's start makes a broken pipe lethal."""
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
+    get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
+    handler = get(number)
+    try:
+        yield
+    finally:
+        put(number, handler)
+
+
 def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
     """Curves by where they lie: on the frame, on the plate, on an axis through the plate's centre."""
     groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [], "axis_y": []}
     tolerance = 1e-6 * max(specimen.frame.semi_axes)
-    for dim, tag in gmsh.model.getEntities(1):
-        start, end = gmsh.model.getParametrizationBounds(dim, tag)
-        xyz = np.array(gmsh.model.getValue(dim, tag, np.linspace(start[0], end[0], 7)))
-        x, y = xyz.reshape(-1, 3)[:, :2].T / METRE
-        places = {
-            "frame": specimen.frame.level(x, y),
-            "plate": specimen.plate.level(x, y),
-            "axis_x": y - specimen.plate.offset[1],
-            "axis_y": x - specimen.plate.offset[0],
-        }
+    curves = gmsh.model.getEntities(1)
+    x, y = np.moveaxis(np.array([_along(gmsh, curve, 7) for curve in curves]), -1, 0) / METRE
+    places = {
+        "frame": specimen.frame.level(x, y),
+        "plate": specimen.plate.level(x, y),
+        "axis_x": y - specimen.plate.offset[1],
+        "axis_y": x - specimen.plate.offset[0],
+    }
+    for number, curve in enumerate(curves):
         for name, distance in places.items():
-            if np.all(np.abs(distance) < tolerance):
-                groups[name].append((dim, tag))
+            if np.all(np.abs(distance[number]) < tolerance):
+                groups[name].append(curve)
                 break
     return groups
 
 
+def _along(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
+    """Points from one end of a curve to the other, shape (count, 2) [mm]."""
+    return np.reshape(gmsh.model.getValue(*curve, _parameters(gmsh, curve, count)), (-1, 3))[:, :2]
+
+
+def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
+    start, end = gmsh.model.getParametrizationBounds(*curve)
+    return np.linspace(start[0], end[0], count)
+
+
 def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> dict[str, list[tuple[int, int]]]:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
+    from geometry.cad import write_step
+
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []
     for name, members in faces.items():
         if members:
-            cad.write_step(members, folder / f"{name}.step")
+            write_step(members, folder / f"{name}.step")
             surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
             names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]
@@ -170,6 +199,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
         least = min([perimeter / settings.around_plate / 4, *(3 * METRE * width for width in margins)])
         fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
     fields += _fillet_fields(gmsh, settings, perimeter / settings.around_plate, groups)
+    fields.append(_curvature_field(gmsh, settings.around_plate))
     for number, (name, width) in enumerate(widths.items(), start=5):
         field.add("Constant", number)
         field.setNumber(number, "VIn", 3 * width * METRE)
@@ -180,17 +210,41 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     field.setAsBackgroundMesh(9)
 
 
+def _curvature_field(gmsh: Any, around: int) -> int:
+    """Number of the field that puts ``around`` elements around a circle of a curve's own curvature.
+
+    gmsh's own option for that takes most of the time of meshing, since it asks a spline for its curvature again and
+    again. Here the sizes at points along every curve are a view of which curves, and nothing else, use the nearest.
+    """
+    curves = gmsh.model.getEntities(1)
+    sizes = [2 * np.pi / (around * np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12)) for curve in curves]
+    points = np.vstack([np.column_stack([_along(gmsh, curve, _SIZES), np.zeros(_SIZES), size])
+                        for curve, size in zip(curves, sizes, strict=True)])
+    view = gmsh.view.add("sizes")
+    gmsh.view.addListData(view, "SP", len(points), points.ravel())
+    field = gmsh.model.mesh.field
+    field.add("PostView", 10)
+    field.setNumber(10, "ViewTag", view)
+    field.add("Restrict", 11)
+    field.setNumber(11, "InField", 10)
+    field.setNumbers(11, "CurvesList", [tag for _, tag in curves])
+    return 11
+
+
+def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
+    return np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count)))
+
+
 def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: dict[str, list[tuple[int, int]]]
                    ) -> list[int]:
     """Numbers of the fields by which elements grow from edges so curved that theirs are less than half of ``plain``."""
     sizes: dict[int, list[int]] = {}
-    for dim, tag in (*groups["plate"], *groups["frame"]):
-        start, end = gmsh.model.getParametrizationBounds(dim, tag)
-        curvature = float(np.max(np.abs(gmsh.model.getCurvature(dim, tag, np.linspace(start[0], end[0], 33)))))
+    for curve in (*groups["plate"], *groups["frame"]):
+        curvature = float(_curvature(gmsh, curve, 33).max())
         size = 2 * np.pi / (max(curvature, 1e-12) * settings.around_plate)
         if size < plain / 2:
             # Edges of about the same curvature share a field.
-            sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(tag)
+            sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])
     field, numbers = gmsh.model.mesh.field, []
     for number, (level, tags) in enumerate(sizes.items()):
         distance, grown = 20 + 2 * number, 21 + 2 * number

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import cadquery as cq
@@ -11,12 +11,13 @@ import numpy as np
 
 from geometry.cad import offset_wire
 from geometry.drawings import edge_pieces
-from geometry.edges import METRE, pieces_wire
+from geometry.edges import pieces_wire
 from geometry.errors import InputError
 from geometry.outlines import Drawn, Outline
 from geometry.outlines.drawn import joined
 from geometry.outlines.pieces import Arc, Array, Line, Piece
 from geometry.specimen import Specimen
+from geometry.units import METRE
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,14 @@ class PartOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be made."""
-        if min(self.width, self.frame_height, self.clamp_height, self.plate_height, self.screw, self.spacing) <= 0 \
-                or self.screw > self.width / 2 or self.spacing < 2 * self.screw:
-            raise InputError("must be positive lengths, screws at most half as thick as the ring is wide and at least "
-                             "two diameters apart", given=str(self))
+        for item in fields(self):
+            size = getattr(self, item.name)
+            if not 1e-5 <= size <= 10:
+                raise InputError("must be from 10 um to 10 m", key=item.name, given=f"{size:g} m")
+        if self.screw > self.width / 2:
+            raise InputError("must be at most half the width of the ring", key="screw", given=f"{self.screw:g} m")
+        if self.spacing < 2 * self.screw:
+            raise InputError("must be at least two diameters of the holes", key="spacing", given=f"{self.spacing:g} m")
 
     def holes(self, frame: Outline) -> Array:
         """Centres of the screw holes around a frame, shape (holes, 2) [m], evenly along its edge."""

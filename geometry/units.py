@@ -24,9 +24,12 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
     "field": ("V/m", "30 MV/m"),
     "speed": ("m/s", "1 um/min"),
     "time": ("s", "30 s"),
+    "viscosity": ("Pa s", "62.4 kPa s"),
     "capacitance": ("F", "800 pF"),
     "angle": ("rad", "5 mrad"),
 }
+
+METRE = 1e3  #: in cadquery's model unit, the millimetre
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)
 

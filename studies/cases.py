@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from fem.admissibility import failures
-from fem.controls import capacitance_of
-from fem.fields import Fields, LostTension, cell_fields, lost_tension, reaction
+from fem.fields import Fields, LostTension, cell_fields, cell_fields_of, lost_tension, lost_tension_of
 from fem.loading import Loading
 from fem.model import Model
 from fem.paths import Outcome, PathSettings, Status, equilibrium
 from fem.rig import DIRECTIONS, Rig, checked_load
 from fem.state import State
 from fem.tautness import Tension
+from fem.totals import totals
 from geometry.errors import InputError
 from geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from geometry.mesher import MeshSettings, mesh_film
@@ -25,6 +27,9 @@ from geometry.specimen import Material, Specimen
 
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
+
+#: Elements, times states, that are summarised at once: more would leave the cache, or take much memory.
+_TOGETHER = 400
 
 _ALONE = Loading()
 
@@ -97,7 +102,7 @@ class CaseResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return {**asdict(self), "warnings": list(self.warnings)}
+        return {item.name: getattr(self, item.name) for item in fields(self)} | {"warnings": list(self.warnings)}
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
@@ -143,20 +148,59 @@ def solve(case: Case, settings: Settings) -> CaseResult:
 
 def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseResult:
     """The numbers of a case that was solved."""
-    state = outcome.state
-    result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, status=outcome.status,
-                        dofs=model.unknowns, wall_s=wall, warnings=())
-    if outcome.status != "equilibrium":
-        return replace(result, warnings=(why(outcome), *_last_state(model, outcome)))
-    fields = node_fields(model, state)
-    lost = lost_tension(model, state)
-    weakest = _weakest(fields)
+    return replace(next(summaries([case], model, [outcome]))[0], wall_s=wall)
+
+
+def summaries(cases: Iterable[Case], model: Model, outcomes: Iterable[Outcome]) -> Iterator[tuple[CaseResult, Outcome]]:
+    """The numbers of cases of one model, without the time they took, beside their outcomes; several at once."""
+    pairs = zip(cases, outcomes, strict=True)
+    last: Outcome | None = None
+    excuse: tuple[str, ...] = ()
+    while batch := list(islice(pairs, max(1, _TOGETHER // model.mesh.nelements))):
+        seen = iter(_seen(model, [outcome.state for _, outcome in batch if outcome.status == "equilibrium"]))
+        for case, outcome in batch:
+            result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+                                status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
+            if outcome.status == "equilibrium":
+                yield _of_equilibrium(result, case, outcome.state, next(seen)), outcome
+                continue
+            if outcome is not last:  # all voltages above a limit share its outcome
+                last, excuse = outcome, (why(outcome), *_last_state(model, outcome))
+            yield replace(result, warnings=excuse), outcome
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a state is summarised from."""
+
+    fields: Fields
+    lost: LostTension
+    reaction: float
+    capacitance: float
+    energy: float
+    warnings: tuple[str, ...]
+
+
+def _seen(model: Model, states: Sequence[State]) -> list[_Seen]:
+    if not states:
+        return []
+    sums = totals(model, states)
+    fields = cell_fields_of(model, states, ELEMENTS[model.mesh.order].doflocs.T)
+    lost = lost_tension_of(model, states)
+    material = model.specimen.membrane.material
+    return [_Seen(found, without, float(sums.reaction[number]), float(sums.capacitance[number]),
+                  float(sums.energy[number]), tuple(field_warnings(found, without, material)))
+            for number, (found, without) in enumerate(zip(fields, lost, strict=True))]
+
+
+def _of_equilibrium(result: CaseResult, case: Case, state: State, seen: _Seen) -> CaseResult:
+    fields, lost, weakest = seen.fields, seen.lost, _weakest(seen.fields)
     return replace(
         result,
         deflection_m=state.plate.heave,
         reading_m=case.rig.reading(state.plate.heave, case.elapsed),
-        reaction_N=reaction(model, state),
-        capacitance_F=capacitance_of(model, state),
+        reaction_N=seen.reaction,
+        capacitance_F=seen.capacitance,
         max_stretch=float(fields.stretch_1.max()),
         max_true_stress_Pa=float(fields.stress_1.max()),
         max_field_V_per_m=float(fields.electric_field.max()),
@@ -166,8 +210,8 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
         slack_area_m2=lost.wrinkled + lost.slack,
         slack_share=lost.share,
         tilt_rad=state.plate.tilt,
-        energy_J=float(model.energy(state.positions, state.voltage_squared)) * model.mirrored,
-        warnings=tuple(field_warnings(fields, lost, case.specimen.membrane.material)),
+        energy_J=seen.energy,
+        warnings=seen.warnings,
     )
 
 

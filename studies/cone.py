@@ -30,6 +30,25 @@ def radii_of(frame: Outline) -> tuple[float, ...]:
     return (short, long) if long > short * (1 + _ALIKE) else (short,)
 
 
+def sloped_stretch(steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], and its two derivatives by y."""
+    slope = steepness * deflection
+    stretch = np.sqrt(1 + slope * slope)
+    return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
+
+
+def sloped_film(material: Any, prestretch: float, steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+    """Energy per volume [J/m³] of such a film over that of the flat one, and its two derivatives by y [m].
+
+    ``prestretch`` is equibiaxial; across the slope the film keeps it.
+    """
+    stretch, phi, bend = sloped_stretch(steepness, deflection)
+    held = 0 * stretch + prestretch
+    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
+    flat = material.derivatives(held, held)[0]
+    return w - flat, prestretch * w1 * phi, prestretch * (w1 * bend + prestretch * w11 * phi * phi)
+
+
 @dataclass(frozen=True)
 class ConeCircle:
     """A circular actuator of outer radius ``radius`` [m] whose film is a straight cone.
@@ -71,9 +90,7 @@ class ConeCircle:
 
         ``deflection`` [m] is any array, complex ones included.
         """
-        slope = self.steepness * deflection
-        stretch = np.sqrt(1 + slope * slope)
-        return stretch, self.steepness * slope / stretch, (self.steepness / stretch) ** 2 / stretch
+        return sloped_stretch(self.steepness, deflection)
 
     def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
         """Energy [J] over that of the flat film, force [N] and stiffness [N/m] of a material, at deflections [m].
@@ -81,12 +98,16 @@ class ConeCircle:
         ``material`` is the film's own or any other with derivatives W, W₁, …, such as :class:`fem.density.Maxwell`.
         """
         prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
-        stretch, phi, bend = self.stretch(deflection)
-        held = 0 * stretch + prestretch
-        w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
-        flat = material.derivatives(held, held)[0]
-        return (self.volume * (w - flat), self.volume * prestretch * w1 * phi,
-                self.volume * prestretch * (w1 * bend + prestretch * w11 * phi * phi))
+        energy, force, stiffness = sloped_film(material, prestretch, self.steepness, deflection)
+        return self.volume * energy, self.volume * force, self.volume * stiffness
+
+    def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the film's own material."""
+        return self.pull(self.specimen.membrane.material, deflection)
+
+    def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the voltage, per V² across the film; energy and force are negative."""
+        return self.pull(maxwell(self.specimen, 1.0), deflection)
 
     def force(self, deflection: float, voltage: float) -> float:
         """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].

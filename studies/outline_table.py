@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from fem.library import DEFAULT, MATERIALS
 from geometry.outlines import Circle, Outline, area, examples
-from geometry.specimen import Film, Plate, Specimen
+from geometry.specimen import Plate, Specimen
 from studies import store
+from studies.actuators import paper_film
 from studies.alpha import AlphaResult, AlphaSettings, alpha
 from studies.cases import Settings
 
@@ -44,8 +44,7 @@ class Row:
 
 def specimen_in(outline: Outline) -> Specimen:
     """The paper's film and plate in a frame of this outline."""
-    film = Film(1e-3, (5**0.5, 5**0.5), MATERIALS[DEFAULT].material, 4.7)
-    return Specimen(outline.shape, outline, Plate(Circle(10e-3)), film)
+    return Specimen(outline.shape, outline, Plate(Circle(10e-3)), paper_film())
 
 
 def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),

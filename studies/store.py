@@ -15,10 +15,10 @@ import meshio
 import numpy as np
 
 from fem.fields import Fields, cell_fields
+from fem.isoparametric import tabulated
 from fem.model import Model
 from fem.state import State
 from geometry.errors import InputError
-from geometry.mesh import ELEMENTS
 
 #: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack; ``breakdown_share`` is
 #: field over strength, 0 where the strength is unknown.
@@ -99,9 +99,8 @@ def write_fields(file: Path, model: Model, state: State, parts: int = 6, **nodal
 
 def interpolated(model: Model, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
     """A nodal vector field, shape (nodes, 3), at the same reference points of every element; element-major."""
-    element = ELEMENTS[model.mesh.order]()
-    values = np.stack([element.lbasis(points, number)[0] for number in range(model.connectivity.shape[1])])
-    return np.asarray(np.einsum("lp,elc->epc", values, nodal[model.connectivity]).reshape(-1, 3))
+    shapes = tabulated(model.mesh.order, points)[0]
+    return np.asarray(np.matmul(shapes.T, nodal[model.connectivity]).reshape(-1, 3))
 
 
 def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
-from importlib import metadata, resources
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.tables import NON_NEGATIVE, POSITIVE, Table
 from studies import store
+from studies.actuators import FILES, actuators
 from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from studies.cases import Case, CaseResult, Settings, build_model, find, node_fields, summarise
 
@@ -55,11 +56,8 @@ class Study:
 
 def default_study() -> Study:
     """The paper's three actuators under 17.9 g, as in its Fig. 4."""
-    folder = resources.files("studies") / "actuators"
-    files = [folder / f"{name}.toml" for name in ("circular", "elliptical-small", "elliptical-large")]
-    with_paths = [Path(str(file)) for file in files]
-    return Study("the paper's three actuators", tuple(map(load_specimen, with_paths)),
-                 tuple(path.read_text(encoding="utf-8") for path in with_paths))
+    return Study("the paper's three actuators", actuators(),
+                 tuple(file.read_text(encoding="utf-8") for file in FILES.values()))
 
 
 def read_study(file: Path) -> Study:

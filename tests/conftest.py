@@ -6,17 +6,16 @@ import fcntl
 import os
 import pickle
 from dataclasses import replace
-from importlib import resources
 
 import pytest
 
 from fem.laws import Ogden
-from fem.library import load_specimen
 from fem.model import Model
 from fem.rig import Rig
 from geometry.mesher import MeshSettings
 from geometry.outlines import Circle, Ellipse
 from geometry.specimen import Film, Material, Plate, Specimen
+from studies.actuators import actuators
 from studies.cases import Settings, build_model
 from studies.diagnosis.force_law import Grid
 from studies.diagnosis.sampling import force_laws
@@ -67,9 +66,7 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
         fcntl.flock(lock, fcntl.LOCK_EX)
         stored = folder / "three_shapes.pickle"
         if not stored.exists():
-            files = resources.files("studies") / "actuators"
-            setup = Setup(tuple(load_specimen(str(files / f"{name}.toml")) for name in
-                                ("circular", "elliptical-small", "elliptical-large")), Rig())
+            setup = Setup(actuators(), Rig())
             laws = force_laws(setup, [Grid(6e-3, 7.5e3**2, odd=True)] * 3, workers=2)
             stored.write_bytes(pickle.dumps(Simulation(setup, laws)))
         found = pickle.loads(stored.read_bytes())

@@ -1,27 +1,22 @@
-"""Small sweeps for the tests, and a process that is killed over one again and again.
-
-    python tests/sweeps.py SWEEP.toml DIR SEED KILLS
-
-runs the sweep in children that are killed after random times, then once to its end, and prints what stood after each.
-"""
+"""Small sweeps for the tests, in this process and as a command of their own."""
 
 from __future__ import annotations
 
-import json
+import multiprocessing
 import os
-import signal
+import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import NoReturn
 
 from geometry.mesher import MeshSettings
 from studies.cases import Settings
 from studies.sweep.plan import Sweep, read_sweep
-from studies.sweep.pool import here
-from studies.sweep.run import run
 from studies.sweep.shelf import Shelf
+from studies.sweep.task import Task
 
 CHEAP = Settings(MeshSettings(order=2).refined(0.6))
 
@@ -62,9 +57,9 @@ def written(folder: Path, text: str = SWEEP, **files: str) -> Path:
     return folder / "SWEEP.toml"
 
 
-def read(folder: Path, text: str = SWEEP, **files: str) -> Sweep:
+def read(folder: Path, text: str = SWEEP, settings: Settings = CHEAP, **files: str) -> Sweep:
     """The sweep of a text, cheap to solve."""
-    return read_sweep(written(folder, text, **files), CHEAP)
+    return read_sweep(written(folder, text, **files), settings)
 
 
 def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
@@ -77,29 +72,46 @@ def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
     return found
 
 
-def _killed(sweep: Sweep, folder: Path, seconds: float) -> None:
-    """A child of a process that has meshed nothing yet: gmsh's threads would not survive the fork."""
-    child = os.fork()
-    if not child:
-        run(sweep, folder, here)
-        os._exit(0)
-    time.sleep(seconds)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+class Lethal(Task):
+    """Kills the process that solves it."""
+
+    def run(self) -> NoReturn:
+        """Instead of a result."""
+        assert multiprocessing.parent_process() is not None
+        os.kill(os.getpid(), 9)
+        raise AssertionError
 
 
-def main() -> None:
-    """Kill, go on, and print a JSON list: the finished tasks after every kill and at the end."""
-    file, folder, seed, kills = sys.argv[1:]
-    sweep = read_sweep(Path(file), CHEAP)
-    random = np.random.default_rng(int(seed))
-    stood = []
-    for _ in range(int(kills)):
-        _killed(sweep, Path(folder), random.uniform(0.0, 0.5))
-        stood.append(finished(sweep, Path(folder)))
-    run(sweep, Path(folder), here)
-    print(json.dumps([*stood, finished(sweep, Path(folder))]))
+class Command:
+    """``tympan sweep`` on two processors of this machine, all its processes in a group of their own."""
 
+    def __init__(self, file: Path, folder: Path, *options: str, before: Sequence[str] = ()) -> None:
+        """Start it; ``before``: a command that starts commands."""
+        # Where nothing is compiled for later, it would be compiled again for every process.
+        kept = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "tympan-tests")}
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        environment |= kept if os.environ.get("PYTHONDONTWRITEBYTECODE") else {}
+        arguments = ["-m", "tympan", "sweep", str(file), "-o", str(folder), "--refine", "0.5", "--workers", "2"]
+        self.folder = folder
+        self.process = subprocess.Popen([*before, sys.executable, *arguments, *options], stdout=subprocess.PIPE,
+                                        stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
 
-if __name__ == "__main__":
-    main()
+    def ended(self) -> tuple[int, str]:
+        """Wait: exit status and what it said on standard error."""
+        _, said = self.process.communicate(timeout=300)
+        return self.process.returncode, said
+
+    def signalled(self, number: int, tasks: int, seconds: float) -> bool:
+        """A signal to the group, so long after so many more tasks are finished; False if it had ended by then."""
+        wanted = tasks + self._finished
+        while self._finished < wanted and self.process.poll() is None:
+            time.sleep(0.005)
+        time.sleep(seconds)
+        alive = self.process.poll() is None
+        if alive:
+            os.killpg(self.process.pid, number)
+        return alive
+
+    @property
+    def _finished(self) -> int:
+        return len(list(self.folder.glob("tasks/*/*.json")))

@@ -102,6 +102,14 @@ def test_a_circle_is_one_circle() -> None:
     assert "one circle" in result.warnings[0]
 
 
+def test_a_spring_on_the_rig_changes_no_weight() -> None:
+    """It carries some of the weight, of the shape as of its circles: the film's forces are compared, not the loads."""
+    few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((), ()))
+    free, sprung = (alpha(elliptical(75e-3), Settings(), few, Rig(spring=k)).by_basis["membrane"] for k in (0.0, 20.0))
+    assert sprung.alpha == pytest.approx(free.alpha, abs=1e-3)
+    assert sprung.fit_error < 1e-4
+
+
 def test_a_plate_off_centre_is_no_circle_and_says_so() -> None:
     aside = replace(circular(DEFAULT), plate=Plate(Circle(10e-3), (15e-3, 0.0)))
     result = alpha(aside, Settings(), FEW)
@@ -142,7 +150,8 @@ def test_weights_converge_with_the_mesh() -> None:
 
 def test_part_shares_of_a_circle_are_halves() -> None:
     film = model(circular(DEFAULT))
-    assert part_shares(film, equilibrium(film, 0.1755, 2e3).state) == pytest.approx([0.5, 0.5], abs=1e-4)
+    state = equilibrium(film, 0.1755, 2e3).state
+    assert part_shares(film, state, parts_of(film.specimen, 2)) == pytest.approx([0.5, 0.5], abs=1e-4)
 
 
 def test_loads_beyond_pull_in_are_left_out_and_said() -> None:

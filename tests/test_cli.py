@@ -7,17 +7,15 @@ import os
 import subprocess
 import sys
 import time
-from importlib import resources
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 
+from studies.actuators import FILES as ACTUATORS
 from tympan.cli import main
 
-ACTUATORS = {name: Path(str(resources.files("studies") / "actuators" / f"{name}.toml"))
-             for name in ("circular", "elliptical-small", "elliptical-large")}
 SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "reaction_N", "capacitance_F",
               "max_stretch", "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "dofs", "wall_s", "warnings"}
 ALPHA_KEYS = {"specimen", "circles", "alpha", "basis", "fit_error", "held_out_error", "from_fields", "warnings"}
@@ -238,3 +236,10 @@ def test_time_is_reported_truly(capsys) -> None:
     began = time.perf_counter()
     assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json"]) == 0
     assert 0 < printed(capsys)["wall_s"] < time.perf_counter() - began
+
+
+def test_report_says_what_it_rebuilds(tmp_path, capsys) -> None:
+    assert main(["report", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"tympan: {tmp_path}: holds none of study.json, diagnosis.json, paper.json")
+    assert "study, tympan diagnose and tympan lumped paper" in message

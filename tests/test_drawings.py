@@ -22,6 +22,10 @@ from geometry.outlines.spline import ClosedSpline
 from geometry.parts import PartOptions
 from geometry.specimen import Film, Plate, Specimen
 from geometry.tables import Table
+from geometry.units import quantity
+from studies.actuators import FILES
+from tympan.cli import main
+from tympan.export import SIZES
 
 EXAMPLES = examples()
 PLATE = Plate(Circle(10e-3), (2e-3, 1e-3))
@@ -166,3 +170,22 @@ def test_splines_of_other_degrees_come_close(tmp_path: Path) -> None:
     assert isinstance(found, Drawn)
     assert np.abs(found.level(*Circle(30e-3).points(500))).max() < 1e-9 * 30e-3
     assert len(dxf_pieces(tmp_path / "circle.dxf", "*")) == 2
+
+
+def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["export", str(FILES["circular"]), "-o", str(tmp_path), "--refine", "0.5"]
+    assert main([*command, "--screw", "3 mm", "--width", "12 mm", "--spacing", "30 mm", "--plate-height", "3 mm"]) == 0
+    plate = cq.importers.importStep(str(tmp_path / "circular-plate.step")).val()
+    assert plate.Volume() == pytest.approx(3 * np.pi * (10**2 - 1.5**2), rel=1e-6)
+    frame = cq.importers.importStep(str(tmp_path / "circular-frame.step")).val()
+    count = np.ceil(2 * np.pi * 45 / 30)
+    assert frame.Volume() == pytest.approx(4 * np.pi * (57**2 - 45**2 - count * 1.5**2), rel=1e-6)
+    capsys.readouterr()
+    assert main([*command, "--screw", "6 mm"]) == 2
+    assert capsys.readouterr().err == "tympan: --screw: given '6 mm': must be at most half the width of the ring\n"
+    assert main([*command, "--width", "-1 mm"]) == 2
+    assert "--width: given '-1 mm': must be from 10 um to 10 m" in capsys.readouterr().err
+
+
+def test_the_command_s_default_sizes_are_the_parts_own() -> None:
+    assert PartOptions(**{name: quantity(text, "length") for name, (text, _) in SIZES.items()}) == PartOptions()

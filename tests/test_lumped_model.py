@@ -17,7 +17,8 @@ from geometry.errors import InputError
 from geometry.system import MissingLibrary
 from studies.cone import Lumped
 from studies.lumped.linear import linearise
-from studies.lumped.model import Actuator, Viscous, flat_capacitance, stored_energy
+from studies.lumped.membrane import LumpedModel
+from studies.lumped.model import Actuator, Correction, Viscous, flat_capacitance, stored_energy
 from studies.lumped.statics import pull_in, rest, roots
 from studies.lumped.table1 import TABLE_1, eq8, known, paper_actuators
 
@@ -29,6 +30,8 @@ MODELS = {
     "tape": Actuator.of(OVAL, 22.45e-3, (0.7, 0.3), rig=RIG),
     "membrane profile": Actuator.of(OVAL, 17.9e-3, (0.7, 0.3), profile=1.0),
     "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4), 17.9e-3),
+    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9, 5e3
+                                    ).actuator(17.9e-3, RIG),
 }
 EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 
 import gmsh
@@ -129,3 +133,33 @@ def test_elements_shrink_towards_the_plate() -> None:
     size = np.sqrt(skfem.CellBasis(mesh, mesh.elem(), intorder=4).dx.sum(axis=1))
     near = np.hypot(*centres) < 0.016
     assert size[near].mean() < 0.5 * size[~near].mean()
+
+
+def test_meshing_leaves_a_broken_pipe_an_error() -> None:
+    """gmsh makes it lethal; a server that meshes, in any thread, must outlive a client that hangs up."""
+    script = """
+import os, pickle, sys, threading
+from geometry.mesher import MeshSettings, mesh_film
+
+specimen = pickle.load(sys.stdin.buffer)
+def mesh():
+    mesh_film(specimen, MeshSettings(order=1), frozenset("xy"))
+
+def broken():
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        os.write(writer, b"x")
+    except BrokenPipeError:
+        print("alive", flush=True)
+
+thread = threading.Thread(target=mesh)
+thread.start()
+thread.join()
+broken()
+mesh()
+broken()
+"""
+    done = subprocess.run([sys.executable, "-c", script], input=pickle.dumps(circular()), capture_output=True,
+                          check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    assert (done.returncode, done.stdout) == (0, b"alive\n" * 2), done.stderr.decode()

@@ -152,6 +152,7 @@ def test_an_electrode_across_the_frame_is_refused() -> None:
 @pytest.mark.parametrize(("frame", "plate", "name"), [
     (Stadium((75e-3, 45e-3)), Plate(Circle(10e-3)), "frame.semi_axes.0"),
     (RoundedRectangle((75e-3, 45e-3), 20e-3), Plate(Circle(10e-3)), "frame.semi_axes.0"),
+    (RoundedRectangle((75e-3, 45e-3), 20e-3), Plate(Circle(10e-3)), "frame.corner_radius"),
     (Ellipse((75e-3, 45e-3)), Plate(RoundedRectangle((20e-3, 10e-3), 4e-3)), "plate.outline.corner_radius"),
     (Superellipse((75e-3, 45e-3), 3.0), Plate(Circle(10e-3)), "frame.exponent"),
     (ClosedSpline.example(), Plate(Circle(10e-3), (3e-3, 2e-3)), "frame.through.1.1"),
@@ -165,7 +166,8 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
 
     film = model(base, order=4)
     found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
-    step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3}.get(name, 3e-4)
+    # The frame's corners hardly matter: over a short step a new mesh changes the heave by more than they do.
+    step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3, "frame.corner_radius": 2e-3}.get(name, 3e-4)
     assert found == pytest.approx(slope(heave, 0.0, step), rel=2e-4)
 
 

@@ -1,13 +1,8 @@
-"""Running sweeps: resuming, being killed, running out of space, other orders and other processes."""
+"""Running sweeps: tables, resuming, failures, other orders and other processes."""
 
 from __future__ import annotations
 
-import json
-import multiprocessing
-import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from sweeps import CHEAP, finished, read, written
+from sweeps import CHEAP, Lethal, finished, read, written
 
 from geometry.errors import InputError
 from studies.cases import Case, solve
@@ -114,21 +109,6 @@ def test_order_and_processes_change_nothing(whole, tmp_path) -> None:
     alike(table(tmp_path / "two"), table(folder))
 
 
-def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(whole, tmp_path) -> None:
-    _, folder = whole
-    file = written(tmp_path)
-    done = subprocess.run([sys.executable, str(Path(__file__).with_name("sweeps.py")), str(file),
-                           str(tmp_path / "out"), "7", "10"], capture_output=True, text=True, check=False,
-                          env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
-    assert done.returncode == 0, done.stderr
-    *stood, last = json.loads(done.stdout)
-    assert len(last) == 8
-    for earlier, later in zip([*stood], [*stood[1:], last], strict=True):
-        assert earlier.items() <= later.items()  # neither lost nor written again
-    assert len({len(found) for found in stood}) > 2  # kills hit the work, not only its beginning or end
-    alike(table(tmp_path / "out"), table(folder))
-
-
 def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
     text = ('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = ["0 kV", "30 kV"]\n'
             '[grid]\n"plate.radius" = ["1 cm", "5 cm"]')
@@ -190,44 +170,21 @@ def _no_space(path: Path) -> None:
     raise OSError(28, "No space left on device")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_folder_is_one_message(whole, tmp_path) -> None:
-    tmp_path.chmod(0o500)
-    with pytest.raises(InputError, match="cannot be written: Permission denied"):
-        run(whole[0], tmp_path / "out", here)
-    tmp_path.chmod(0o700)
-
-
-def test_a_folder_that_is_a_file_is_one_message(whole, tmp_path) -> None:
-    (tmp_path / "out").write_text("")
-    with pytest.raises(InputError, match="cannot be written: File exists"):
-        run(whole[0], tmp_path / "out", here)
-
-
 def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
     with shelf.Shelf(tmp_path).alone(), pytest.raises(InputError, match="in use by another sweep"):
         run(whole[0], tmp_path, here)
 
 
-class Lethal(Task):
-    """Kills the process that solves it."""
-
-    def run(self):
-        assert multiprocessing.parent_process() is not None
-        os.kill(os.getpid(), 9)
-
-
 def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, tmp_path) -> None:
     sweep, folder = whole
-    entries = list(sweep.entries)
+    entries = list(sweep.entries[:3])
     entries[1] = replace(entries[1], task=Lethal(**{name: getattr(entries[1].task, name) for name in
                                                     Task.__dataclass_fields__}))
     summary = run(replace(sweep, entries=tuple(entries)), tmp_path / "out", partial(processes, workers=1))
-    assert summary.statuses == {"equilibrium": 42, "failed": 6}
+    assert summary.statuses == {"equilibrium": 12, "failed": 6}
     found, right = table(tmp_path / "out"), table(folder)
     assert "the process that solved it died" in str(found["warnings"][1, 0, 0].item())
-    others = [0, *range(2, 8)]
-    assert (found["deflection_m"][others] == right["deflection_m"][others]).all()
+    assert (found["deflection_m"][[0, 2]] == right["deflection_m"][[0, 2]]).all()
     # The next run may have more luck.
-    assert run(sweep, tmp_path / "out", here).solved == 6
-    alike(table(tmp_path / "out"), right)
+    assert run(replace(sweep, entries=sweep.entries[:3]), tmp_path / "out", here).solved == 6
+    assert (table(tmp_path / "out")["deflection_m"] == right["deflection_m"][:3]).all()

@@ -1,4 +1,4 @@
-"""The same sweep on a Dask cluster, one of whose workers is killed."""
+"""The same sweep on a Dask cluster whose workers are killed at seeded moments."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import signal
 from functools import partial
 
+import numpy as np
 import pytest
 import xarray as xr
 from sweeps import read
@@ -18,22 +19,23 @@ from studies.sweep.run import run
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
                             "ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_cluster_gives_the_same_table_also_when_a_worker_is_killed(tmp_path) -> None:
+def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_path) -> None:
     from distributed import LocalCluster
 
     sweep = read(tmp_path)
     run(sweep, tmp_path / "here", here)
     killed: list[int] = []
+    moments = np.random.default_rng(11).choice(np.arange(1, 7), 2, replace=False)
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
                       silence_logs=50) as machine:
 
-        def after_two(done: int, kept: int) -> None:
-            if done >= 12 and not killed:
-                killed.append(next(iter(machine.workers.values())).pid)
-                os.kill(killed[0], signal.SIGKILL)
+        def seen(done: int, kept: int) -> None:
+            if done // 6 in moments:
+                killed.append(list(machine.workers.values())[len(killed)].pid)
+                os.kill(killed[-1], signal.SIGKILL)
 
-        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address), after_two)
-    assert killed
+        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address), seen)
+    assert len(set(killed)) == 2
     assert summary.solved == 48
     with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as one,
           xr.open_dataset(tmp_path / "dask" / "sweep.nc", engine="h5netcdf") as other):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.outlines import Ellipse
 from geometry.units import DIMENSIONS, quantity
+from studies.actuators import FILES, actuators
 from tympan.cli import main
 
 GOOD = """
@@ -151,10 +151,9 @@ def test_unknown_material_lists_the_library(write, capsys) -> None:
 
 
 def test_shipped_actuators_load() -> None:
-    folder = resources.files("studies") / "actuators"
-    axes = {file.name: load_specimen(Path(str(file))).frame.semi_axes for file in folder.iterdir()}
-    assert axes == {"circular.toml": (0.045, 0.045), "elliptical-small.toml": (0.06, 0.045),
-                    "elliptical-large.toml": (0.075, 0.045)}
+    axes = {specimen.name: specimen.frame.semi_axes for specimen in actuators()}
+    assert axes == {"circular": (0.045, 0.045), "elliptical-small": (0.06, 0.045), "elliptical-large": (0.075, 0.045)}
+    assert list(axes) == list(FILES)
 
 
 def test_rig_file(tmp_path) -> None:

@@ -14,9 +14,9 @@ def add(commands: Any) -> None:
     parser = command(commands, "alpha", _run, "weights of the circular actuators that stand for a shape")
     specimen_argument(parser)
     parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
-    parser.add_argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
-                        help="of the circles: the frame's half extents and between them, the frame's distance in as "
-                        "many parts of the full angle, or what fits best (default: %(default)s)")
+    parser.add_argument("--radii", default="semi_axes", metavar="CHOICE",
+                        help="of the circles: semi_axes (the frame's half extents and between them), sectors (the "
+                        "frame's distance in as many parts of the full angle) or fit (default: %(default)s)")
     parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
                         help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
     parser.add_argument("--uncertainty", action="store_true",

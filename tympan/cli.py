@@ -14,6 +14,7 @@ from tympan import (
     data,
     diagnose,
     effects,
+    export,
     lumped,
     maps,
     material,
@@ -41,8 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MissingLibrary as error:
         print(f"tympan: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print("tympan: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interruption:
+        print("; ".join(["tympan: interrupted", *map(str, interruption.args)]), file=sys.stderr)
         return 1
     except BrokenPipeError:
         sys.stderr.close()
@@ -70,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     lumped.add(commands)
     diagnose.add(commands)
     _report(commands)
-    _export(commands)
+    export.add(commands)
     _materials(commands)
     material.add(commands)
     effects.add(commands)
@@ -155,24 +156,16 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
-    from reports import diagnosis, html
+    from geometry.errors import InputError
+    from reports import diagnosis, html, lumped_page
 
-    print((diagnosis if (options.folder / "diagnosis.json").exists() else html).build(options.folder))
-
-
-def _export(commands: Any) -> None:
-    parser = command(commands, "export", _run_export, "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
-    specimen_argument(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    mesh_argument(parser)
-
-
-def _run_export(options: argparse.Namespace) -> None:
-    from fem.library import load_specimen
-    from studies.export import export
-
-    for file in export(load_specimen(options.specimen), read_settings(options).mesh, options.output):
-        print(file)
+    builders = {"study.json": html.build, "diagnosis.json": diagnosis.build,
+                "paper.json": lumped_page.build}
+    found = [build for name, build in builders.items() if (options.folder / name).exists()]
+    if not found:
+        raise InputError(f"holds none of {', '.join(builders)}: only what tympan study, tympan diagnose and "
+                         "tympan lumped paper wrote is rebuilt", file=options.folder)
+    print(found[-1](options.folder))
 
 
 def _materials(commands: Any) -> None:

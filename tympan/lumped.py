@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan import lumped_build, lumped_paper
 from tympan.options import command, parse_quantity, read_rig
 
 if TYPE_CHECKING:
@@ -25,11 +26,15 @@ def add(commands: Any) -> None:
     kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _simulate(kinds)
     _identify(kinds)
+    lumped_build.add(kinds)
+    lumped_paper.add(kinds)
 
 
 def _simulate(kinds: Any) -> None:
     parser = command(kinds, "simulate", _run_simulate, "response to a step, ramp, sine, random steps or a CSV file")
-    parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
+    parser.add_argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml")
+    parser.add_argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
+                        help="models that `tympan lumped build` made, instead of specimens or beside them")
     parser.add_argument("--signal", default="step", metavar="KIND",
                         help="step, ramp (up and down), sine, random, or a CSV file with t_s, voltage_kV "
                              "(default: %(default)s)")
@@ -56,6 +61,7 @@ def _run_simulate(options: argparse.Namespace) -> None:
     from studies.lumped.dynamics import simulate
     from studies.lumped.model import Actuator
     from studies.lumped.record import Simulated, simulated_json, write_simulated
+    from studies.lumped.stored import read_model
     from tympan.progress import bar
 
     mass = parse_quantity(options.mass, "mass", "--mass")
@@ -63,13 +69,17 @@ def _run_simulate(options: argparse.Namespace) -> None:
     signal, period = _signal(options)
     rig, weights = read_rig(options.rig), _weights(options.alpha)
     found: list[Simulated] = []
-    specimens = _specimens(options)
-    with bar(len(specimens)) as progress:
-        for specimen in specimens:
-            progress(specimen.name)
-            actuator = Actuator.of(specimen, mass, weights, rig=rig)
+    models = [read_model(file) for file in options.model]
+    for model in models:
+        model.check(rig.film_voltage(signal.peak))
+    actuators = [*(Actuator.of(specimen, mass, weights, rig=rig) for specimen in _specimens(options)),
+                 *(model.actuator(mass, rig) for model in models)]
+    _distinct([actuator.specimen.name for actuator in actuators])
+    with bar(len(actuators)) as progress:
+        for number, actuator in enumerate(actuators):
+            progress(actuator.specimen.name)
             found.append(Simulated(simulate(actuator, signal), interval, period, options.signal == "step",
-                                   weights is None))
+                                   weights is None and number < len(actuators) - len(models)))
     result = simulated_json(found)
     if options.output is not None:
         from reports.lumped import draw_simulated
@@ -98,14 +108,20 @@ def _specimens(options: argparse.Namespace) -> list[Specimen]:
     from studies.lumped.table1 import eq8
 
     specimens = [load_specimen(file) for file in options.specimens]
-    names = [specimen.name for specimen in specimens]
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
     if options.permittivity is None:
         return specimens
     if not 1 <= options.permittivity <= 1000:
         raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1", given=options.permittivity)
     return [eq8(specimen, options.permittivity) for specimen in specimens]
+
+
+def _distinct(names: list[str]) -> None:
+    from geometry.errors import InputError
+
+    if not names:
+        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))
 
 
 def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+_EVERY = 30.0  #: seconds between lines in a log
 
 
 @contextmanager
@@ -54,11 +57,11 @@ def cases(total: int) -> Iterator[Callable[[int, int], None]]:
     """
     from tqdm import tqdm
 
-    terminal = sys.stderr.isatty()
-    with tqdm(total=total, file=sys.stderr, leave=False, desc="cases", unit="case", smoothing=0.05, delay=0.0,
-              mininterval=0.1 if terminal else 30.0, maxinterval=30.0, ncols=None if terminal else 79,
-              bar_format=None if terminal else "{desc} {n_fmt}/{total_fmt}, {rate_fmt}, {remaining} left\n"
-              ) as progress:
+    if not sys.stderr.isatty():
+        yield _lines(total)
+        return
+    with tqdm(total=total, file=sys.stderr, leave=False, unit=" cases", smoothing=0.05,
+              mininterval=0.1, maxinterval=1.0) as progress:
 
         def ready(done: int, kept: int) -> None:
             if kept > progress.initial:
@@ -66,3 +69,19 @@ def cases(total: int) -> Iterator[Callable[[int, int], None]]:
             progress.update(done - progress.n)
 
         yield ready
+
+
+def _lines(total: int) -> Callable[[int, int], None]:
+    from tqdm import tqdm
+
+    began = shown = time.monotonic()
+
+    def ready(done: int, kept: int) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if now - shown >= _EVERY and kept < done:
+            shown, rate = now, (done - kept) / (now - began)
+            left = tqdm.format_interval((total - done) / rate)
+            print(f"{done} of {total} cases, {rate:.3g} a second, {left} left", file=sys.stderr, flush=True)
+
+    return ready

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -48,7 +47,6 @@ def _run(options: argparse.Namespace) -> None:
 
             summary = run(sweep, options.output, solve, seen)
     except KeyboardInterrupt:
-        print(f"tympan: interrupted; {done} of {sweep.cases} cases are kept, the same command goes on from there",
-              file=sys.stderr)
-        raise
+        kept = f"{done} of {sweep.cases} cases are kept, the same command goes on from there"
+        raise KeyboardInterrupt(kept) from None
     show({"table": str(options.output / "sweep.nc"), **summary.json()}, options.json)

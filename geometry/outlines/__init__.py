@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import InputError
-from geometry.outlines import files as _files  # noqa: F401
 from geometry.outlines.checks import check
 from geometry.outlines.circle import Circle
 from geometry.outlines.curve import Curve
 from geometry.outlines.drawn import Drawn
 from geometry.outlines.ellipse import Ellipse
+from geometry.outlines.files import FILES
 from geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
 from geometry.outlines.polygon import Polygon, RegularPolygon
 from geometry.outlines.rotated import Rotated
@@ -23,9 +23,10 @@ from geometry.outlines.superellipse import Superellipse
 from geometry.tables import Table
 
 __all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced", "Polygon",
-           "RegularPolygon",
-           "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "check", "examples",
-           "read_outline", "register"]
+           "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "check", "examples",
+           "perimeter", "read_outline", "register"]
+
+REGISTRY.update(FILES)
 
 
 def read_outline(table: Table) -> Outline:
@@ -57,5 +58,19 @@ def area(outline: Outline) -> Any:
     >>> round(area(Circle(2.0)) / 4, 12)
     3.14159265359
     """
-    found = outline.curve.area
+    return _real(outline.curve.area)
+
+
+def perimeter(outline: Outline) -> Any:
+    """Length of an outline [m]; complex if its lengths are.
+
+    Examples
+    --------
+    >>> round(perimeter(Circle(2.0)) / 4, 12)
+    3.14159265359
+    """
+    return _real(outline.curve.length)
+
+
+def _real(found: Any) -> Any:
     return found if np.iscomplexobj(found) else float(found)

@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Arc, Array, Piece
 from geometry.tables import Table
 
 
 @register
 @dataclass(frozen=True)
-class Circle(Pieced):
+class Circle(Symmetric):
     """A circle of given radius [m]."""
 
     shape: ClassVar[str] = "circle"
@@ -34,11 +34,6 @@ class Circle(Pieced):
     def semi_axes(self) -> tuple[float, float]:
         """Half extent along x and along y [m]."""
         return self.radius, self.radius
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
 
     def level(self, x: Array, y: Array) -> Array:
         """Signed distance to the circle [m]."""

@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Arc, Array, Piece
 from geometry.tables import Table
 
 
 @register
 @dataclass(frozen=True)
-class Ellipse(Pieced):
+class Ellipse(Symmetric):
     """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
 
     shape: ClassVar[str] = "ellipse"
@@ -29,11 +29,6 @@ class Ellipse(Pieced):
     def example(cls) -> Ellipse:
         """The paper's large ellipse."""
         return cls((75e-3, 45e-3))
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
 
     def level(self, x: Array, y: Array) -> Array:
         """First-order distance (level function over its gradient) [m]."""

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from geometry.errors import InputError
 from geometry.outlines.drawn import Drawn, joined
-from geometry.outlines.outline import REGISTRY
 from geometry.tables import Table
 
 
@@ -34,4 +33,5 @@ def _read(table: Table, layer: str | None) -> Drawn:
         raise InputError(error.allowed, file=table.file, key=table.path("file"), given=str(file)) from None
 
 
-REGISTRY["dxf"], REGISTRY["step"] = _from_dxf, _from_step
+#: Readers by shape.
+FILES = {"dxf": _from_dxf, "step": _from_step}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
@@ -58,7 +59,7 @@ def register(cls: Shape) -> Shape:
     return cls
 
 
-class Pieced:
+class Pieced(ABC):
     """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
 
     @property
@@ -66,9 +67,9 @@ class Pieced:
         """Whether it cannot cross itself, whatever its numbers."""
         return True
 
+    @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
         """The curve counterclockwise, wherever it lies [m]; its numbers may be complex."""
-        raise NotImplementedError
 
     @cached_property
     def curve(self) -> Curve:
@@ -86,6 +87,15 @@ class Pieced:
     def primitives(self) -> tuple[Piece, ...]:
         """The curve as pieces that CAD can draw exactly, in order around it."""
         return self.curve.pieces
+
+
+class Symmetric(Pieced):
+    """The same for shapes that both axes mirror; they give their half extents themselves."""
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Both axes."""
+        return frozenset("xy")
 
 
 class Boxed(Pieced):

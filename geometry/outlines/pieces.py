@@ -22,6 +22,7 @@ Local = tuple[Array, Array, Array]
 
 _PANEL = np.pi / 8
 _FINE = 1e-10
+_SETTLED = 1e-13
 
 
 @dataclass(frozen=True)
@@ -225,19 +226,23 @@ class Samples:
         low, high = self._t[np.maximum(seed - 1, 0)], self._t[np.minimum(seed + 1, len(self._t) - 1)]
         t = self._t[seed]
         for _ in range(12):
+            before = t
             value, slope, bend = self.piece.at(t)
             away = value - places
             steepness = (slope * slope).sum(axis=1)
             curvature = steepness + (away * bend).sum(axis=1)
             t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness, curvature, steepness),
                         low, high)
+            if np.abs(t - before).max(initial=0.0) < _SETTLED:
+                break
         return t
 
 
 def fitted(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
     """The spline through a curve at knots; ``curve`` gives points and derivatives, shape (n, 2) each."""
     points, slopes = curve(knots)
-    return Spline(tuple(knots.tolist()), _pairs(points), (_pairs(slopes)[0], _pairs(slopes)[-1]))
+    first, last = _pairs(slopes[[0, -1]])
+    return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
 def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: float) -> Array:
@@ -284,7 +289,7 @@ def _rotation(angle: Any) -> Array:
 
 
 def _pairs(points: Array) -> tuple[Point, ...]:
-    return tuple((x, y) for x, y in points.tolist())
+    return tuple(map(tuple, points.tolist()))
 
 
 def direction(x: Any, y: Any) -> Any:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from geometry.outlines.corners import filleted
-from geometry.outlines.outline import ROUNDING, SIZE, Pieced, register
+from geometry.outlines.outline import ROUNDING, SIZE, Symmetric, register
 from geometry.outlines.pieces import Piece
 from geometry.tables import Table
 
 
 @register
 @dataclass(frozen=True)
-class RoundedRectangle(Pieced):
+class RoundedRectangle(Symmetric):
     """A rectangle of given half sides along x and y and corner radius [m]; 0 leaves its corners sharp."""
 
     shape: ClassVar[str] = "rounded_rectangle"
@@ -34,11 +34,6 @@ class RoundedRectangle(Pieced):
     def example(cls) -> RoundedRectangle:
         """As long and wide as the paper's large ellipse."""
         return cls((75e-3, 45e-3), 20e-3)
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
 
     def pieces(self) -> tuple[Piece, ...]:
         """Lines and quarter circles."""

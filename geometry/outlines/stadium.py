@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Arc, Line, Piece
 from geometry.tables import Table
 
 
 @register
 @dataclass(frozen=True)
-class Stadium(Pieced):
+class Stadium(Symmetric):
     """Half circles at both ends of the longer one of the semi-axes [m], of the shorter one's radius."""
 
     shape: ClassVar[str] = "stadium"
@@ -29,11 +29,6 @@ class Stadium(Pieced):
     def example(cls) -> Stadium:
         """As long and wide as the paper's large ellipse."""
         return cls((75e-3, 45e-3))
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
 
     def pieces(self) -> tuple[Piece, ...]:
         """Arcs, and lines between them unless it is a circle."""

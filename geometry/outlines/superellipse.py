@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from geometry.outlines.outline import SIZE, Pieced, register
+from geometry.outlines.curve import Curve
+from geometry.outlines.outline import SIZE, Symmetric, register
 from geometry.outlines.pieces import Array, Piece, fitted, graded
 from geometry.tables import Rule, Table
 
@@ -17,7 +18,7 @@ _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (n
 
 @register
 @dataclass(frozen=True)
-class Superellipse(Pieced):
+class Superellipse(Symmetric):
     """The curve |x/a|ⁿ + |y/b|ⁿ = 1 of semi-axes a, b [m] and exponent n, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
@@ -34,15 +35,19 @@ class Superellipse(Pieced):
         """Between the paper's large ellipse and a rectangle."""
         return cls((75e-3, 45e-3), 3.0)
 
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Both axes."""
-        return frozenset("xy")
-
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
         angles = _angles(float(np.real(self.exponent)))
         return tuple(fitted(self._quadrant(number), angles) for number in range(4))
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The pieces, centred as they are."""
+        return Curve(self.pieces())
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance [m]; the nearest point lies in the quadrant of the place."""
+        return Curve(self.curve.pieces[:1]).level(np.abs(x), np.abs(y))
 
     def _quadrant(self, number: int) -> Any:
         """Points and derivatives by the eccentric angle from the quadrant's start."""

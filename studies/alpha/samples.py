@@ -31,28 +31,21 @@ class LoadGrid:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Equilibria: force on the film [N], deflection [m], voltage across the film [V], shares of the parts (n, parts).
-
-    ``mass`` is the nominal one of each [kg].
-    """
+    """Equilibria: force on the film [N], deflection [m], the film's voltage [V], shares of the parts (n, parts)."""
 
     force: Array
     deflection: Array
     voltage: Array
-    mass: Array
     shares: Array
 
     def __len__(self) -> int:
         return len(self.force)
 
-    def only(self, chosen: Array) -> Samples:
-        """Those that a mask chooses."""
-        return Samples(*(part[chosen] for part in (self.force, self.deflection, self.voltage, self.mass, self.shares)))
-
 
 def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int, warnings: list[str]) -> Samples:
     """Equilibria of a model under every load that has one; those left out are told in ``warnings``."""
-    rows: list[tuple[float, float, float, float]] = []
+    part_of = parts_of(model.specimen, parts)
+    rows: list[tuple[float, float, float]] = []
     shares: list[Array] = []
     for mass in loads.masses:
         seen = [rig.film_voltage(voltage) for voltage in loads.voltages]
@@ -64,10 +57,10 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
             if state.plate.heave <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
-            rows.append((reaction(model, state), state.plate.heave, float(np.sqrt(state.voltage_squared)), mass))
-            shares.append(part_shares(model, state, parts))
-    force, deflection, voltage, masses = np.array(rows).reshape(-1, 4).T
-    return Samples(force, deflection, voltage, masses, np.array(shares).reshape(-1, parts))
+            rows.append((reaction(model, state), state.plate.heave, float(np.sqrt(state.voltage_squared))))
+            shares.append(part_shares(model, state, part_of))
+    force, deflection, voltage = np.array(rows).reshape(-1, 3).T
+    return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts))
 
 
 def frame_distances(specimen: Specimen) -> Array:
@@ -89,12 +82,19 @@ def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
     return np.asarray(rank * count // len(rank), dtype=np.int64)
 
 
-def part_shares(model: Model, state: State, parts: int = 2) -> Array:
+def concentric(specimen: Specimen) -> bool:
+    """Whether the frame is equally far from the plate's centre in all directions."""
+    distance = frame_distances(specimen)
+    return bool(np.ptp(distance) < 1e-6 * distance.max())
+
+
+def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array:
     """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`, the nearest frame first.
 
     The force is the integral of the first Piola traction along the mounted edge; angles are those of the mounted edge
     around the plate's centre.
     """
+    parts = 1 + int(part_of.max())
     if parts == 1:
         return np.ones(1)
     full, unfolded = whole(model, state)
@@ -108,7 +108,7 @@ def part_shares(model: Model, state: State, parts: int = 2) -> Array:
     angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
     ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
                      np.concatenate([cumulative - total, cumulative, cumulative + total]))
-    return np.bincount(parts_of(model.specimen, parts), np.diff(ends), parts) / total
+    return np.bincount(part_of, np.diff(ends), parts) / total
 
 
 def _directions() -> Array:

@@ -14,7 +14,7 @@ from geometry.errors import InputError
 from geometry.outlines import Circle
 from geometry.specimen import Specimen
 from studies.alpha.circles import RADII, Circles
-from studies.alpha.samples import LoadGrid, Samples, equilibria, frame_distances
+from studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
 from studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from studies.cases import Settings, build_model
 from studies.cone import radii_of
@@ -164,8 +164,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
 
 def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
     """How many circles, and how their radii are chosen."""
-    distance = frame_distances(specimen)
-    if np.ptp(distance) < 1e-6 * distance.max():
+    if concentric(specimen):
         return 1, "semi_axes"
     if chosen.radii == "semi_axes" and len(radii_of(specimen.frame)) == 1:
         return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles, "sectors")
@@ -188,7 +187,7 @@ def _error(modelled: Array, actual: Array) -> float | None:
 def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> list[str]:
     """What stands between these weights and their use."""
     membrane, radii = result.by_basis["membrane"], result.circles
-    if len(radii) == 1 and isinstance(specimen.plate.outline, Circle) and np.ptp(frame_distances(specimen)) < 1e-6:
+    if len(radii) == 1 and isinstance(specimen.plate.outline, Circle) and concentric(specimen):
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
     doubts = []
     if len(radii) == 1 and isinstance(specimen.frame, Circle):

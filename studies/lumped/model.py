@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
-from fem.density import Maxwell, maxwell
 from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.outlines import area
@@ -38,6 +37,59 @@ class Viscous:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """Factors on the energies of film and voltage, where a specimen is not what its circles say.
+
+    An electrode that leaves bands free, a plate or a prestretch that is not round, a plate off the centre of a single
+    circle; or cones instead of membranes.
+    """
+
+    stiffness: float = 1.0
+    permittivity: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what turns a force around."""
+        if not (self.stiffness > 0 and self.permittivity >= 0):
+            raise InputError("stiffness must be positive, permittivity must not be negative", key="correction",
+                             given=f"{self.stiffness}, {self.permittivity}")
+
+
+class Circle(Protocol):
+    """A circular actuator: the paper's :class:`~studies.cone.ConeCircle` or one with another kinematics.
+
+    ``steepness`` [1/m], ``volume`` [m³] and :meth:`stretch` are those of the viscous parts.
+    """
+
+    @property
+    def specimen(self) -> Specimen:
+        """What it is made of."""
+
+    @property
+    def radius(self) -> float:
+        """Of the frame [m]."""
+
+    @property
+    def steepness(self) -> float:
+        """Slope of the film over the deflection [1/m]."""
+
+    @property
+    def volume(self) -> float:
+        """V [m³]."""
+
+    def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """λ_r from the mounted film and its two derivatives by the deflection."""
+
+    def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] at deflections [m]."""
+
+    def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the voltage, per V²."""
+
+    def capacitance(self, deflection: Any) -> Any:
+        """At a deflection [m], in F."""
+
+
+@dataclass(frozen=True)
 class Actuator:
     """The lumped model of one actuator under one mass [kg]: circles with weights α ≥ 0, Σ α = 1.
 
@@ -45,15 +97,16 @@ class Actuator:
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
-    the same as in the paper because 2π r z sin θ = V φ/λ_r. Of the rig gravity, the unaccounted mass, the parallel
-    spring and what the supply does to the voltage count.
+    the same as in the paper because 2π r z sin θ = V φ/λ_r. ``correction`` multiplies the parts of σ_h and of E². Of
+    the rig gravity, the unaccounted mass, the parallel spring and what the supply does to the voltage count.
     """
 
-    circles: tuple[ConeCircle, ...]
+    circles: tuple[Circle, ...]
     weights: tuple[float, ...]
     mass: float
     viscous: Viscous = field(default_factory=Viscous)
     rig: Rig = field(default_factory=Rig)
+    correction: Correction = Correction()
 
     def __post_init__(self) -> None:
         """Refuse what is no mixture, no mass, and what of a rig this model does not have."""
@@ -106,19 +159,15 @@ class Actuator:
             good = np.isfinite(self.elastic(y)[2])
         return float(longest if good.all() else y[np.argmin(good) - 1])
 
-    @cached_property
-    def _maxwell(self) -> Maxwell:
-        return maxwell(self.specimen, 1.0)
-
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
         """Energy [J], force [N] and stiffness [N/m] of film and spring at deflections [m], with ε₁ = λ_r − 1."""
         k = self.rig.spring
-        parts = self._mixed(self.specimen.membrane.material, y)
+        parts = self._mixed([circle.elastic(y) for circle in self.circles], self.correction.stiffness)
         return parts[0] + k * y * y / 2, parts[1] + k * y, parts[2] + k + 0 * y
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
         """The same of the voltage, per V² of the film's voltage; energy and force are negative."""
-        return self._mixed(self._maxwell, y)
+        return self._mixed([circle.electric(y) for circle in self.circles], self.correction.permittivity)
 
     def balance(self, y: Any, voltage: Any) -> tuple[Any, Any]:
         """Film's force minus weight [N] and its stiffness [N/m] at rest, at deflections [m] and voltages [V]."""
@@ -206,14 +255,15 @@ class Actuator:
             total = total + weight * circle.volume * self.viscous.k1 * (1 + strain) * (x - 1 - np.log(x))
         return total
 
-    def capacitance(self, y: float) -> float:
-        """Σ α C of the circles' cones [F] at a deflection [m]."""
-        return sum(weight * circle.capacitance(y) for weight, circle in zip(self.weights, self.circles, strict=True))
+    def capacitance(self, y: Any) -> Any:
+        """Σ α C of the circles [F] at a deflection [m], the factor on the voltage's energy on its change."""
+        pairs = tuple(zip(self.weights, self.circles, strict=True))
+        flat, now = (sum(weight * circle.capacitance(at) for weight, circle in pairs) for at in (0.0, y))
+        return flat + self.correction.permittivity * (now - flat)
 
-    def _mixed(self, material: Any, y: Any) -> tuple[Any, Any, Any]:
-        parts = [[weight * part for part in circle.pull(material, y)]
-                 for weight, circle in zip(self.weights, self.circles, strict=True)]
-        energy, force, stiffness = (sum(column) for column in zip(*parts, strict=True))
+    def _mixed(self, parts: Sequence[tuple[Any, Any, Any]], factor: float) -> tuple[Any, Any, Any]:
+        weighted = [[factor * weight * one for one in part] for weight, part in zip(self.weights, parts, strict=True)]
+        energy, force, stiffness = (sum(column) for column in zip(*weighted, strict=True))
         return energy, force, stiffness
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from importlib import resources
 
 from fem.laws import Separable
-from fem.library import EXAMINED, load_specimen
+from fem.library import EXAMINED
 from geometry.errors import InputError
 from geometry.specimen import Specimen
+from studies.actuators import actuators
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,4 @@ def eq8(specimen: Specimen, relative_permittivity: float) -> Specimen:
 
 def paper_actuators(relative_permittivity: float) -> tuple[Specimen, ...]:
     """The three actuators of the paper with Table 1's law; ε_r must be given."""
-    folder = resources.files("studies") / "actuators"
-    return tuple(eq8(load_specimen(str(folder / f"{name}.toml")), relative_permittivity)
-                 for name in ("circular", "elliptical-small", "elliptical-large"))
+    return tuple(eq8(specimen, relative_permittivity) for specimen in actuators())

@@ -14,7 +14,8 @@ from fem.paths import equilibrium
 from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.outlines import Circle, Ellipse
-from geometry.specimen import Film, Plate, Specimen
+from geometry.specimen import Plate, Specimen
+from studies.actuators import paper_film
 from studies.alpha import AlphaSettings, LoadGrid, alpha
 from studies.cases import Settings, build_model
 
@@ -33,9 +34,8 @@ class Place:
     @property
     def specimen(self) -> Specimen:
         """An ellipse with the paper's film and short semi-axis."""
-        film = Film(1e-3, (5**0.5, 5**0.5), MATERIALS[self.material].material, 4.7)
         return Specimen(f"ellipse {self.aspect:.4g}, plate {self.ratio:.4g}", Ellipse((self.aspect * SHORT, SHORT)),
-                        Plate(Circle(self.ratio * SHORT)), film)
+                        Plate(Circle(self.ratio * SHORT)), paper_film(self.material))
 
 
 @dataclass(frozen=True)

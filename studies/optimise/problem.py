@@ -14,15 +14,19 @@ from fem.library import load_specimen
 from fem.parameters import at, numbers, with_change
 from fem.rig import Rig
 from geometry.errors import InputError
-from geometry.measures import MEASURES
+from geometry.outlines import area, perimeter
 from geometry.specimen import Specimen
 from geometry.tables import POSITIVE, Table
 from geometry.written import outline_dimension
+from studies.actuators import FILES
 from studies.cases import Case
 from studies.optimise.limits import LIMITS, Limit
 
 #: The specimen to beat when a problem names none: the paper's large ellipse.
 PAPER = "elliptical-large"
+
+#: What of a frame may be held, by its name in problem files.
+MEASURES = {"area": area, "perimeter": perimeter}
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class Variable:
 class Problem:
     """Largest stroke of a specimen over ``variables``, under limits, the frame holding the reference's area or length.
 
-    ``held``: of :data:`geometry.measures.MEASURES`; each gives an optimum of its own. ``starts``: values of the
+    ``held``: of :data:`MEASURES`; each gives an optimum of its own. ``starts``: values of the
     variables to start from, one row each.
     """
 
@@ -139,10 +143,9 @@ def default_problem() -> Problem:
 def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
     given = table.text(key) if default is None else table.text(key, default)
     if not given.endswith(".toml"):
-        known = resources.files("studies") / "actuators" / f"{given}.toml"
-        if not known.is_file():
-            raise table.error(key, "must be a specimen file, ending in .toml, or the name of one of the paper's", given)
-        return load_specimen(str(known))
+        if given not in FILES:
+            raise table.error(key, f"must be a specimen file, ending in .toml, or one of {', '.join(FILES)}", given)
+        return load_specimen(FILES[given])
     return load_specimen(Path(table.file).parent / given)
 
 

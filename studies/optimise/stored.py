@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from fem.written import specimen_to_toml
-from geometry.measures import MEASURES
 from studies import store
 from studies.optimise.design import Design
 from studies.optimise.optimise import Optimised, Optimum, Run
-from studies.optimise.problem import Problem
+from studies.optimise.problem import MEASURES, Problem
 
 #: A limit is active where its value is so near to it, relative.
 ACTIVE = 1e-3

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from typing import TypeVar
 
@@ -43,8 +44,6 @@ def processes(tasks: Sequence[Task], workers: int) -> Iterator[Found]:
     again, and one that was there several times is then tried alone.
     """
     waiting, deaths = deque(tasks), Counter[str]()
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # gmsh's start makes it lethal; a dead child's pipe is no reason
     with _single_threaded():
         while waiting:
             yield from _until_broken(waiting, deaths, workers)
@@ -76,7 +75,7 @@ def _until_broken(waiting: deque[Task], deaths: Counter[str], workers: int) -> I
         try:
             while waiting or running:
                 while waiting and len(running) < 2 * workers:
-                    running[pool.submit(waiting[0].run)] = waiting[0]
+                    running[_submitted(pool, waiting[0])] = waiting[0]
                     waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     found = outcome(future)
@@ -89,9 +88,19 @@ def _until_broken(waiting: deque[Task], deaths: Counter[str], workers: int) -> I
 def _alone(task: Task) -> Result | str:
     with _pool(1) as pool:
         try:
-            return outcome(pool.submit(task.run))
+            return outcome(_submitted(pool, task))
         except BrokenProcessPool:
             return f"the process that solved it died, {_DEATHS + 1} times, at last alone: is there enough memory?"
+
+
+def _submitted(pool: ProcessPoolExecutor, task: Task) -> Future[Result]:
+    """A task in a pool; processes that are started for it leave interruption to the parent, from their first moment."""
+    resource_tracker.ensure_running()  # its start would lift the block
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.submit(task.run)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -108,8 +117,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin() -> None:
-    """In a new process: leave interruption to the parent, and do not outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """In a new process: do not outlive the parent."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()

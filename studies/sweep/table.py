@@ -37,10 +37,12 @@ def write_tables(folder: Path, sweep: Sweep, rows: Sequence[Sequence[Row] | None
     flat = frame(table)
     parquet = io.BytesIO()
     flat.to_parquet(parquet, index=False)
+    netcdf = io.BytesIO()  # HDF5 itself crashes the process when the disk is full
+    table.to_netcdf(netcdf, engine="h5netcdf")
     text = flat.to_csv(index=False, lineterminator="\n")
     write_atomically(folder / "sweep.parquet", lambda path: path.write_bytes(parquet.getvalue()))
     write_atomically(folder / "sweep.csv", lambda path: path.write_text(text, encoding="utf-8"))
-    write_atomically(folder / "sweep.nc", lambda path: _write_netcdf(table, path))
+    write_atomically(folder / "sweep.nc", lambda path: path.write_bytes(netcdf.getvalue()))
     statuses: list[str] = table["status"].values.ravel().tolist()
     return statuses
 
@@ -118,10 +120,3 @@ def _column(name: str, values: list[Any]) -> np.ndarray:
 
 def _texts(values: list[str]) -> np.ndarray:
     return np.array(values, dtype=object)
-
-
-def _write_netcdf(table: xr.Dataset, path: Path) -> None:
-    try:
-        table.to_netcdf(path, engine="h5netcdf")
-    except RuntimeError as error:  # HDF5 may notice only when it closes the file
-        raise OSError(str(error)) from None

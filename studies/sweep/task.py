@@ -7,8 +7,8 @@ import json
 import tempfile
 import threading
 import time
-from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, fields
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,11 @@ from fem.rig import Rig
 from geometry.errors import InputError
 from geometry.specimen import Specimen
 from geometry.written import law_content, specimen_content
-from studies.cases import Case, CaseResult, Settings, build_model, summarise
+from studies.cases import Case, CaseResult, Settings, build_model, summaries
 from studies.store import write_fields
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are then not reused.
-REVISION = 1
+REVISION = 2
 
 #: Of a case that could not even be tried: no film can be built or meshed, or the process that tried it died.
 FAILED = "failed"
@@ -34,6 +34,7 @@ _TURN = threading.Lock()
 Row = dict[str, Any]
 
 
+@cache
 def solver() -> str:
     """What solves: version and revision."""
     return f"tympan {metadata.version('tympan')} revision {REVISION}"
@@ -111,9 +112,9 @@ class Task:
         for mass in self.masses:
             path = voltage_path(model, self.rig.force(mass, model.plate_area), seen, self.rig.gas_pressure,
                                 self.settings.path)
-            for voltage, outcome in zip(self.voltages, path, strict=True):
+            cases = [Case(self.specimen, mass, voltage, self.rig) for voltage in self.voltages]
+            for result, outcome in summaries(cases, model, path):
                 number = self.ids[len(rows)]
-                result = summarise(Case(self.specimen, mass, voltage, self.rig), model, outcome, 0.0)
                 rows.append({"id": number} | {name: value for name, value in result.json().items() if name in COLUMNS})
                 if self.fields and outcome.status == "equilibrium":
                     kept[number] = _vtu(*whole(model, outcome.state))
@@ -134,8 +135,7 @@ def _vtu(model: Any, state: Any) -> bytes:
 
 def _content(specimen: Specimen) -> Any:
     """All of a specimen but its name, floats to the last digit."""
-    nameless = replace(specimen, name="any")
-    return specimen_content(nameless, lambda one: law_content(one.membrane.material, {}))
+    return {**specimen_content(specimen, lambda one: law_content(one.membrane.material, {})), "name": "any"}
 
 
 def _hash(value: Any) -> str:

@@ -1,0 +1,189 @@
+"""Lumped models from field models, measured: ``docs/lumped-build.md`` with its figure (``make lumped-build``)."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from fem.laws import Gent, NeoHooke, Ogden
+from fem.library import load_specimen
+from geometry.outlines import Circle, Ellipse, Stadium, Superellipse
+from geometry.specimen import Electrode, Plate, Specimen
+from reports.lumped_build import draw_built
+from studies.cases import Case, Settings, find
+from studies.lumped.build import KINEMATICS, BuildSettings, Built, build
+from studies.lumped.statics import curve
+from studies.store import write_text
+
+_DOCS = Path(__file__).parent.parent / "docs"
+_NAMES = ("circular", "elliptical-small", "elliptical-large")
+
+
+def main() -> None:
+    """Build them all and write the page."""
+    found = [build(specimen, Settings()) for specimen in _paper()]
+    others = [(words, build(specimen, Settings(), chosen)) for words, specimen, chosen in _others()]
+    with tempfile.TemporaryDirectory() as folder:
+        (picture,) = draw_built(found, Path(folder), ("png",))
+        shutil.copy(picture, _DOCS / "lumped-build.png")
+    write_text(_DOCS / "lumped-build.md", page(found, others))
+
+
+def _paper() -> Iterator[Specimen]:
+    folder = resources.files("studies") / "actuators"
+    return (load_specimen(str(folder / f"{name}.toml")) for name in _NAMES)
+
+
+def _others() -> Iterator[tuple[str, Specimen, BuildSettings]]:
+    """What it is, the specimen, and how it is built."""
+    circle, _, ellipse = _paper()
+    two, film = BuildSettings(), circle.membrane
+    sectors = replace(two, radii="sectors")
+    yield "superellipse 75 × 45 mm, exponent 4", replace(ellipse, frame=Superellipse((75e-3, 45e-3), 4.0)), two
+    yield "stadium 75 × 45 mm", replace(ellipse, frame=Stadium((75e-3, 45e-3))), two
+    off = replace(circle, plate=Plate(Circle(10e-3), (10e-3, 0.0)))
+    yield "circle, plate 10 mm off its centre, circles by sectors", off, sectors
+    yield "the same with the one circle of its frame", off, two
+    yield "circle, elliptical plate 15 × 8 mm", replace(circle, plate=Plate(Ellipse((15e-3, 8e-3)))), two
+    yield "circle, 5 mm bare at frame and plate", replace(circle, electrode=Electrode(5e-3, 5e-3)), two
+    yield "circle, prestretch 2.6 by 2.0", replace(circle, membrane=replace(film, prestretch=(2.6, 2.0))), two
+    for words, law in (("neo-Hookean, 15 kPa", NeoHooke(15e3)), ("Gent, 18 kPa, J 20", Gent(18e3, 20.0)),
+                       ("Ogden, 30 and 2 kPa, powers 1.3 and 5.5", Ogden((30e3, 2e3), (1.3, 5.5)))):
+        yield f"circle, {words}", replace(circle, membrane=replace(film, material=law)), two
+
+
+def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
+    """The page as Markdown."""
+    circle = found[0]
+    worst = max(one.worst("corrected", held_out=True) or np.inf for one in found)
+    lines = [
+        "# From the field model to a lumped one", "",
+        "`tympan lumped build SPECIMEN.toml … -o DIR` makes the lumped model of each specimen from its field model "
+        "alone: α of membrane circles (`tympan alpha`), the film's own law in a membrane's kinematics, two factors, "
+        "and the flat film's capacitance. `DIR/NAME.lumped.toml` is the model to take away: plain SI numbers, with the "
+        "formulas as a comment; `tympan lumped simulate --model` runs it. `make lumped-build` makes this page.", "",
+        "## The kinematics", "", *_kinematics(circle), "",
+        "## The paper's actuators, 0 to 5 kV, 17.9 and 22.45 g", "",
+        f"Fitted on 17.9 g at 0, 2.5 and 5 kV alone, the model is nowhere more than {_percent(worst)} from the field "
+        f"model's deflection at the {int((~circle.settings.fitted).sum())} other loads. Circles in the figure are the "
+        "field model.", "",
+        "![Deflection of field and lumped models, and what is left](lumped-build.png)", "",
+        "Largest errors; deflection at loads that were not fitted, stroke from 0 to 5 kV and capacitance at all:", "",
+        "| | | " + " | ".join(KINEMATICS) + " |", "|---|---|" + "---:|" * len(KINEMATICS),
+        *(line for one in found for line in _errors(one)), "",
+        *_reading(found), "",
+        "## Shapes, electrodes, laws", "",
+        "The same loads and fit. *Carried over*: the two factors are those of the circular actuator above, so of this "
+        "specimen nothing but α was fitted.", "",
+        "| | factors on film, voltage | scaled | membrane | carried over | corrected |",
+        "|---|---|---:|---:|---:|---:|",
+        *(_other(words, one, circle) for words, one in others), "",
+        *_capacitances(others), "",
+        "## Vibrations", "",
+        "Undamped heave about rest under 17.9 g, from the model's stiffness and from the field model's eigenvalues, "
+        "which the fit did not see:", "",
+        "| | 0 kV: lumped, field | 5 kV: lumped, field |", "|---|---|---|", *(_heave(one) for one in found), "",
+        "## How far it reaches", "", *_reach(circle)]
+    return "\n".join(lines) + "\n"
+
+
+def _kinematics(circle: Built) -> list[str]:
+    factor = circle.membrane_factors[0]
+    return [
+        "*cone* is the paper's: the film is a straight cone. A film without bending stiffness is steeper at the plate. "
+        "Under even tension, hardly deflected, its height is y ln(R/ρ)/ln(R/r), and its force l₀/(r ln(R/r)) times "
+        f"the cone's: {factor:.3f} for the circle of 45 mm with a plate of 10 mm, "
+        + " and ".join(f"{_factor(radius):.3f} for {1e3 * radius:g} mm" for radius in (60e-3, 75e-3)) + ".", "",
+        "*membrane* takes that shape. The energy of its slopes over the whole film is, to fourth order in y and for "
+        "any law, that of a volume V with the one slope κy, with V κ² = 2π z₀/ln(R/r) and "
+        "κ² = (1/r² − 1/R²)/(2 ln³(R/r)). Force is its derivative for film and voltage alike, so capacitance and force "
+        "agree. Nothing is fitted but α.", "",
+        "*corrected* has one factor on the film's energy and one on the voltage's, for what circles do not know: bare "
+        "bands, plates or prestretches that are not round. *scaled* is the cone times the one factor that fits the "
+        "first circle, with the α best for it.", "",
+        "The viscous branch and damper stay the cone's in all of them: the paper identified their constants with it. "
+        "A field model at rest says nothing about them."]
+
+
+def _factor(radius: float) -> float:
+    return (radius - 10e-3) / (10e-3 * np.log(radius / 10e-3))
+
+
+def _errors(built: Built) -> Iterator[str]:
+    rows = {"deflection": [built.worst(kind, held_out=True) for kind in KINEMATICS],
+            "stroke": [built.stroke_error(kind) for kind in KINEMATICS],
+            "capacitance": [built.capacitance_error(kind) for kind in KINEMATICS]}
+    for what, values in rows.items():
+        name = built.model.specimen.name if what == "deflection" else ""
+        yield f"| {name} | {what} | " + " | ".join(map(_percent, values)) + " |"
+
+
+def _reading(found: Sequence[Built]) -> list[str]:
+    circle, large = found[0], found[-1]
+    return [
+        f"The circle's cone sinks {circle.errors('cone')[0, 0] + 1:.2f} times as far as it should, and no α mends that "
+        "in an ellipse: the best one puts all weight on the smaller circle. Its factor is wrong, not its "
+        "shape: multiplied by one number it is as good in deflection as the membrane, with an α of "
+        f"{large.alpha.by_basis['cone_scaled'].alpha[0]:.3f} for the large ellipse instead of the "
+        f"{large.model.weights[0]:.3f} that membranes have. What the membrane adds: the number follows from the size "
+        "of the circle, so the film's own law and permittivity serve as they are; α is that of circles of real film; "
+        "and the capacitance is right, which the scaled cone has up to "
+        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong. (The share of the edge "
+        f"force, {large.alpha.from_fields.alpha[0]:.3f} around the short axis of the large ellipse, is a third number "
+        "and no weight for either.)"]
+
+
+def _capacitances(others: Sequence[tuple[str, Built]]) -> list[str]:
+    covered = [one.capacitance_error("corrected") or np.inf for _, one in others
+               if one.model.specimen.electrode.everywhere]
+    bare = [one.capacitance_error("corrected") or np.inf for _, one in others
+            if not one.model.specimen.electrode.everywhere]
+    return [f"Capacitance, corrected: within {_percent(max(covered))} where the whole film is covered. Where bands are "
+            f"bare, covered film spreads into them as the voltage rises, without any deflection: {_percent(max(bare))} "
+            "at 5 kV, which the lumped model does not have and `build` warns of."]
+
+
+def _other(words: str, built: Built, circle: Built) -> str:
+    carried = replace(built, model=replace(built.model, correction=circle.model.correction))
+    values = [*(built.worst(kind, held_out=True) for kind in ("scaled", "membrane")),
+              carried.worst("corrected", held_out=True), built.worst("corrected", held_out=True)]
+    found = built.model.correction
+    return f"| {words} | {found.stiffness:.4f}, {found.permittivity:.4f} | " + " | ".join(map(_percent, values)) + " |"
+
+
+def _heave(built: Built) -> str:
+    pairs = zip(*(built.frequencies[name] for name in ("lumped", "field")), strict=True)
+    return f"| {built.model.specimen.name} | " + " | ".join(f"{a:.4f}, {b:.4f} Hz" for a, b in pairs) + " |"
+
+
+def _reach(built: Built) -> list[str]:
+    """How the error of a model built to 5 kV grows beyond."""
+    voltages = (5.5e3, 6e3, 6.5e3, 7e3, 7.5e3, 8e3)
+    beyond = build(built.model.specimen, Settings(), replace(built.settings, voltages=voltages))
+    errors = [curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
+              for mass, row in zip(built.settings.masses, beyond.field.deflection, strict=True)]
+    limits = [find(Case(built.model.specimen, mass, 10e3), Settings())[1].limit for mass in built.settings.masses]
+    return [
+        "The circles keep their hoop stretch, so the model does not see what draws a film in. The circular actuator, "
+        "built for 0 to 5 kV and asked beyond:", "",
+        "| | " + " | ".join(f"{u / 1e3:g} kV" for u in voltages) + " |", "|---|" + "---:|" * len(voltages),
+        *(f"| {1e3 * mass:g} g | " + " | ".join(f"{100 * one:+.2f} %" for one in row) + " |"
+          for mass, row in zip(built.settings.masses, errors, strict=True)), "",
+        f"The field model pulls in at {' and '.join(f'{1e-3 * np.sqrt(limit or np.nan):.2f}' for limit in limits)} kV, "
+        "wrinkled before that. A file therefore knows the highest "
+        "voltage it was compared at, and `simulate --model` refuses more; `build` refuses voltages at which the field "
+        "model has no equilibrium, with its pull-in voltage. The film's own mass is not in the model."]
+
+
+def _percent(value: float | None) -> str:
+    return "pulls in" if value is None else f"{100 * value:.2g} %" if value < 0.1 else f"{100 * value:.0f} %"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""The paper's figures and what is wrong in it as a page: ``docs/paper.md`` with two figures (``make paper``)."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reports.lumped_page import CAPTIONS, shown
+from reports.lumped_paper import read
+from studies.lumped.lost_steps import fit_levels
+from studies.lumped.published import HIGHEST, MASSES, NAMES, SETTLING
+from studies.lumped.replica import Choices
+from studies.store import write_text
+
+_DOCS = Path(__file__).parent.parent / "docs"
+_SEEDS = 6
+_FIGURES = {"fig14": "paper-fig14.png", "misfit": "paper-misfit.png"}
+
+
+def main() -> None:
+    """Write the page from a folder that ``tympan lumped paper`` has written."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    folder = parser.parse_args().folder
+    for figure, file in _FIGURES.items():
+        shutil.copy(folder / f"{figure}.png", _DOCS / file)
+    write_text(_DOCS / "paper.md", page(read(folder), other_seeds()))
+
+
+def other_seeds() -> list[str]:
+    """ε_r, α₁ and what is left at the ends of the levels of the first seeds that come near to 0 and 7 kV."""
+    rows: list[tuple[str, ...]] = []
+    seed = 0
+    while len(rows) < _SEEDS:
+        choices = Choices(seed=seed)
+        signal, _ = choices.steps()
+        if signal.voltage.min() <= choices.near and signal.voltage.max() >= HIGHEST - choices.near:
+            found = fit_levels(signal)
+            growth = found.ranges[1] / found.ranges[0]
+            rows.append((f"{seed}", f"{found.permittivity:.2f}", f"{found.alpha[0]:.3f}", f"{1e3 * found.rms:.3f}",
+                         f"{1e3 * np.abs(found.misfit[:, 1:]).max():.3f}",
+                         " / ".join(f"{1e3 * value:+.3f}" for value in found.misfit[:, 0]),
+                         " / ".join(f"{value:.3f}" for value in growth)))
+        seed += 1
+    return ["The same for the first seeds whose levels come near to both ends:", "",
+            *_table(("seed", "ε_r", "α₁", "left (rms) [mm]", "worst ellipse [mm]", "circle, 17.9 and 22.45 g [mm]",
+                     "growth with the mass"), rows)]
+
+
+def page(content: Any, seeds: list[str]) -> str:
+    """The page as Markdown, with what other seeds give among the lost parameters."""
+    ranges, settling = content["table_2"], content["settling"]
+    columns = [(name, f"{1e3 * mass:g}") for mass in MASSES for name in NAMES]
+    lines = [
+        "# The paper's lumped model, computed again", "",
+        "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 and an HTML page. "
+        "Figure 4 and α from the fields: `make study`.", "",
+        "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
+        "## Table 2: ranges of motion", "",
+        *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]", "at rest, 0 to 7 kV [mm]",
+                 "all samples [mm]", "paper [%]", "ends of levels [%]", "at rest [%]"),
+                ((one["specimen"], f"{one['mass_g']:g}", f"{one['paper_mm']:.2f}", f"{one['at_levels_mm']:.3f}",
+                  f"{one['at_rest_mm']:.3f}", f"{one['all_samples_mm']:.3f}", f"{one['paper_percent']:.0f}",
+                  f"{one['at_levels_percent']:.1f}", f"{one['at_rest_percent']:.1f}") for one in ranges["rows"])), "",
+        *(f"* {words}" for words in ranges["why"]), "",
+        f"![{CAPTIONS['fig14']}]({_FIGURES['fig14']})", "",
+        "## Settling times of the oscillation [s]", "",
+        *_table(("within", *(f"{name}, {mass} g" for name, mass in columns), "off by (rms)"),
+                [("paper", *(f"{value:.2f}" for value in SETTLING.ravel()), ""),
+                 *((one["criterion"].replace("um", "µm"),
+                    *(f"{one[f'{name}_{mass}g_s']:.2f}" for name, mass in columns), f"{one['rms_s']:.2f}")
+                   for one in settling["rows"])]), "",
+        "The last three rows are the best of their kind.", "", *(f"* {words}" for words in settling["why"]), "",
+        "## Hysteresis", "",
+        *_table(("actuator", "u₀ [kV]", "u₁ [kV]", "range [µm]", "widest gap over range [%]"),
+                ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}", f"{one['range_um']:.1f}",
+                  f"{one['gap_percent']:.1f}") for one in content["hysteresis"]["rows"])), "",
+        *content["hysteresis"]["why"], "",
+        "## What is wrong or missing in the paper", ""]
+    for number, one in enumerate(content["findings"], 1):
+        lines += [f"### {number}. {one['title']}", ""]
+        for words in one["words"]:
+            lines += [words, ""]
+        if one["key"] == "lost":
+            lines += [f"![{CAPTIONS['misfit']}]({_FIGURES['misfit']})", "", *seeds, ""]
+        lines += [*_table(("number", "value"), ((item["what"], shown(item)) for item in one["numbers"])), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    return [" | ".join(("", *head, "")).strip(), "|---|" + "---:|" * (len(head) - 1),
+            *(" | ".join(("", *row, "")).strip() for row in rows)]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,287 @@
+"""The lumped model of a specimen from its field model alone: circles, α, two factors, capacitance; how near it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.controls import capacitance_of
+from fem.paths import voltage_path
+from fem.rig import Rig, checked_load
+from fem.state import State
+from geometry.errors import InputError
+from geometry.specimen import Specimen
+from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
+from studies.alpha.samples import Samples, equilibria
+from studies.cases import Case, Settings, build_model, why
+from studies.cone import ConeCircle
+from studies.lumped.membrane import LumpedModel
+from studies.lumped.model import Actuator, Correction, Viscous
+from studies.lumped.statics import curve, pull_in, rest
+from studies.lumped.stored import write_model
+from studies.store import write_csv, write_json
+from studies.vibration import modes
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+#: The kinematics compared, and what each took from the field model.
+KINEMATICS = {"cone": "the paper's cones with the α best for them",
+              "scaled": "cones times one factor, α best for these",
+              "membrane": "membrane circles with α",
+              "corrected": "membrane circles with α and two factors"}
+
+#: Error of deflection or capacitance, relative, above which a model is said not to stand for its specimen.
+NEAR = 0.01
+
+
+@dataclass(frozen=True)
+class BuildSettings:
+    """Masses [kg] and voltages [V] the model is for, and its circles, as in :class:`~studies.alpha.AlphaSettings`.
+
+    It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all other loads it is
+    tested. ``viscous`` is taken over as it is: a field model at rest says nothing about it.
+    """
+
+    masses: tuple[float, ...] = (17.9e-3, 22.45e-3)
+    voltages: tuple[float, ...] = tuple(500.0 * step for step in range(11))
+    circles: int = 2
+    radii: str = "semi_axes"
+    viscous: Viscous = field(default_factory=Viscous)
+
+    def __post_init__(self) -> None:
+        """Refuse loads that are none."""
+        if not self.masses or not self.voltages:
+            raise InputError("there must be a mass and a voltage", key="masses, voltages")
+        for mass in self.masses:
+            for voltage in self.voltages:
+                checked_load(mass, voltage)
+        for name, values in (("masses", self.masses), ("voltages", self.voltages)):
+            if len(set(values)) < len(values):
+                raise InputError("must differ from each other", key=name, given=values)
+        if tuple(sorted(self.voltages)) != self.voltages:
+            raise InputError("must ascend", key="voltages", given=self.voltages)
+
+    @cached_property
+    def fit(self) -> LoadGrid:
+        """The loads it is fitted on."""
+        u = self.voltages
+        return LoadGrid(self.masses[:1], tuple(sorted({u[0], u[len(u) // 2], u[-1]})))
+
+    @property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which loads these are, shape (masses, voltages)."""
+        return np.outer(np.isin(self.masses, self.fit.masses), np.isin(self.voltages, self.fit.voltages))
+
+
+@dataclass(frozen=True, eq=False)
+class Statics:
+    """Deflections [m] and capacitances [F] at rest, shape (masses, voltages)."""
+
+    deflection: Array
+    capacitance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A model, the field model it is built from, and the cones beside it.
+
+    ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest voltage under the
+    first mass [Hz]: of the model, and of the field model, nan where that has none.
+    """
+
+    settings: BuildSettings
+    rig: Rig
+    model: LumpedModel
+    alpha: AlphaResult
+    field: Statics
+    frequencies: dict[str, tuple[float, float]]
+
+    def actuator(self, kinematics: str, mass: float) -> Actuator:
+        """The specimen in one of :data:`KINEMATICS` under a mass [kg]."""
+        viscous, scale = self.settings.viscous, self.alpha.cone_scale
+        cones = tuple(ConeCircle(self.model.specimen, radius) for radius in self.model.radii)
+        if kinematics == "cone":
+            return Actuator(cones, self.alpha.by_basis["cone"].alpha, mass, viscous, self.rig)
+        if kinematics == "scaled":
+            weights = self.alpha.by_basis["cone_scaled"].alpha
+            return Actuator(cones, weights, mass, viscous, self.rig, Correction(scale, scale))
+        corrected = kinematics == "corrected"
+        return (self.model if corrected else replace(self.model, correction=Correction())).actuator(mass, self.rig)
+
+    @cached_property
+    def statics(self) -> dict[str, Statics]:
+        """Of each kinematics; nan where it has pulled in."""
+        found = {}
+        for name in KINEMATICS:
+            actuators = [self.actuator(name, mass) for mass in self.settings.masses]
+            y = np.array([curve(actuator, np.array(self.settings.voltages)) for actuator in actuators])
+            c = [[actuator.capacitance(at) for at in row] for actuator, row in zip(actuators, y, strict=True)]
+            found[name] = Statics(y, np.array(c))
+        return found
+
+    def errors(self, kinematics: str) -> Array:
+        """Deflection over the field model's, minus 1, shape (masses, voltages)."""
+        return np.asarray(self.statics[kinematics].deflection / self.field.deflection - 1)
+
+    def worst(self, kinematics: str, *, held_out: bool) -> float | None:
+        """Largest error in deflection at loads it was fitted on, or not; None where there is none, or it pulls in."""
+        return _largest(self.errors(kinematics)[self.settings.fitted != held_out])
+
+    def stroke_error(self, kinematics: str) -> float | None:
+        """Largest error of the deflection from the lowest to the highest voltage, relative; None where it pulls in."""
+        strokes = [one.deflection[:, -1] - one.deflection[:, 0] for one in (self.statics[kinematics], self.field)]
+        return _largest(strokes[0] / strokes[1] - 1)
+
+    def capacitance_error(self, kinematics: str) -> float | None:
+        """Largest error of the capacitance, relative; None where it pulls in."""
+        return _largest(self.statics[kinematics].capacitance / self.field.capacitance - 1)
+
+    def _pull_in(self, kinematics: str, mass: float) -> float | None:
+        found = pull_in(self.actuator(kinematics, mass))
+        return None if found is None else found[0]
+
+    @property
+    def membrane_factors(self) -> tuple[float, ...]:
+        """By how much each circle's membrane is stiffer than its cone."""
+        return tuple(circle.membrane_factor for circle in self.model.circles)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know."""
+        found, errors = [], np.abs(self.errors("corrected"))
+        if np.isnan(errors).any():
+            found.append("the lumped model pulls in at a load at which the field model does not")
+        elif errors.max() > NEAR:
+            found.append(f"the deflection is up to {errors.max():.1%} off: other circles (--circles, --radii) may do")
+        spread = self.capacitance_error("corrected")
+        if spread is not None and spread > NEAR:
+            found.append(f"the capacitance is up to {spread:.1%} off: covered film also moves in its plane, which the "
+                         "model does not know")
+        if self.model.specimen.membrane.density:
+            found.append("the lumped model has no film mass: its frequencies are those of plate and weight alone")
+        return found
+
+    def json(self) -> dict[str, Any]:
+        """The object of ``lumped build --json`` for one specimen."""
+        model, names = self.model, ("fitted", "held_out")
+        circles = zip(model.radii, model.weights, self.membrane_factors, strict=True)
+        return {
+            "specimen": model.specimen.name,
+            "circles": [{"radius_m": radius, "alpha": weight, "membrane_factor": factor}
+                        for radius, weight, factor in circles],
+            "radii": self.alpha.radii,
+            "stiffness": model.correction.stiffness,
+            "permittivity": model.correction.permittivity,
+            "flat_capacitance_F": model.flat_capacitance,
+            "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha), "scale": self.alpha.cone_scale,
+                     "scaled_alpha": list(self.alpha.by_basis["cone_scaled"].alpha)},
+            "deflection_error": {kind: {name: self.worst(kind, held_out=name == "held_out") for name in names}
+                                 for kind in KINEMATICS},
+            "stroke_error": {kind: self.stroke_error(kind) for kind in KINEMATICS},
+            "capacitance_error": {kind: self.capacitance_error(kind) for kind in KINEMATICS},
+            "pull_in_film_voltage_V": {kind: [self._pull_in(kind, mass) for mass in self.settings.masses]
+                                       for kind in ("cone", "corrected")},
+            "frequency_Hz": {name: [one if np.isfinite(one) else None for one in pair]
+                             for name, pair in self.frequencies.items()},
+            "warnings": self.warnings,
+        }
+
+
+def _largest(errors: Array) -> float | None:
+    """The largest magnitude, None if there is none or not everywhere."""
+    return float(np.abs(errors).max()) if errors.size and np.isfinite(errors).all() else None
+
+
+def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildSettings(), rig: Rig = Rig(),
+          progress: Progress = lambda _: None) -> Built:
+    """A specimen's lumped model from its field model alone.
+
+    The circles and α are those of :func:`studies.alpha.alpha` on membrane circles. Against the forces of the fit's
+    loads two factors are found, one on the film's and one on the voltage's energy: least squares of relative force.
+
+    Raises
+    ------
+    InputError
+        When the field model has no equilibrium at one of the loads, naming the load and why, or the rig has what the
+        lumped model does not.
+    """
+    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the lumped model does not have
+    progress(f"{specimen.name}: field model")
+    found = _statics(specimen, settings, chosen, rig)
+    weights = alpha(specimen, settings, AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
+                    progress)
+    model = build_model(specimen, settings, rig.loading)
+    plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha, Correction(),
+                        capacitance_of(model, State.mounted(model)), rig.film_voltage(chosen.voltages[-1]),
+                        chosen.viscous)
+    samples = equilibria(model, chosen.fit, rig, settings, 1, [])
+    lumped = replace(plain, correction=_correction(plain, samples))
+    ends = (chosen.voltages[0], chosen.voltages[-1])
+    progress(f"{specimen.name}: vibrations")
+    pairs = [_frequencies(lumped.actuator(chosen.masses[0], rig), u, settings) for u in ends]
+    return Built(chosen, rig, lumped, weights, found,
+                 {"lumped": (pairs[0][0], pairs[1][0]), "field": (pairs[0][1], pairs[1][1])})
+
+
+def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig: Rig) -> Statics:
+    model = build_model(specimen, settings, rig.loading)
+    deflection, capacitance = (np.empty((len(chosen.masses), len(chosen.voltages))) for _ in range(2))
+    seen = [rig.film_voltage(voltage) for voltage in chosen.voltages]
+    for row, mass in enumerate(chosen.masses):
+        outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path)
+        for column, outcome in enumerate(outcomes):
+            if outcome.status != "equilibrium":
+                missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
+                raise InputError(f"the field model {missing}: {why(outcome)}",
+                                 key=f"{specimen.name}, {1e3 * mass:g} g",
+                                 given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
+            deflection[row, column] = outcome.state.plate.heave
+            capacitance[row, column] = capacitance_of(model, outcome.state)
+        if deflection[row].min() <= 1e-6 * model.size:
+            raise InputError("the plate must sink: the mass is too small to tell a force", key=specimen.name,
+                             given=f"{1e3 * mass:g} g")
+    return Statics(deflection, capacitance)
+
+
+def _correction(model: LumpedModel, samples: Samples) -> Correction:
+    """The factors nearest to 1 that give the samples' forces; without a voltage none on the voltage."""
+    moved = Actuator(model.circles, model.weights, 1.0)
+    film, drawn = moved.elastic(samples.deflection)[1], samples.voltage**2 * moved.electric(samples.deflection)[1]
+    columns = (np.array([film, drawn]) / samples.force).T
+    shift = np.linalg.lstsq(columns, 1 - columns.sum(axis=1), rcond=1e-9)[0]
+    return Correction(float(1 + shift[0]), float(1 + shift[1]))
+
+
+def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tuple[float, float]:
+    """Undamped frequency along the load [Hz] of the model and of the field model."""
+    still = rest(actuator, voltage).deflection
+    lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
+    result, _ = modes(Case(actuator.specimen, actuator.mass, voltage, actuator.rig), settings)
+    along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5 and mode.frequency_Hz is not None]
+    return lumped, min((mode.frequency_Hz or np.nan for mode in along), default=np.nan)
+
+
+def write_built(found: Sequence[Built], result: dict[str, Any], folder: Path) -> None:
+    """folder/build.json, folder/statics.csv and a model file for each specimen, ``NAME.lumped.toml``."""
+    write_json(folder / "build.json", result)
+    header = ("specimen", "mass_g", "voltage_kV", "fitted", "field_mm", *(f"{kind}_mm" for kind in KINEMATICS),
+              "field_pF", "corrected_pF")
+    write_csv(folder / "statics.csv", header, (row for one in found for row in _rows(one)))
+    for one in found:
+        write_model(folder / f"{one.model.specimen.name}.lumped.toml", one.model)
+
+
+def _rows(built: Built) -> Iterator[tuple[object, ...]]:
+    chosen = built.settings
+    for place in np.ndindex(built.field.deflection.shape):
+        deflections = [built.field, *(built.statics[kind] for kind in KINEMATICS)]
+        yield (built.model.specimen.name, 1e3 * chosen.masses[place[0]], 1e-3 * chosen.voltages[place[1]],
+               int(chosen.fitted[place]), *(1e3 * float(one.deflection[place]) for one in deflections),
+               *(1e12 * float(one.capacitance[place]) for one in (built.field, built.statics["corrected"])))
