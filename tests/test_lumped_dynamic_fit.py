@@ -209,6 +209,17 @@ def test_voltage_behind_samples(time: list, voltage: list, expected: tuple[list,
     assert (found.time.tolist(), found.voltage.tolist()) == expected
 
 
+def test_a_noisy_record_of_a_step_is_the_step() -> None:
+    rng = np.random.default_rng(1)
+    time = np.linspace(0.0, 1.0, 1001)
+    clean = np.where(time >= 0.2, 3.5e3, 0.0)
+    found = drive_of(time, clean + rng.normal(0, 5.0, len(time)))
+    assert found.time == pytest.approx([0.0, 0.2, 0.2, 1.0])
+    assert found.voltage == pytest.approx([0.0, 0.0, 3.5e3, 3.5e3], abs=1.5)
+    slope = drive_of(time, 3.5e3 * time)
+    assert slope.voltage.tolist() == [0.0, 3.5e3]
+
+
 def test_a_run_that_begins_between_two_rests_is_refused() -> None:
     made = problem(0)
     one = made.records[0]

@@ -14,6 +14,7 @@ from studies.lumped.signals import Pieces
 Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
 _FLAT = 1e-9  # of the largest change: what is no change
+_LEVEL = 0.01  # of the whole range: what moves less between two jumps is noise of a recorded voltage
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,8 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
     """The voltage behind samples of it: straight lines between them, and jumps.
 
     A change between two samples is a jump, at the later one, where the voltage changes by less than a tenth of it
-    between the samples before and between those after; so a lone step is one, and ramps and sines have none.
+    between the samples before and between those after; so a lone step is one, and ramps and sines have none. Between
+    jumps a voltage that stays within 1 % of its whole range is level, at its mean.
 
     Examples
     --------
@@ -73,8 +75,12 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
     size = np.abs(change)
     beside = np.maximum(np.append(0.0, size[:-1]), np.append(size[1:], 0.0))
     jump = (size > _FLAT * max(float(size.max(initial=0.0)), 1.0)) & (beside < _ALONE * size)
-    points, volts = np.insert(time, np.flatnonzero(jump) + 1, time[1:][jump]), \
-        np.insert(voltage, np.flatnonzero(jump) + 1, voltage[:-1][jump])
+    after = np.flatnonzero(jump) + 1
+    level = voltage.copy()
+    for part in np.split(np.arange(len(time)), after):
+        if np.ptp(voltage[part]) <= _LEVEL * np.ptp(voltage):
+            level[part] = voltage[part].mean()
+    points, volts = np.insert(time, after, time[after]), np.insert(level, after, level[after - 1])
     keep = np.ones(len(points), bool)
     width = np.diff(points)
     with np.errstate(divide="ignore", invalid="ignore"):
