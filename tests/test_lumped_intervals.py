@@ -74,6 +74,25 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
     assert ratios[1][1] < 0.97
 
 
+def test_limits_of_a_constant_among_others_nobody_sees() -> None:
+    """One mass up to 4 kV: five of nine directions are unseen, and no fit behind a profile gets lost along them."""
+    base = clean()
+    for seed in range(6):
+        read = base.displacement + 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
+        kept = (base.mass < 0.02) & (base.voltage < 4.1e3)
+        few = replace(base, which=base.which[kept], mass=base.mass[kept], voltage=base.voltage[kept],
+                      displacement=read[kept])
+        found = identify_static(StaticProblem(few, alpha="shared")).judgement
+        assert found.determined == 3
+        assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma") for i in (1, 2, 3)]
+        for one, truth, least in zip(found.constants[-2:], (8.5, 0.45), (0.1, 0.002), strict=True):
+            assert one.low is not None
+            assert one.high is not None
+            width = one.high - one.low
+            assert one.low - 0.5 * width < truth < one.high + 0.5 * width
+            assert least < width < 10 * least
+
+
 def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as its sum."""
     names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]

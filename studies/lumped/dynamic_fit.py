@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
              Constant("eta_1", "Pa s", known("eta_1"), 1.0, 1e1, 1e14),
              Constant("eta_2", "Pa s", known("eta_2"), 1.0, 1e0, 1e9))
+_STILL = 1e-6  # of a logarithm that does not move
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
 _UNNOTICED = 100.0  # scales: a combination determined no better moves no response
 _DELAY, _FURTHEST = 0.5, 1.5  # standard deviation and bound of a run's delay, in its sampling interval
@@ -76,8 +77,8 @@ class Exact:
 class Held:
     """Constants found from readings at rest, held as firmly as those determine them.
 
-    A turn of 1 moves them by one standard deviation along a combination, at most by ten of their scales: 30,000 readings
-    in time may see what 48 at rest do not.
+    A turn of 1 moves them by one standard deviation along a combination, at most by ten of their scales: many readings
+    in time may see what few at rest do not.
     """
 
     fit: StaticFit
@@ -112,13 +113,15 @@ class DynamicProblem:
     """Responses and what their motions depend on: z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs).
 
     A run's delay, in its sampling intervals, is how long before the sample that first shows it a voltage came: no
-    record says. Turns and delays are unknown with a standard deviation of 1 and a half.
+    record says. Turns and delays are unknown with a standard deviation of 1 and a half. Where no reading follows the
+    oscillation, η₂ is not ``followed`` and stays where it begins.
     """
 
     statics: Statics
     rig: Rig
     records: tuple[Record, ...]
     noise: float | None = None
+    followed: bool = True
 
     @property
     def size(self) -> int:
@@ -134,8 +137,10 @@ class DynamicProblem:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper ends of z."""
         room = np.append(np.full(self.statics.count, 8.0), np.full(len(self.records), _FURTHEST))
-        return (np.append(np.log([one.low for one in CONSTANTS]), -room),
-                np.append(np.log([one.high for one in CONSTANTS]), room))
+        low, high = (np.log([getattr(one, side) for one in CONSTANTS]) for side in ("low", "high"))
+        if not self.followed:
+            low[2], high[2] = self.start[2] + _STILL * np.array([-1, 1])
+        return np.append(low, -room), np.append(high, room)
 
     def actuator(self, record: Record, z: Any) -> Actuator:
         """The actuator of a run."""
@@ -169,11 +174,11 @@ class DynamicProblem:
             return first
         actuator = self.actuator(record, self.start)
         rests = np.array([float(self.rig.reading(rest(actuator, volts).deflection)) for volts in (0.0, first)])
-        away = np.abs(record.displacement[0] - rests)
+        away = np.abs(record.first - rests)
         if away.min() > _BEGUN * abs(rests[1] - rests[0]):
             raise InputError("must begin at rest, at its first voltage or without any: record it from before the step",
                              key=f"transient.csv, {actuator.specimen.name}, run {record.run}",
-                             given=f"{1e3 * record.displacement[0]:.4f} mm, rests {1e3 * rests[1]:.4f} and "
+                             given=f"{1e3 * record.first:.4f} mm, rests {1e3 * rests[1]:.4f} and "
                                    f"{1e3 * rests[0]:.4f} mm")
         return (0.0, first)[int(np.argmin(away))]
 
@@ -184,6 +189,14 @@ class DynamicProblem:
     @cached_property
     def _latest(self) -> dict[str, Any]:
         return {}
+
+    def pole(self, z: Array) -> complex:
+        """The fastest pole of all runs at their start [1/s]."""
+        poles: list[complex] = []
+        for record, began in zip(self.records, self.began, strict=True):
+            actuator = self.actuator(record, z)
+            poles.extend(np.linalg.eigvals(actuator.jacobian(actuator.rest(float(record.first)), began)))
+        return complex(max(poles, key=abs))
 
     def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
         """Of every run what the model shows minus what was read [m], and its derivative by z; the last is kept."""

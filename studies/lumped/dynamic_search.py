@@ -29,7 +29,8 @@ class DynamicFit:
     """The viscous constants, what the data determine of them, the misfit, and what the search cost.
 
     ``z`` are all numbers found, as :class:`DynamicProblem` has them; ``fast`` is the time in which the fastest motion
-    at rest goes through a radian [s], and ``resolved`` whether any run is sampled often enough to see it.
+    at rest goes through a radian [s]; ``waited`` how long after a jump of the voltage readings were left out [s],
+    because they come too seldom to follow it.
     """
 
     problem: DynamicProblem
@@ -40,7 +41,7 @@ class DynamicFit:
     evaluations: int
     seconds: float
     fast: float
-    resolved: bool
+    waited: float
 
     @property
     def viscous(self) -> Viscous:
@@ -75,11 +76,11 @@ class DynamicFit:
         if isinstance(self.problem.statics, Exact):
             equal = ", equal weights" if self.problem.statics.weights is None else ", the weights"
             found.append(f"there is no static.csv: the films' own material{equal} and permittivity are taken as exact")
-        if not self.resolved:
+        if self.waited:
             often = min(record.interval for record in self.problem.records)
             found.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast oscillation, a radian of "
-                         f"which takes {1e3 * self.fast:.3g} ms: k_1, which sets its pace, and eta_2, which damps it, "
-                         "are not determined")
+                         f"which takes {1e3 * self.fast:.3g} ms: those within {self.waited:.2g} s after a jump of the "
+                         "voltage were left out, and eta_2, which damps it, is not determined")
         return found
 
 
@@ -95,12 +96,13 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         When there are no more readings than numbers to find, or a run does not begin at rest.
     """
     began, calls, z = time.perf_counter(), 0, problem.start
+    problem, waited = _calm(problem)
     if problem.size <= len(z):
         raise InputError(f"needs more readings than the {len(z)} numbers to find", key="transient.csv",
                          given=problem.size)
     sigma = problem.noise or 1e-6
     loose = np.eye(len(z))[:3] / _LOOSE
-    for length in _lengths(problem):
+    for length in [] if waited else _lengths(problem):
         z, more = minimise(problem.until(length).misfit(sigma).with_rows(loose, problem.start), z, None, 1e-2)
         calls += more
     for _ in range(4):
@@ -116,36 +118,29 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
             break
     judgement = judge(problem.misfit(sigma), z, CONSTANTS, noise.quantile, lambda _, log: float(np.exp(log)),
                       profiles)
-    fast = _fast(problem, z)
-    resolved = any(record.interval < np.pi * fast for record in problem.records)
-    if not resolved:  # the readings may be out of step with the model by whole periods: another minimum
-        judgement = _without(_without(judgement, "k_1"), "eta_2")
     return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
-                      time.perf_counter() - began, fast, resolved)
+                      time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
 
 
 def _lengths(problem: DynamicProblem) -> list[float]:
     """How much of the responses to look at first [s]."""
     whole = max(float(record.time[-1]) - record.begins for record in problem.records)
-    period = 2 * np.pi * _fast(problem, problem.start)
+    period = 2 * np.pi / abs(problem.pole(problem.start))
     return [count * period for count in _PERIODS if count * period < whole / 2]
 
 
-def _fast(problem: DynamicProblem, z: Array) -> float:
-    """The shortest time of all runs in which their fastest motion about their start goes through a radian [s]."""
-    poles = []
-    for record, began in zip(problem.records, problem.began, strict=True):
-        actuator = problem.actuator(record, z)
-        state = actuator.rest(float(np.median(record.displacement)))
-        poles.append(np.abs(np.linalg.eigvals(actuator.jacobian(state, began))).max())
-    return float(1 / max(poles))
+def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
+    """Without readings of an oscillation that no run is sampled often enough to follow, and how long it lasts [s].
 
-
-def _without(judgement: Judgement, name: str) -> Judgement:
-    """The same with a constant called not determined, whatever its limits."""
-    return replace(judgement, constants=tuple(
-        replace(one, low=None, high=None, linear_low=None, linear_high=None) if one.name == name else one
-        for one in judgement.constants))
+    Out of step with it by whole periods a fit has other minima. It is given twice the time in which it falls from the
+    whole range to the noise.
+    """
+    pole = problem.pole(problem.start)
+    if any(record.interval < np.pi / abs(pole) for record in problem.records):
+        return problem, 0.0
+    span = max(float(np.ptp(record.displacement)) for record in problem.records)
+    wait = 2 * float(np.log(max(span / (problem.noise or 1e-6), np.e)) / abs(pole.real))
+    return replace(problem, records=tuple(record.calm(wait) for record in problem.records), followed=False), wait
 
 
 def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, Any]:

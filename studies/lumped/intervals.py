@@ -156,7 +156,8 @@ def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: flo
     singular, right = seen(misfit, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
-    covariance = (right.T * np.minimum(1 / np.maximum(singular, 1e-300), CREDIBLE) ** 2) @ right
+    deviations = 1 / np.maximum(singular, 1e-14 * singular[0])
+    covariance, wide = ((right.T * width**2) @ right for width in (np.minimum(deviations, CREDIBLE), deviations))
     spread = np.sqrt(np.diag(covariance))
     credible = misfit.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
     free = settled(credible, best) if profiles else best
@@ -176,7 +177,8 @@ def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: flo
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
-    return Judgement(tuple(found), combinations, covariance / np.outer(spread, spread), tuple(drawn), quantile,
+    lengths = np.sqrt(np.diag(wide))
+    return Judgement(tuple(found), combinations, wide / np.outer(lengths, lengths), tuple(drawn), quantile,
                      values_of)
 
 

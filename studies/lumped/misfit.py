@@ -83,6 +83,8 @@ _MOST = 12
 
 #: How much χ² may still fall where a profile's fit stops: 0.1 % of the 3.84 that make a 95 % limit.
 _EXACT = 4e-3
+#: What the other constants could still take from χ², by their derivatives, that is taken without fitting them again.
+_LITTLE = 0.04
 
 
 def settled(misfit: Misfit, best: Array) -> Array:
@@ -140,7 +142,8 @@ class _Walk:
         for _ in range(_MOST):
             at = sign * min(sign * at, sign * end)
             last, rise = self._rise(last, at)
-            self.seen.append((at, float(sign * rise)))
+            if np.isfinite(rise):
+                self.seen.append((at, float(sign * rise)))
             if abs(rise - self.quantile) < _MET * self.quantile:
                 return at
             if rise > self.quantile:
@@ -150,28 +153,29 @@ class _Walk:
             else:
                 inside = (at, rise)
             at = self._next(inside, outside, (start, 0.0), step)
-        return None if outside is None else outside[0]
+        return None if outside is None or not np.isfinite(outside[1]) else outside[0]
 
     def _next(self, inside: tuple[float, float], outside: tuple[float, float] | None, start: tuple[float, float],
               step: float) -> float:
         """A straight line through what is known, outward at most three times as far."""
         if outside is not None:
-            share = (self.quantile - inside[1]) / (outside[1] - inside[1])
-            return inside[0] + min(max(share, 0.05), 0.95) * (outside[0] - inside[0])
+            share = (self.quantile - inside[1]) / (outside[1] - inside[1])  # 0 where the model does not reach
+            return inside[0] + min(max(share, 0.1), 0.95) * (outside[0] - inside[0])
         far = inside[0] - start[0]
         grown = min(self.quantile / inside[1], 3.0) if inside[1] > 0 else 3.0
         return start[0] + far * max(grown, 1.02)
 
     def _rise(self, last: Array, at: float) -> tuple[Array, float]:
-        start = last + self.along * (at - last[self.index])
-        start[self.index] = at
-        held = np.arange(len(start)) == self.index
-        if held.all():
-            z = start
-            self.evaluations += 1
-        else:
-            z, calls = minimise(self.misfit, np.clip(start, self.misfit.low, self.misfit.high), held,
-                                _EXACT / max(self.least, 1.0))
+        z = np.clip(last + self.along * (at - last[self.index]), self.misfit.low, self.misfit.high)
+        z[self.index] = at
+        residual, slopes = self.misfit.both(z)
+        self.evaluations += 1
+        if not np.isfinite(residual).all():  # the model does not reach so far
+            return last, np.inf
+        held = np.arange(len(z)) == self.index
+        gain = float(np.linalg.norm(np.linalg.qr(slopes[:, ~held])[0].T @ residual)) ** 2
+        if gain > _LITTLE:
+            z, calls = minimise(self.misfit, z, held, _EXACT / max(self.least, 1.0))
             self.evaluations += calls
-        residual, _ = self.misfit.both(z)
-        return z, max(float(residual @ residual) - self.least, 0.0) ** 0.5
+            residual, gain = self.misfit.both(z)[0], 0.0
+        return z, max(float(residual @ residual) - gain - self.least, 0.0) ** 0.5

@@ -14,11 +14,15 @@ from studies.lumped.signals import Pieces
 Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
 _FLAT = 1e-9  # of the largest change: what is no change
+_LEVEL = 0.01  # of the whole range: what moves less between two jumps is noise of a recorded voltage
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage."""
+    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage.
+
+    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of them [m].
+    """
 
     specimen: int
     mass: float
@@ -26,11 +30,8 @@ class Record:
     time: Array
     displacement: Array
     drive: Pieces
-
-    @property
-    def interval(self) -> float:
-        """Between two readings [s], as it is most often."""
-        return float(np.median(np.diff(self.time)))
+    interval: float
+    first: float
 
     @property
     def begins(self) -> float:
@@ -38,6 +39,14 @@ class Record:
         points, volts = self.drive.time, self.drive.voltage
         changed = np.flatnonzero(volts != volts[0])
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
+
+    def calm(self, wait: float) -> Record:
+        """What was not read within so long after a jump of the voltage [s]."""
+        points, volts = self.drive.time, self.drive.voltage
+        jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
+        since = self.time[:, None] - jumps
+        kept = ~((since >= 0) & (since < wait)).any(axis=1)
+        return replace(self, time=self.time[kept], displacement=self.displacement[kept])
 
     def until(self, time: float) -> Record:
         """What was read up to a time [s]."""
@@ -53,7 +62,8 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
     """The voltage behind samples of it: straight lines between them, and jumps.
 
     A change between two samples is a jump, at the later one, where the voltage changes by less than a tenth of it
-    between the samples before and between those after; so a lone step is one, and ramps and sines have none.
+    between the samples before and between those after; so a lone step is one, and ramps and sines have none. Between
+    jumps a voltage that stays within 1 % of its whole range is level, at its mean.
 
     Examples
     --------
@@ -65,8 +75,12 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
     size = np.abs(change)
     beside = np.maximum(np.append(0.0, size[:-1]), np.append(size[1:], 0.0))
     jump = (size > _FLAT * max(float(size.max(initial=0.0)), 1.0)) & (beside < _ALONE * size)
-    points, volts = np.insert(time, np.flatnonzero(jump) + 1, time[1:][jump]), \
-        np.insert(voltage, np.flatnonzero(jump) + 1, voltage[:-1][jump])
+    after = np.flatnonzero(jump) + 1
+    level = voltage.copy()
+    for part in np.split(np.arange(len(time)), after):
+        if np.ptp(voltage[part]) <= _LEVEL * np.ptp(voltage):
+            level[part] = voltage[part].mean()
+    points, volts = np.insert(time, after, time[after]), np.insert(level, after, level[after - 1])
     keep = np.ones(len(points), bool)
     width = np.diff(points)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -101,6 +115,7 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
         if len(order) < 5:
             raise InputError("must have at least five readings", key=f"transient.csv, {names[number]}, run {run}",
                              given=len(order))
-        found.append(Record(number, mass, run, table.time[order], table.displacement[order],
-                            drive_of(table.time[order], table.voltage[order])))
+        time = table.time[order]
+        found.append(Record(number, mass, run, time, table.displacement[order], drive_of(time, table.voltage[order]),
+                            float(np.median(np.diff(time))), float(table.displacement[order[0]])))
     return tuple(found)

@@ -1,0 +1,128 @@
+"""What readings determine of the lumped model's constants, and what finding them costs; printed for docs/lumped.md.
+
+    python -m benchmarks.identification
+
+The paper's actuators with Table 1's constants, ε_r 8.5 and α 0.5; read at rest under both masses at 15 voltages to
+7 kV, and after a step to 3.5 kV for 30 s at 1 kHz, with noise of 1 µm. Searches for ε_r, k₁, η₁, η₂ begin elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.rig import Rig
+from geometry.specimen import Specimen
+from studies.lumped.collocation import Follower
+from studies.lumped.dynamic_fit import DynamicProblem, Exact, Held
+from studies.lumped.dynamic_search import identify_dynamic, nelder_mead_dynamic
+from studies.lumped.intervals import Judgement
+from studies.lumped.model import Actuator, Viscous
+from studies.lumped.records import Record, drive_of
+from studies.lumped.signals import step
+from studies.lumped.static_fit import Readings, StaticProblem
+from studies.lumped.static_search import identify_static, nelder_mead
+from studies.lumped.statics import rest
+from studies.lumped.table1 import paper_actuators
+
+Array = NDArray[np.float64]
+NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 15), (0.5, 0.5)
+VISCOUS = Viscous(15e6, 100e6, 100e3)
+
+
+def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> Readings:
+    """At rest, with noise; ε_r of the search's start is 6."""
+    rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)).deflection)
+            for number, one in enumerate(specimens) for mass in masses for volts in voltages]
+    which, mass, volts, y = np.array(rows).T
+    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0)) for one in specimens)
+    noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
+    return Readings(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
+
+
+def record(specimens: Sequence[Specimen], number: int, mass: float, end: float, interval: float) -> Record:
+    """A step half a second after the start, which came a third of an interval before the sample that shows it first."""
+    actuator = Actuator.of(specimens[number], mass, ALPHA, VISCOUS)
+    time = np.arange(0.0, end + interval / 2, interval)
+    seen = float(time[np.searchsorted(time, 0.5 - 1e-9)])
+    signal = step(0.0, 3.5e3, seen - interval / 3, end)
+    follower = Follower(lambda _: actuator, lambda *_: np.zeros(0), signal, 0.0)
+    noise = NOISE * np.random.default_rng([number, round(1e6 * mass)]).standard_normal(len(time))
+    read = follower.solve(np.zeros(0), derivatives=False).deflection(time)[0] + noise
+    return Record(number, mass, "1", time, read, drive_of(time, np.where(time >= seen - 1e-9, 3.5e3, 0.0)), interval,
+                  float(read[0]))
+
+
+def show(words: str, judgement: Judgement) -> None:
+    """One line: every constant with its limits, in per cent of its value."""
+    found = [f"{one.name} " + ("-" if one.low is None or one.high is None else
+                               f"{100 * (one.low / one.value - 1):+.2f}/{100 * (one.high / one.value - 1):+.2f} %")
+             for one in judgement.constants if one.name[:4] not in ("beta", "gamm")]
+    print(f"{words:<42} {', '.join(found)}; {judgement.determined} of {len(judgement.constants)}")
+
+
+def statics(specimens: Sequence[Specimen]) -> Held:
+    """Readings at rest: what of the constants they determine, by how much is read."""
+    print("at rest")
+    fits = {}
+    for words, masses, voltages in (("both masses, to 7 kV", MASSES, VOLTAGES),
+                                    ("17.9 g, to 3.5 kV", MASSES[:1], VOLTAGES[:8])):
+        fit = fits[words] = identify_static(StaticProblem(readings(specimens, masses, voltages)))
+        y = fit.problem.read
+        show(f"{words}, λ 1{1e3 * (np.hypot(1, y.min() / 35e-3) - 1):+.1f} to "
+             f"{1e3 * (np.hypot(1, y.max() / 35e-3) - 1):+.1f} ‰", fit.judgement)
+        print("   half 95 % widths of the combinations:",
+              " ".join(f"{1.96 * one.deviation:.2g}" for one in fit.judgement.combinations))
+    fit = fits["both masses, to 7 kV"]
+    print("   correlations among β, γ at least", f"{np.abs(fit.judgement.correlations[:6, :6]).min():.3f}")
+    for number in (0, 4):
+        print("   combination", {one.name: round(weight, 2) for one, weight in
+                                 zip(fit.judgement.constants, fit.judgement.combinations[number].coefficients,
+                                     strict=True)})
+    other = nelder_mead(fit.problem)
+    bare = identify_static(fit.problem, profiles=False)
+    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.2f} s, misfit {1e6 * bare.rmse:.3f} µm; "
+          f"Nelder-Mead {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.3f} µm")
+    return Held(fit)
+
+
+def responses(specimens: Sequence[Specimen], held: Held) -> None:
+    """Responses: what of the viscous constants they determine, by how long and how often they are read."""
+    print("after a step")
+    exact = Exact(specimens, Rig(), ALPHA)
+
+    def problem(end: float, interval: float, known: Held | Exact) -> DynamicProblem:
+        return DynamicProblem(known, Rig(), tuple(record(specimens, number, mass, end, interval)
+                                                  for number in range(3) for mass in MASSES), NOISE)
+
+    whole = problem(30.0, 1e-3, held)
+    fit = identify_dynamic(whole)
+    show("six of 30 s at 1 kHz, statics fitted", fit.judgement)
+    print(f"   with profiles {fit.seconds:.1f} s, "
+          f"{sum(one.evaluations for one in fit.judgement.profiles if one is not None)} evaluations for them")
+    bare = identify_dynamic(replace(whole), profiles=False)
+    other = nelder_mead_dynamic(replace(whole))
+    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.1f} s, misfit {1e6 * bare.rmse:.4f} µm; "
+          f"Nelder-Mead, statics held, {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.4f} µm")
+    print("   off the truth:", *(f"{name} {100 * (found / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
+                                 for name, found, simple, true in
+                                 zip(other["values"], vars(bare.viscous).values(), other["values"].values(),
+                                     vars(VISCOUS).values(), strict=True)))
+    for words, end, interval, known in (("the same, statics exact", 30.0, 1e-3, exact),
+                                        ("2 s at 1 kHz, statics exact", 2.5, 1e-3, exact),
+                                        ("50 ms at 1 kHz, statics exact", 0.55, 1e-3, exact),
+                                        ("30 s at 5 Hz, statics exact", 30.0, 0.2, exact)):
+        show(words, identify_dynamic(problem(end, interval, known)).judgement)
+
+
+def main() -> None:
+    """Print it all."""
+    specimens = paper_actuators(8.5)
+    responses(specimens, statics(specimens))
+
+
+if __name__ == "__main__":
+    main()
