@@ -30,7 +30,7 @@ def radii_of(frame: Outline) -> tuple[float, ...]:
     return (short, long) if long > short * (1 + _ALIKE) else (short,)
 
 
-def sloped_stretch(steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
     """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], and its two derivatives by y."""
     slope = steepness * deflection
     stretch = np.sqrt(1 + slope * slope)

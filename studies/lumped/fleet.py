@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from fem.density import maxwell
+from fem.density import Maxwell, maxwell
 from geometry.errors import InputError
+from studies.cone import ConeCircle, sloped_stretch
 from studies.lumped.dynamics import check
-from studies.lumped.model import Actuator
+from studies.lumped.model import Actuator, Correction
 from studies.lumped.signals import Signal
 from studies.lumped.statics import rest
 
@@ -24,7 +25,7 @@ _ROUNDS = 30
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """Actuators of one film, rig and viscosity that differ in circles, weights, mass and permittivity.
+    """Actuators of cones of one film, rig and viscosity that differ in radii, weights, mass and permittivity.
 
     A state is (y, ẏ, ε₁ of each circle), shape (2 + circles, actuators); who has fewer circles than the others has some
     of weight 0.
@@ -38,11 +39,12 @@ class Fleet:
         film = first.specimen.membrane
         for other in self.actuators:
             its = other.specimen.membrane
-            same = (its.material, its.prestretch, its.thickness, other.viscous, other.rig) == (
-                film.material, film.prestretch, film.thickness, first.viscous, first.rig)
-            if not same:
-                raise InputError("must have the same film, rig and viscosity to be simulated together", key="actuators",
-                                 given=f"{first.specimen.name}, {other.specimen.name}")
+            same = (its.material, its.prestretch, its.permittivity_exponent, other.viscous, other.rig) == (
+                film.material, film.prestretch, film.permittivity_exponent, first.viscous, first.rig)
+            cones = all(isinstance(circle, ConeCircle) for circle in other.circles)
+            if not (same and cones and other.correction == Correction()):
+                raise InputError("must be cones of the same film, rig and viscosity to be simulated together",
+                                 key="actuators", given=f"{first.specimen.name}, {other.specimen.name}")
 
     @cached_property
     def _count(self) -> int:
@@ -63,50 +65,53 @@ class Fleet:
                                           in zip(one.weights, one.circles, strict=True)], 0.0)
 
     @cached_property
-    def _constants(self) -> tuple[float, Any, Any, Array, Array]:
-        """Mean prestretch, the film's law, the voltage's per V², moved masses [kg] and weights [N]."""
+    def _laws(self) -> tuple[float, Any, Any]:
+        """Mean prestretch, the film's law and the voltage's per V²."""
         first = self.actuators[0].specimen
         unit = maxwell(first, 1.0)
         coefficients = np.array([maxwell(one.specimen, 1.0).coefficient for one in self.actuators])
-        return (float(np.sqrt(first.membrane.area_prestretch)), first.membrane.material,
-                type(unit)(coefficients, unit.power), np.array([one.moved for one in self.actuators]),
-                np.array([one.load for one in self.actuators]))
+        prestretch = float(np.sqrt(first.membrane.area_prestretch))
+        return prestretch, first.membrane.material, Maxwell(coefficients, unit.power)
+
+    @cached_property
+    def _masses(self) -> tuple[Array, Array]:
+        """Moved masses [kg] and weights [N]."""
+        return np.array([one.moved for one in self.actuators]), np.array([one.load for one in self.actuators])
 
     def rates(self, state: Array, voltage: float) -> Array:
         """Time derivative of a state: :meth:`Actuator.rates` of each."""
-        prestretch, law, unit, mass, load = self._constants
         rig, v = self.actuators[0].rig, self.actuators[0].viscous
         y, speed, strain = state[0], state[1], state[2:]
-        stretch, phi, _ = self._stretch(y)
-        radial = prestretch * stretch
-        squared = float(rig.film_voltage(voltage)) ** 2
-        pull = prestretch * (law.derivatives(radial, prestretch)[1] + squared * unit.derivatives(radial, prestretch)[1])
+        stretch, phi, _ = stretched = sloped_stretch(self._steepness, y)
         behind = stretch - 1 - strain
-        stress = pull + (v.k1 * behind + v.eta2 * phi * speed) / stretch
-        force = np.sum(self._volume * phi * stress, axis=0) + rig.spring * y
+        pull = self._film(stretched, voltage)[0] + phi / stretch * (v.k1 * behind + v.eta2 * phi * speed)
+        force = np.sum(self._volume * pull, axis=0) + rig.spring * y
+        mass, load = self._masses
         return np.vstack([speed, (load - force) / mass, v.k1 / v.eta1 * behind])
 
-    def _stretch(self, y: Array) -> tuple[Array, Array, Array]:
-        slope = self._steepness * y
-        stretch = np.sqrt(1 + slope * slope)
-        return stretch, self._steepness * slope / stretch, (self._steepness / stretch) ** 2 / stretch
+    def _film(self, stretched: tuple[Array, Array, Array], voltage: float) -> tuple[Array, Array]:
+        """What film and voltage pull with per volume, and its derivative by y, as :func:`studies.cone.sloped_film`.
+
+        Without the energy, which doubles the time of a simulation.
+        """
+        stretch, phi, bend = stretched
+        prestretch, law, unit = self._laws
+        squared = float(self.actuators[0].rig.film_voltage(voltage)) ** 2
+        film, volts = (one.derivatives(prestretch * stretch, prestretch) for one in (law, unit))
+        first, second = film[1] + squared * volts[1], film[3] + squared * volts[3]
+        return prestretch * first * phi, prestretch * (first * bend + prestretch * second * phi * phi)
 
     def follow(self, strain: Array, voltage: float, y: Array) -> Array:
         """Where forces balance without inertia and η₂ [m] while the branches are at ε₁; Newton from ``y``."""
-        prestretch, law, unit, _, load = self._constants
         rig, k1 = self.actuators[0].rig, self.actuators[0].viscous.k1
-        squared = float(rig.film_voltage(voltage)) ** 2
         for _ in range(_ROUNDS):
-            stretch, phi, bend = self._stretch(y)
-            radial = prestretch * stretch
-            held, drawn = law.derivatives(radial, prestretch), unit.derivatives(radial, prestretch)
-            first, second = held[1] + squared * drawn[1], held[3] + squared * drawn[3]
-            behind = stretch - 1 - strain
-            pull = prestretch * first + k1 * behind / stretch
-            slope = prestretch**2 * second + k1 * (1 + strain) / stretch**2
-            force = np.sum(self._volume * phi * pull, axis=0) + rig.spring * y
-            stiffness = np.sum(self._volume * (bend * pull + phi * phi * slope), axis=0) + rig.spring
-            move = (load - force) / stiffness
+            stretch, phi, bend = stretched = sloped_stretch(self._steepness, y)
+            pull, stiff = self._film(stretched, voltage)
+            behind = (stretch - 1 - strain) / stretch
+            force = np.sum(self._volume * (pull + k1 * phi * behind), axis=0) + rig.spring * y
+            change = bend * behind + (1 + strain) * (phi / stretch) ** 2
+            stiffness = np.sum(self._volume * (stiff + k1 * change), axis=0) + rig.spring
+            move = (self._masses[1] - force) / stiffness
             y = y + move
             if np.abs(move).max() < 1e-10:
                 break
@@ -129,7 +134,7 @@ class Fleet:
                 for share in (0.0, 0.5, 0.5, 1.0):
                     at = strain + share * width * slopes[-1] if slopes else strain
                     y = self.follow(at, voltage, y)
-                    slopes.append(rate * (self._stretch(y)[0] - 1 - at))
+                    slopes.append(rate * (sloped_stretch(self._steepness, y)[0] - 1 - at))
                 strain = strain + width / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
             y = self.follow(strain, voltage, y)
             found.append(y)
@@ -138,8 +143,7 @@ class Fleet:
     def rest(self, voltage: float) -> Array:
         """All at rest at a voltage [V]."""
         deflection = np.array([rest(actuator, voltage).deflection for actuator in self.actuators])
-        stretch = np.sqrt(1 + (self._steepness * deflection) ** 2)
-        return np.vstack([deflection, 0 * deflection, stretch - 1])
+        return np.vstack([deflection, 0 * deflection, sloped_stretch(self._steepness, deflection)[0] - 1])
 
     def simulate(self, signal: Signal, interval: float, tolerance: float = 1e-7) -> tuple[Array, Array]:
         """Times [s] with an interval and deflections [m], shape (times, actuators), from rest at the first voltage.

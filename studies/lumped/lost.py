@@ -40,7 +40,7 @@ class Ranges:
     def _circles(self) -> tuple[tuple[Any, ...], ...]:
         return tuple(Actuator.of(specimen, MASSES[0]).circles for specimen in paper_actuators(1.0))
 
-    def force(self, actuator: int, alpha: Any, y: Any, squared: float) -> tuple[Array, Array, Array, Array, Array]:
+    def force(self, actuator: int, alpha: Any, y: Any, squared: Any) -> tuple[Array, Array, Array, Array, Array]:
         """Force of the film without voltage and that of the voltage per ε_r [N], their stiffness [N/m], ∂force/∂α."""
         circles = self._circles[actuator]
         unit = maxwell(circles[0].specimen, squared)
@@ -53,14 +53,15 @@ class Ranges:
         slopes = np.array([parts[0][0] - parts[1][0], parts[0][2] - parts[1][2]])
         return mixed[0], mixed[1], mixed[2], mixed[3], slopes
 
-    def rest(self, actuator: int, mass: float, voltage: float, permittivity: Any, alpha: Any
+    def rest(self, actuator: int, mass: float, voltage: Any, permittivity: Any, alpha: Any
              ) -> tuple[Array, Array, Array]:
         """Deflection at rest [m] and its derivatives by ε_r and α₁; nan beyond pull-in. Arrays of one shape.
 
         Newton from the flat film: the balance of these cones is concave up to pull-in, so it climbs to the first rest
         without passing it.
         """
-        permittivity, alpha = np.broadcast_arrays(np.asarray(permittivity, float), np.asarray(alpha, float))
+        permittivity, alpha, voltage = np.broadcast_arrays(*(
+            np.asarray(one, float) for one in (permittivity, alpha, voltage)))
         load, y = float(Rig().force(mass + self.unaccounted)), np.zeros(permittivity.shape)
         with np.errstate(all="ignore"):
             for _ in range(_ROUNDS):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -80,9 +81,14 @@ class Pieces:
         """Voltage before it begins [V], to begin from rest at."""
         return float(self.voltage[0])
 
+    @cached_property
+    def _lefts(self) -> list[int]:
+        """The first point of each piece."""
+        return [int(left) for left in np.flatnonzero(np.diff(self.time) > 0)]
+
     def within(self, piece: int, time: Any) -> Any:
         """Voltage at times of one piece between two breaks, its ends included."""
-        left = int(np.flatnonzero(np.diff(self.time) > 0)[piece])
+        left = self._lefts[piece]
         share = (time - self.time[left]) / (self.time[left + 1] - self.time[left])
         return self.voltage[left] * (1 - share) + self.voltage[left + 1] * share
 
