@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_lumped_static_fit import clean
 
+from geometry.errors import InputError
 from reports.identified import draw_correlations, draw_profiles
 from studies.lumped.intervals import judge, noise_of
 from studies.lumped.misfit import Misfit, minimise, profile
@@ -105,6 +106,12 @@ def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     found = judge(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
     assert found.undetermined == ["a", "b"]
     assert found.determined == 1
+
+
+def test_a_search_that_cannot_begin_is_refused() -> None:
+    nowhere = Misfit(lambda z: (np.full(3, np.nan), np.ones((3, 1))), *box(1))
+    with pytest.raises(InputError, match="does not hold"):
+        minimise(nowhere, np.zeros(1))
 
 
 def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:

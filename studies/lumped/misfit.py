@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from geometry.errors import InputError
+
 Array = NDArray[np.float64]
 
 
@@ -39,6 +41,11 @@ def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None
 
     scipy's trust-region reflective method (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999); ``precision`` is the
     relative one of χ².
+
+    Raises
+    ------
+    InputError
+        When the model cannot answer where the search begins.
     """
     free = np.ones(len(start), bool) if held is None else ~held
     low, high = misfit.low[free], misfit.high[free]
@@ -54,8 +61,11 @@ def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None
         found: tuple[Array, Array] = last["found"]
         return found
 
-    done = least_squares(lambda part: both(part)[0], np.clip(start[free], low + margin, high - margin),
-                         lambda part: both(part)[1], (low, high), "trf", precision, 1e-8, 1e-12, max_nfev=100)
+    inside = np.clip(start[free], low + margin, high - margin)
+    if not np.isfinite(both(inside)[0]).all():
+        raise InputError("the film does not hold with the constants the search begins at", key="constants")
+    done = least_squares(lambda part: both(part)[0], inside, lambda part: both(part)[1], (low, high), "trf",
+                         precision, 1e-8, 1e-12, max_nfev=100)
     result = start.copy()
     result[free] = done.x
     return result, int(done.nfev)
