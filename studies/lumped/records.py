@@ -14,7 +14,7 @@ from studies.lumped.signals import Pieces
 Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
 _FLAT = 1e-9  # of the largest change: what is no change
-_LEVEL = 0.01  # of the whole range: what moves less is noise of a recorded voltage
+_LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded voltage
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,9 @@ class Record:
 def drive_of(time: Array, voltage: Array) -> Pieces:
     """The voltage behind samples of it: straight lines between them, and jumps.
 
-    A change between two samples is a jump, at the later one, where it is more than 1 % of the voltage's range and the
+    A change between two samples is a jump, at the later one, where it is more than 2 % of the voltage's range and the
     voltage changes by less than a tenth of it between the samples before and between those after; so a lone step is
-    one, and ramps and sines have none. Between jumps a voltage that stays within 1 % of its range is level, at its mean.
+    one, and ramps and sines have none. Between jumps a voltage within 2 % of its range is level, at its mean.
 
     Examples
     --------
