@@ -23,7 +23,7 @@ _WHOLE, _LEFTOVER, _POINTS = 45.0, 18.0, 5000
 _BEGINNING = 30.0  # radians of the fast oscillation that are shown on their own
 _SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β₁", "beta_2": "β₂", "beta_3": "β₃",
             "gamma_1": "γ₁", "gamma_2": "γ₂", "gamma_3": "γ₃", "k_1": "k₁", "eta_1": "η₁", "eta_2": "η₂"}
-_PANEL, _COLUMNS, _CELL, _LONGEST, _BAR = 38.0, 3, 11.0, 34.0, 20.0
+_PANEL, _COLUMNS, _CELL, _BAR, _SHORTEST, _LETTER, _NARROWEST = 38.0, 3, 11.0, 20.0, 6.0, 1.3, 75.0
 
 
 def draw_static(fit: StaticFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
@@ -178,8 +178,10 @@ def _correlations(judgement: Judgement) -> Figure:
     names = [_symbol(one.name) for one in judgement.constants]
     sure = np.array([one.low is not None for one in judgement.constants])
     size = _CELL * len(names)
-    figure = style.page(_TOP + size + _LONGEST, _LONGEST + size + _BAR)
-    axes = style.place(figure, _LONGEST, _TOP, size, size)
+    margin = _SHORTEST + _LETTER * max(len(name.replace("$", "")) for name in names)
+    wide, high = max(margin + size + _BAR, _NARROWEST), _TOP + size + margin
+    figure = style.page(high, wide)
+    axes = style.place(figure, margin, _TOP, size, size)
     picture = axes.imshow(judgement.correlations, cmap="RdBu_r", vmin=-1, vmax=1)
     for row, line in enumerate(judgement.correlations):
         for column, value in enumerate(line):
@@ -190,10 +192,9 @@ def _correlations(judgement: Judgement) -> Figure:
     for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
         for label, determined in zip(labels, sure, strict=True):
             label.set_color("black" if determined else "#8a8f98")
-    axes.set_title("correlations; in grey what is not determined", loc="left", weight="bold")
+    figure.text(2 / wide, 1 - 2 / high, "correlations; in grey what is not determined", weight="bold", va="top")
     for side in axes.spines.values():
         side.set_visible(False)
-    bar = figure.add_axes((1 - (_BAR - 4) / (_LONGEST + size + _BAR), _LONGEST / (_TOP + size + _LONGEST),
-                           3 / (_LONGEST + size + _BAR), size / (_TOP + size + _LONGEST)))
+    bar = style.place(figure, margin + size + 4, _TOP, 3, size)
     figure.colorbar(picture, cax=bar)
     return figure
