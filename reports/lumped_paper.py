@@ -137,6 +137,7 @@ def _loops(curves: Curves) -> Figure:
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             letter = "abcdef"[2 * row + column]
             axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, u₁ = {amplitude / 1e3:g} kV", loc="left")
+            axes.locator_params(axis="x", nbins=8)
             _grid(axes)
             axes.set_xlabel("voltage (kV)" if row == 2 else "")
             axes.set_ylabel("distance (mm)" if column == 0 else "")
