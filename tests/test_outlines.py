@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,15 @@ def test_points_run_counterclockwise_once_around(outline: Outline) -> None:
     steps = np.hypot(np.roll(x, -1) - x, np.roll(y, -1) - y)
     assert steps.max() < 4 * 2 * np.pi * max(outline.semi_axes) / 997
     assert steps.min() > 0
+
+
+def test_what_is_sent_to_another_process_is_its_numbers_alone(outline: Outline) -> None:
+    assert np.isfinite(outline.level(*outline.points(50))).all()
+    sent = pickle.dumps(outline)
+    assert len(sent) < 3000
+    again = pickle.loads(sent)
+    assert again == outline
+    assert np.array_equal(again.points(97), outline.points(97))
 
 
 def test_area_and_length_are_those_of_fine_polygons(outline: Outline) -> None:

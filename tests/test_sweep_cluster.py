@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
+import subprocess
+import sys
 from functools import partial
 
 import numpy as np
@@ -47,3 +50,34 @@ def test_a_scheduler_that_is_not_there_is_one_message(tmp_path, monkeypatch) -> 
     monkeypatch.setattr("studies.sweep.cluster._PATIENCE", "300ms")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         run(read(tmp_path), tmp_path / "out", partial(cluster, address="tcp://127.0.0.1:9"))
+
+
+HOARDING = """
+import resource
+import numpy as np
+from studies.sweep.cluster import _hoarding
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(100):
+        np.ones(200_000)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+faults()
+print(faults())
+with _hoarding():
+    faults()
+    print(faults())
+faults()
+print(faults())
+"""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="another allocator than glibc's")
+def test_a_task_keeps_the_memory_it_frees_as_long_as_it_runs() -> None:
+    """By page faults, with Dask's own setting: it gives back every array, which is taken again page by page."""
+    environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}
+    printed = subprocess.run([sys.executable, "-c", HOARDING], env=environment, capture_output=True, text=True,
+                             check=True).stdout
+    before, inside, after = map(int, printed.split())
+    assert inside < 0.1 * min(before, after)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import fields
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 from geometry.outlines.curve import Curve
 from geometry.outlines.pieces import Array, Piece
@@ -61,6 +62,11 @@ def register(cls: Shape) -> Shape:
 
 class Pieced(ABC):
     """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its numbers alone: what was computed from them can be sixty times as long, and is computed again."""
+        own = {item.name for item in fields(cast(Any, self))}
+        return {name: value for name, value in vars(self).items() if name in own}
 
     @property
     def simple(self) -> bool:
