@@ -266,6 +266,7 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path, capsys: pytest.Capt
     ("static.csv", ["--weights", "0.5,0.5"], "without static.csv"),
     ("short", ["--dynamic"], "at least five readings"),
     ("transient.csv", ["--dynamic", "--weights", "0.9"], "2 numbers"),
+    ("transient.csv", ["--dynamic", "--weights", "a,b"], "--weights: given 'a,b': must be numbers"),
 ])
 def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str], words: str, tmp_path: Path,
                                                   capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,6 +54,19 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
         raise error.located(key=option) from None
 
 
+def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
+    """Numbers given to an option with commas between them; None where it was not given."""
+    from geometry.errors import InputError
+
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError("must be numbers with a comma between them, such as 0.6,0.4", key=option,
+                         given=text) from None
+
+
 def read_rig(file: Path | None) -> Rig:
     """The rig of a file, or an ideal one."""
     from fem.rig import Rig
