@@ -14,7 +14,7 @@ from studies.lumped.record import Simulated
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0
-_POINTS = 20_000
+_POINTS, _COLUMNS = 20_000, 3
 
 
 def draw_simulated(found: Sequence[Simulated], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
@@ -51,17 +51,22 @@ def _responses(found: Sequence[Simulated]) -> Figure:
 
 
 def _loops(found: Sequence[Simulated]) -> Figure:
-    figure = style.page(_TITLE + _RESPONSE + _AXIS)
-    axes = style.place(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT, _RESPONSE)
-    for number, one in enumerate(found):
-        if one.loop is not None:
-            axes.plot(1e-3 * np.append(one.loop.voltage, one.loop.voltage[0]),
-                      1e3 * np.append(one.loop.deflection, one.loop.deflection[0]),
-                      color=style.PALETTE[number % len(style.PALETTE)], linewidth=0.8, label=_label(one))
-    axes.set_xlabel("voltage (kV)")
-    axes.set_ylabel("displacement (mm)")
-    axes.legend(loc="best")
-    grid(axes)
+    """The last period of each, every one to its own scale."""
+    loops = [(one, one.loop) for one in found if one.loop is not None]
+    columns = min(len(loops), _COLUMNS)
+    rows = -(-len(loops) // columns)
+    figure = style.page(rows * (_TITLE + _RESPONSE + _AXIS))
+    width = style.WIDTH / columns - _LEFT - _RIGHT
+    for number, (one, loop) in enumerate(loops):
+        row, column = divmod(number, columns)
+        axes = style.place(figure, _LEFT + column * style.WIDTH / columns,
+                           _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
+        axes.plot(1e-3 * loop.voltage, 1e3 * loop.deflection, color=style.PALETTE[number % len(style.PALETTE)],
+                  linewidth=0.8)
+        axes.set_title(_label(one), loc="left")
+        axes.set_xlabel("voltage (kV)")
+        axes.set_ylabel("displacement (mm)" if column == 0 else "")
+        grid(axes)
     return figure
 
 

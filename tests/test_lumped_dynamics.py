@@ -16,6 +16,7 @@ from studies.dataset import read_dataset
 from studies.lumped.dynamics import last_loop, settling_time, simulate
 from studies.lumped.linear import linearise
 from studies.lumped.model import Actuator, Viscous
+from studies.lumped.record import Simulated
 from studies.lumped.signals import Pieces, Sine, ramp, random_steps, read_signal, step
 from studies.lumped.statics import pull_in, roots
 from studies.lumped.table1 import paper_actuators
@@ -78,6 +79,16 @@ def test_energy_never_grows_at_a_constant_voltage(name: str) -> None:
 def test_hysteresis_goes_as_the_signal_slows_and_has_the_sign_of_loss() -> None:
     widths = [last_loop(simulate(PAPER, Sine(3.5e3, 3.5e3, period, 2.0)), period).width for period in (20.0, 4000.0)]
     assert widths[0] > 5 * widths[1] > 0
+
+
+def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
+    """From period to period the drift falls as the slow eigenvalue says, between those at 3.5 and at 5 kV."""
+    simulated = [Simulated(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0) for count in (2.0, 3.0, 12.0)]
+    drifts = [one.loop.drift for one in simulated if one.loop is not None]
+    slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
+    assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
+    creeping = [any("more periods" in words for words in one.warnings) for one in simulated]
+    assert creeping == [True, True, False]
 
 
 def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> None:

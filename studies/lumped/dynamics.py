@@ -151,16 +151,21 @@ def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """One period of a response to a sine: voltages [V], deflections [m], and the area they enclose [V m]."""
+    """One period of a response to a sine, from its begin to its end: voltages [V] and deflections [m]."""
 
     voltage: Array
     deflection: Array
 
     @property
+    def drift(self) -> float:
+        """By how much it ends deeper than it began [m]; 0 once the film no longer creeps from period to period."""
+        return float(self.deflection[-1] - self.deflection[0])
+
+    @property
     def area(self) -> float:
         """∮ y du [V m], positive where the deflection lags behind."""
-        u, y = np.append(self.voltage, self.voltage[0]), np.append(self.deflection, self.deflection[0])
-        return float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(u)))
+        y = self.deflection
+        return float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(self.voltage)))
 
     @property
     def width(self) -> float:
@@ -170,5 +175,5 @@ class Loop:
 
 def last_loop(response: Response, period: float, samples: int = 400) -> Loop:
     """The last whole period of a response."""
-    time = response.end - period + period * np.arange(samples) / samples
+    time = np.linspace(response.end - period, response.end, samples + 1)
     return Loop(response.voltage(time), response.deflection(time))

@@ -20,6 +20,8 @@ from studies.store import write_csv, write_json
 
 Array = NDArray[np.float64]
 _MOST = 2_000_000
+#: A loop that drifts by less than this share of its range counts as closed.
+_CLOSED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,9 @@ class Simulated:
         if self.response.lost is not None:
             found.append(f"the film is drawn in after {self.response.lost:.4g} s: a step overshoots what a slow ramp "
                          "may reach; lower the voltage")
+        if self.loop is not None and abs(self.loop.drift) > _CLOSED * np.ptp(self.loop.deflection):
+            found.append(f"the last period ends {1e6 * self.loop.drift:+.3g} um from where it began: the film still "
+                         "creeps; more periods (--count) close the loop")
         limit = pull_in(self.response.actuator)
         if limit is not None and self.deflection[-1] > limit[1]:
             found.append(f"the film was drawn in: it ends beyond {1e3 * limit[1]:.4g} mm, where pull-in begins")
