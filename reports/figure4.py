@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -214,10 +215,10 @@ def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6})
 
 
-def _write(figure: Figure, left: float, top: float, text: str, **how: str) -> None:
+def _write(figure: Figure, left: float, top: float, text: str, **how: Any) -> None:
     """Text at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / style.MM
-    figure.text(left / across, 1 - top / down, text, **{"va": "top", "linespacing": 1.35, **how})  # type: ignore[arg-type]
+    figure.text(left / across, 1 - top / down, text, **{"va": "top", "linespacing": 1.35, **how})
 
 
 def _height(image: Picture) -> float:

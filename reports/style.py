@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from matplotlib import style
@@ -62,5 +63,5 @@ def save(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> lis
     files = [folder / f"{name}.{kind}" for kind in formats]
     for file in files:
         date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})
-        write_atomically(file, lambda path, date=date: figure.savefig(path, dpi=DPI, metadata=date))  # type: ignore[misc]
+        write_atomically(file, partial(figure.savefig, dpi=DPI, metadata=date))
     return files

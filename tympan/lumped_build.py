@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings
+from tympan.options import check_distinct, command, mesh_argument, parse_quantity, read_rig, read_settings
 
 if TYPE_CHECKING:
     from studies.lumped.model import Viscous
@@ -53,9 +53,7 @@ def _run(options: argparse.Namespace) -> None:
     chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii, _viscous(options.viscous))
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = [load_specimen(file) for file in options.specimens]
-    names = [specimen.name for specimen in specimens]
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
+    check_distinct([specimen.name for specimen in specimens])
     with bar(4 * len(specimens)) as progress:
         found = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
     result = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import command, parse_numbers, parse_quantity, read_rig
+from tympan.options import check_distinct, command, parse_numbers, parse_quantity, read_rig
 
 if TYPE_CHECKING:
     from geometry.specimen import Specimen
@@ -44,6 +44,7 @@ def add(kinds: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
+    from geometry.errors import InputError
     from studies.lumped.dynamics import simulate
     from studies.lumped.model import Actuator
     from studies.lumped.record import Simulated, simulated_json, write_simulated
@@ -60,7 +61,9 @@ def _run(options: argparse.Namespace) -> None:
         model.check(rig.film_voltage(signal.peak))
     actuators = [*(Actuator.of(specimen, mass, weights, rig=rig) for specimen in _specimens(options)),
                  *(model.actuator(mass, rig) for model in models)]
-    _distinct([actuator.specimen.name for actuator in actuators])
+    if not actuators:
+        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
+    check_distinct([actuator.specimen.name for actuator in actuators])
     with bar(len(actuators)) as progress:
         for number, actuator in enumerate(actuators):
             progress(actuator.specimen.name)
@@ -99,15 +102,6 @@ def _specimens(options: argparse.Namespace) -> list[Specimen]:
     if not 1 <= options.permittivity <= 1000:
         raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1", given=options.permittivity)
     return [eq8(specimen, options.permittivity) for specimen in specimens]
-
-
-def _distinct(names: list[str]) -> None:
-    from geometry.errors import InputError
-
-    if not names:
-        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
 
 
 def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:

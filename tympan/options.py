@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +52,14 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
         return quantity(text, dimension)
     except InputError as error:
         raise error.located(key=option) from None
+
+
+def check_distinct(names: Sequence[str]) -> None:
+    """Refuse specimens of the same name: their results would overwrite each other."""
+    from geometry.errors import InputError
+
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))
 
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
