@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from contextlib import redirect_stdout
 
 import pytest
 
@@ -15,7 +16,8 @@ from tympan.cli import main
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory):
     target = tmp_path_factory.mktemp("outlines")
-    assert main(["outlines", "-o", str(target), "--refine", "0.7"]) == 0
+    with (target / "printed.txt").open("w", encoding="utf-8") as file, redirect_stdout(file):
+        assert main(["outlines", "-o", str(target), "--refine", "0.7"]) == 0
     return target
 
 
@@ -26,6 +28,13 @@ def test_every_registered_outline_has_its_row(folder) -> None:
     assert set(examples()) <= set(REGISTRY)
     assert tuple(rows[0]) == HEADER
     assert (folder / "outlines.png").stat().st_size > 10_000
+
+
+def test_the_printed_table_has_a_head_above_its_columns(folder) -> None:
+    head, *lines = (folder / "printed.txt").read_text(encoding="utf-8").splitlines()
+    assert head.split() == list(HEADER[:-1])
+    assert [line.split()[0] for line in lines] == list(examples())
+    assert all(len(line.split()) == len(HEADER) - 1 for line in lines)
 
 
 def test_two_circles_hold_for_every_outline_where_they_were_not_fitted(folder) -> None:

@@ -32,9 +32,11 @@ def _run(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps({"outlines": table}, ensure_ascii=False, allow_nan=False))
         return
-    for line in table:
-        print("  ".join(_cell(line[name]) for name in HEADER[:-1]))
+    names = HEADER[:-1]
+    widths = [max(9 if number else 17, len(name)) for number, name in enumerate(names)]
+    for cells in ([*names], *([_cell(line[name]) for name in names] for line in table)):
+        print("  ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip())
 
 
 def _cell(value: Any) -> str:
-    return f"{value:<17}" if isinstance(value, str) else "    -    " if value is None else f"{value:<9.4g}"
+    return value if isinstance(value, str) else "-" if value is None else f"{value:.4g}"

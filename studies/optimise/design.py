@@ -47,10 +47,11 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A mesh to move, and how far the smooth stand-ins of the limits fall short on it."""
+    """A mesh to move, how far the smooth stand-ins of the limits fall short on it, and the film at the voltage."""
 
     model: Model
     scales: Mapping[str, float]
+    state: State
 
 
 @dataclass(eq=False)
@@ -103,7 +104,7 @@ class Bench:
         upper = _slopes(model, outcome, found.by)
         if scales is None:
             scales = {limit.name: limit.scale(found) for limit in self.problem.limits}
-            self.base = Base(model, scales)
+            self.base = Base(model, scales, outcome.state)
         found = replace(found, scales=scales)
         pairs = [limit.values(found) for limit in self.problem.limits]
         stroke = outcome.state.plate.heave - rest.state.plate.heave

@@ -13,7 +13,7 @@ from fem.parameters import at, shape_names, with_change
 from fem.shape import velocities
 from geometry.errors import InputError
 from geometry.specimen import Specimen
-from studies.cases import Settings, build_model, find, state_warnings
+from studies.cases import Settings, build_model, state_warnings
 from studies.optimise.design import Bench, Design
 from studies.optimise.problem import Problem
 from studies.optimise.sqp import Descent, DescentSettings, Local, maximise
@@ -193,13 +193,11 @@ def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Desi
              ) -> Optimum:
     best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
     fine = replace(settings, mesh=settings.mesh.refined(2))
-    finer = Bench(problem, fine).fresh(best.best.values)[0]
+    bench = Bench(problem, fine)
+    finer = bench.fresh(best.best.values)[0]
     strokes = [run.best.stroke for run in runs]
     ends = np.array([run.descent.x for run in runs])
-    told: tuple[str, ...] = ()
-    if finer.specimen is not None and not finer.reason:
-        model, outcome = find(problem.case(finer.specimen), fine)
-        told = tuple(state_warnings(model, outcome.state))
+    told = () if bench.base is None else tuple(state_warnings(bench.base.model, bench.base.state))
     return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes), float(np.ptp(ends, axis=0).max()),
                    best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1, told)
 
