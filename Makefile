@@ -26,10 +26,10 @@ verification: .venv/ready
 	.venv/bin/python -m benchmarks.verification
 
 robustness: .venv/ready
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python tests/robustness.py --workers 2 -o docs/robustness.md
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.robustness --workers 2 -o docs/robustness.md
 
 hidden: .venv/ready
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python tests/hidden_study.py --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m benchmarks.trials.hidden_effects --workers 2 --keep hidden-trials.jsonl -o docs/hidden-effects.md
 
 outlines: .venv/ready
 	.venv/bin/tympan outlines -o "$(OUT)"
@@ -51,7 +51,7 @@ lumped-build: .venv/ready
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
 	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
 	  { echo "$(PYTHON) cannot make environments: install the Debian package python3-venv"; exit 1; }
-	@$(PYTHON) -m geometry.system
+	@$(PYTHON) -m tympan.geometry.system
 	$(PYTHON) -m venv --clear .venv
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .

@@ -15,20 +15,20 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from fem.paths import voltage_path
-from fem.rig import Rig
-from geometry.mesher import MeshSettings
-from studies.actuators import actuators
-from studies.cases import Settings, build_model
-from studies.diagnosis.calibration import calibrated, law_error, with_effects
-from studies.diagnosis.diagnose import chosen_fit
-from studies.diagnosis.gain import gain_of
-from studies.diagnosis.judgement import judge
-from studies.diagnosis.knowable import knowable
-from studies.diagnosis.next_experiment import propose
-from studies.diagnosis.simulation import Cause
-from studies.diagnosis.table import States, Table, rows
-from studies.effects import REGISTRY, Setup, Use, extended
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.rig import Rig
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
+from tympan.studies.diagnosis.diagnose import chosen_fit
+from tympan.studies.diagnosis.inference.identifiability import knowable
+from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.next_experiment.proposals import propose
+from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.validation.gain import gain_of
+from tympan.studies.effects import REGISTRY, Setup, Use, extended
+from tympan.studies.paper.actuators import actuators
 
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
 HIDDEN = Use("prestretch_loss", (0.02,), "elliptical-small")

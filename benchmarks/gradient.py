@@ -16,15 +16,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
 
-from fem.laws import Ogden
-from fem.model import Model
-from fem.parameters import Parameters
-from fem.paths import equilibrium
-from fem.sensitivity import heave_gradient
-from geometry.mesher import MeshSettings
-from geometry.outlines import Circle, Ellipse
-from geometry.specimen import Film, Plate, Specimen
-from studies.cases import Settings, build_model
+from tympan.fem.derivatives.parameters import Parameters
+from tympan.fem.derivatives.sensitivity import heave_gradient
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.laws import Ogden
+from tympan.fem.membrane.model import Model
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.case import Settings, build_model
 
 FORCE, VOLTAGE, FURTHER = 17.9e-3 * 9.80665, 3.5e3, 3.6e3
 

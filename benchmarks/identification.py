@@ -14,19 +14,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.rig import Rig
-from geometry.specimen import Specimen
-from studies.lumped.collocation import Follower
-from studies.lumped.dynamic_fit import DynamicProblem, Exact, Held
-from studies.lumped.dynamic_search import identify_dynamic, nelder_mead_dynamic
-from studies.lumped.intervals import Judgement
-from studies.lumped.model import Actuator, Viscous
-from studies.lumped.records import Record, drive_of
-from studies.lumped.signals import step
-from studies.lumped.static_fit import Readings, StaticProblem
-from studies.lumped.static_search import identify_static, nelder_mead
-from studies.lumped.statics import rest
-from studies.lumped.table1 import paper_actuators
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.estimation.identifiability import Judgement
+from tympan.studies.identify.collocation import Follower
+from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
+from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
+from tympan.studies.identify.responses import Record, drive_of
+from tympan.studies.identify.static_fit import Readings, StaticProblem
+from tympan.studies.identify.static_search import identify_static, nelder_mead
+from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.equilibria import rest
+from tympan.studies.lumped.signals import step
+from tympan.studies.paper.table1 import paper_actuators
 
 Array = NDArray[np.float64]
 NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 15), (0.5, 0.5)

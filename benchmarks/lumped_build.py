@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.laws import Gent, NeoHooke, Ogden
-from fem.library import load_specimen
-from geometry.outlines import Circle, Ellipse, Stadium, Superellipse
-from geometry.specimen import Electrode, Plate, Specimen
-from reports.lumped_build import draw_built
-from studies.cases import Case, Settings, find
-from studies.lumped.build import KINEMATICS, BuildSettings, Built, build
-from studies.lumped.statics import curve
-from studies.store import write_text
+from tympan.fem.film.laws import Gent, NeoHooke, Ogden
+from tympan.fem.film.library import load_specimen
+from tympan.geometry.outlines import Circle, Ellipse, Stadium, Superellipse
+from tympan.geometry.specimen import Electrode, Plate, Specimen
+from tympan.reports.figures.lumped_model import draw_built
+from tympan.studies.case import Case, Settings, find
+from tympan.studies.files import write_text
+from tympan.studies.lumped.build import KINEMATICS, BuildSettings, Built, build
+from tympan.studies.lumped.equilibria import curve
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _paper() -> Iterator[Specimen]:
-    folder = resources.files("studies") / "actuators"
+    folder = resources.files("tympan.studies.paper") / "actuators"
     return (load_specimen(str(folder / f"{name}.toml")) for name in _NAMES)
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from reports.optimum import draw
-from studies.cases import Settings
-from studies.optimise.design import Bench
-from studies.optimise.optimise import Optimised, Optimum, optimise
-from studies.optimise.problem import Problem, default_problem
-from studies.optimise.stored import record
-from studies.store import write_text
+from tympan.reports.figures.optimum import draw
+from tympan.studies.case import Settings
+from tympan.studies.files import write_text
+from tympan.studies.optimise.design import Bench
+from tympan.studies.optimise.optimise import Optimised, Optimum, optimise
+from tympan.studies.optimise.output import record
+from tympan.studies.optimise.problem import Problem, default_problem
 
 _DOCS = Path(__file__).parent.parent / "docs"
 

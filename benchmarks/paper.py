@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from reports.lumped_page import CAPTIONS, shown
-from reports.lumped_paper import read
-from studies.lumped.lost_steps import fit_levels
-from studies.lumped.published import HIGHEST, MASSES, NAMES, SETTLING
-from studies.lumped.replica import Choices
-from studies.store import write_text
+from tympan.reports.paper.figures import read
+from tympan.reports.paper.page import CAPTIONS, shown
+from tympan.studies.files import write_text
+from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
+from tympan.studies.replica.figures import Choices
+from tympan.studies.replica.missing_from_levels import fit_levels
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _SEEDS = 6

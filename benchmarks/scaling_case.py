@@ -12,20 +12,19 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from benchmarks.tympan_rows import specimen
-from fem.direct import analyses, factorise
-from fem.dissection import elimination_order
-from fem.laws import Ogden
-from fem.model import Model
-from fem.paths import equilibrium
-from fem.state import State
-from geometry.mesh import from_meshio
-from geometry.mesher import MeshSettings, mesh_film
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.laws import Ogden
+from tympan.fem.linear_solver.direct import analyses, factorise
+from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.geometry.mesh import from_meshio
+from tympan.geometry.mesher import MeshSettings, mesh_film
 
 FORCE, VOLTAGE = 0.0179 * 9.81, 5e3
 
@@ -61,8 +60,7 @@ class Case:
 
 def exact_deflection() -> float:
     """Deflection of the axisymmetric membrane [m] under them, neo-Hooke 20 kPa, by the tests' reference."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-    from axisymmetric import Film, neo_hooke, solve_load
+    from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 
     return float(solve_load(Film(0.01, 0.045, 1e-3, math.sqrt(5), neo_hooke(20e3), 4.7), FORCE, VOLTAGE).deflection)
 

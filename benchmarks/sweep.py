@@ -23,11 +23,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from geometry.outlines import REGISTRY
-from studies.sweep.cluster import cluster
-from studies.sweep.plan import Sweep, read_sweep
-from studies.sweep.pool import processes
-from studies.sweep.run import Solve, run
+from tympan.geometry.outlines import REGISTRY
+from tympan.studies.parallel import processes
+from tympan.studies.sweep.cluster import cluster
+from tympan.studies.sweep.plan import Sweep, read_sweep
+from tympan.studies.sweep.run import Solve, run
 
 AIM = 360.0  # seconds for 1000 specimens on two processors
 LEAST_GAIN, MOST_OVERHEAD, AGREEMENT = 1.8, 0.15, 1e-12

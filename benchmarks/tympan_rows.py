@@ -10,14 +10,14 @@ from importlib.metadata import version
 import numpy as np
 
 from benchmarks.peers.harness import PROBLEM, Peer, Row, Solution, measure
-from fem.laws import Ogden
-from fem.model import Model
-from fem.paths import held
-from geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh, from_meshio
-from geometry.mesher import MeshSettings, mesh_film
-from geometry.outlines import Circle
-from geometry.specimen import Film, Plate, Specimen
-from studies.cases import Settings, build_model
+from tympan.fem.equilibrium.ramp import held
+from tympan.fem.film.laws import Ogden
+from tympan.fem.membrane.model import Model
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh, from_meshio
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.case import Settings, build_model
 
 HEAVE = PROBLEM.travel * 1e-3
 

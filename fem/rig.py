@@ -10,9 +10,9 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
-from geometry.errors import InputError
-from geometry.tables import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.fem.membrane.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
+from tympan.geometry.errors import InputError
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")

@@ -18,10 +18,10 @@ from typing import Any
 import meshio
 import numpy as np
 
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from geometry.system import missing_library
-from geometry.units import METRE
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.system import missing_library
+from tympan.geometry.units import METRE
 
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
@@ -76,10 +76,10 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
         Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``, ``plate``,
         ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and ``bare``.
     """
-    from geometry import cad  # not loaded by those who let others mesh
+    from tympan.geometry.cad import membrane  # not loaded by those who let others mesh
 
     with tempfile.TemporaryDirectory() as folder, _session() as gmsh:
-        surfaces = _surface_groups(gmsh, cad.membrane_faces(specimen, planes), Path(folder))
+        surfaces = _surface_groups(gmsh, membrane.membrane_faces(specimen, planes), Path(folder))
         groups = _curve_groups(gmsh, specimen) | surfaces
         _size_field(gmsh, specimen, settings, groups)
         try:
@@ -155,7 +155,7 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 
 def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> dict[str, list[tuple[int, int]]]:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
-    from geometry.cad import write_step
+    from tympan.geometry.cad.membrane import write_step
 
     surfaces: list[tuple[int, int]] = []
     names: list[str] = []

@@ -11,9 +11,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InputError
-from geometry.outlines import Circle, Ellipse, Outline, check, read_outline
-from geometry.tables import FINITE, NON_NEGATIVE, Rule, Table
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse, Outline, check, read_outline
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 

@@ -6,7 +6,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING
 
-from geometry.errors import InputError
+from tympan.geometry.errors import InputError
 
 if TYPE_CHECKING:
     import pint

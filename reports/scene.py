@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
-from geometry.system import MissingLibrary
-from reports.scales import Scale
-from reports.stored import Array, Film, Stored
+from tympan.geometry.system import MissingLibrary
+from tympan.reports.scales import Scale
+from tympan.reports.study.load import Array, Film, Stored
 
 _MOUNTED = ("across", "back")
 _LOOSE = ("wrinkled", "slack")

@@ -10,11 +10,12 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from geometry import cad, parts
-from geometry.mesher import MeshSettings, mesh_film
-from geometry.parts import PartOptions
-from geometry.specimen import Specimen
-from studies.store import write_atomically
+from tympan.geometry.cad import membrane as cad
+from tympan.geometry.cad import parts
+from tympan.geometry.cad.parts import PartOptions
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.specimen import Specimen
+from tympan.studies.files import write_atomically
 
 
 def export(specimen: Specimen, settings: MeshSettings, folder: Path,

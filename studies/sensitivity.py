@@ -9,15 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from fem.model import Model
-from fem.parameters import Parameter, Parameters, at, film_names, numbers, shape_names, with_change
-from fem.paths import Outcome, Status
-from fem.quantities import Quantity, quantity
-from fem.sensitivity import gradient_many, limit_gradient
-from fem.shape import velocities
-from fem.state import Load, State
-from geometry.errors import InputError
-from studies.cases import Case, Settings, find, state_warnings, why
+from tympan.fem.derivatives.parameters import (
+    Parameter,
+    Parameters,
+    at,
+    film_names,
+    numbers,
+    shape_names,
+    with_change,
+)
+from tympan.fem.derivatives.quantities import Quantity, quantity
+from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
+from tympan.fem.derivatives.shape import velocities
+from tympan.fem.equilibrium.ramp import Outcome, Status
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import Load, State
+from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, Settings, find, state_warnings, why
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J", "max_stretch": "1",

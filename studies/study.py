@@ -13,19 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from fem.fields import Fields, edge_fields, lost_tension, whole
-from fem.library import load_specimen
-from fem.model import Model
-from fem.paths import voltage_path
-from fem.rig import Rig
-from fem.state import State
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from geometry.tables import NON_NEGATIVE, POSITIVE, Table
-from studies import store
-from studies.actuators import FILES, actuators
-from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from studies.cases import Case, CaseResult, Settings, build_model, find, node_fields, summarise
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.film.library import load_specimen
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import Fields, edge_fields, lost_tension, whole
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table
+from tympan.studies import files as store
+from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Settings,
+    build_model,
+    find,
+    node_fields,
+    summarise,
+)
+from tympan.studies.paper.actuators import FILES, actuators
 
 Progress = Callable[[str], None]
 

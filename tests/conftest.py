@@ -9,18 +9,18 @@ from dataclasses import replace
 
 import pytest
 
-from fem.laws import Ogden
-from fem.model import Model
-from fem.rig import Rig
-from geometry.mesher import MeshSettings
-from geometry.outlines import Circle, Ellipse
-from geometry.specimen import Film, Material, Plate, Specimen
-from studies.actuators import actuators
-from studies.cases import Settings, build_model
-from studies.diagnosis.force_law import Grid
-from studies.diagnosis.sampling import force_laws
-from studies.diagnosis.simulation import Simulation
-from studies.effects import Setup
+from tympan.fem.film.laws import Ogden
+from tympan.fem.membrane.model import Model
+from tympan.fem.rig import Rig
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Film, Material, Plate, Specimen
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.reduced.force_law import Grid
+from tympan.studies.diagnosis.reduced.sampling import force_laws
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.effects import Setup
+from tympan.studies.paper.actuators import actuators
 
 ROOT5 = 5**0.5
 NEO_HOOKE = Ogden((25e3,), (2.0,))
@@ -44,7 +44,7 @@ def model(specimen: Specimen, *, symmetry: bool = True, refine: float = 1.0, ord
 
 def skewed() -> Specimen:
     """A specimen without any symmetry: plate off centre, anisotropic prestretch, electrode margins and stiffness."""
-    from geometry.specimen import Electrode
+    from tympan.geometry.specimen import Electrode
 
     material = Ogden((16e3, 300.0), (1.7, 4.2))
     film = Film(1e-3, (2.4, 2.1), material, 4.7, permittivity_exponent=0.3, density=960.0)

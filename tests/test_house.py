@@ -33,7 +33,7 @@ def test_the_import_rule_would_catch_a_breach(tmp_path: Path) -> None:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8")
     with (tmp_path / "fem" / "density.py").open("a") as file:
-        file.write("\nimport geometry.mesher\n")
+        file.write("\nimport tympan.geometry.mesher\n")
     code = ("import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports_command; "
             "lint_imports_command()")
     done = subprocess.run([sys.executable, "-c", code, "--no-cache"], cwd=tmp_path, capture_output=True, text=True,

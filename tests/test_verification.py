@@ -12,8 +12,8 @@ import pytest
 from benchmarks.verification import __main__ as command
 from benchmarks.verification import page
 from benchmarks.verification.claim import Claim, Pair
-from fem.laws import NeoHooke
-from studies import cases
+from tympan.fem.film.laws import NeoHooke
+from tympan.studies import case as cases
 
 PAGE = Path(__file__).parent.parent / "docs" / "verification.md"
 CLAIMS = {claim.title: claim for claim in page.claims()}

@@ -9,15 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tympan import (
+from tympan.commands import (
     alpha,
-    data,
-    diagnose,
-    effects,
     export,
-    lumped,
-    maps,
-    material,
     modes,
     optimise,
     outlines,
@@ -25,14 +19,27 @@ from tympan import (
     sensitivity,
     sweep,
 )
-from tympan.options import command, mesh_argument, parse_quantity, read_rig, read_settings, show, specimen_argument
+from tympan.commands import (
+    map as maps,
+)
+from tympan.commands.data import data, diagnose, effects, material
+from tympan.commands.lumped import group as lumped
+from tympan.options import (
+    command,
+    mesh_argument,
+    parse_quantity,
+    read_rig,
+    read_settings,
+    show,
+    specimen_argument,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     options = _parser().parse_args(arguments)
-    from geometry.errors import InputError
-    from geometry.system import MissingLibrary
+    from tympan.geometry.errors import InputError
+    from tympan.geometry.system import MissingLibrary
 
     try:
         options.run(options)
@@ -99,14 +106,14 @@ def _study(commands: Any) -> None:
 
 
 def _run_study(options: argparse.Namespace) -> None:
-    from studies import study as job
     from tympan.progress import bar
+    from tympan.studies import study as job
 
     study = job.read_study(options.file) if options.file else job.default_study()
     with bar(job.steps(study) + 1) as progress:
         job.run(study, options.output, progress)
         progress("report")
-        from reports.html import build
+        from tympan.reports.study.page import build
 
         report = build(options.output)
     print(report)
@@ -130,10 +137,11 @@ def _solve(commands: Any) -> None:
 def _run_solve(options: argparse.Namespace) -> None:
     import time
 
-    from fem.fields import whole
-    from fem.library import load_specimen
-    from fem.rig import DIRECTIONS
-    from studies import cases, store
+    from tympan.fem.film.library import load_specimen
+    from tympan.fem.results.fields import whole
+    from tympan.fem.rig import DIRECTIONS
+    from tympan.studies import case as cases
+    from tympan.studies import files as store
 
     specimen = load_specimen(options.specimen)
     case = cases.Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
@@ -156,8 +164,10 @@ def _report(commands: Any) -> None:
 
 
 def _run_report(options: argparse.Namespace) -> None:
-    from geometry.errors import InputError
-    from reports import diagnosis, html, lumped_page
+    from tympan.geometry.errors import InputError
+    from tympan.reports.diagnosis import page as diagnosis
+    from tympan.reports.paper import page as lumped_page
+    from tympan.reports.study import page as html
 
     builders = {"study.json": html.build, "diagnosis.json": diagnosis.build,
                 "paper.json": lumped_page.build}
@@ -176,8 +186,8 @@ def _materials(commands: Any) -> None:
 def _run_materials(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from fem.breakdown import STRENGTHS
-    from fem.library import MATERIALS
+    from tympan.fem.film.breakdown import STRENGTHS
+    from tympan.fem.film.library import MATERIALS
 
     if options.json:
         listed = {name: asdict(entry) | {"law": entry.material.law} for name, entry in MATERIALS.items()}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fem.rig import Rig
+    from tympan.fem.rig import Rig
 
 
 def command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], words: str
@@ -34,9 +34,9 @@ def mesh_argument(parser: argparse.ArgumentParser) -> None:
 
 def read_settings(options: argparse.Namespace) -> Any:
     """Settings of the options that :func:`mesh_argument` adds."""
-    from geometry.errors import InputError
-    from geometry.mesher import MeshSettings
-    from studies.cases import Settings
+    from tympan.geometry.errors import InputError
+    from tympan.geometry.mesher import MeshSettings
+    from tympan.studies.case import Settings
 
     if not 0.5 <= options.refine <= 20:
         raise InputError("must be from 0.5 to 20", key="--refine", given=options.refine)
@@ -45,8 +45,8 @@ def read_settings(options: argparse.Namespace) -> Any:
 
 def parse_quantity(text: str, dimension: str, option: str) -> float:
     """A quantity given to an option [SI]."""
-    from geometry.errors import InputError
-    from geometry.units import quantity
+    from tympan.geometry.errors import InputError
+    from tympan.geometry.units import quantity
 
     try:
         return quantity(text, dimension)
@@ -56,7 +56,7 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 def check_distinct(names: Sequence[str]) -> None:
     """Refuse specimens of the same name: their results would overwrite each other."""
-    from geometry.errors import InputError
+    from tympan.geometry.errors import InputError
 
     if len(set(names)) < len(names):
         raise InputError("specimens must have different names", key="name", given=", ".join(names))
@@ -64,7 +64,7 @@ def check_distinct(names: Sequence[str]) -> None:
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
     """Numbers given to an option with commas between them; None where it was not given."""
-    from geometry.errors import InputError
+    from tympan.geometry.errors import InputError
 
     if text is None:
         return None
@@ -77,7 +77,7 @@ def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
 
 def read_rig(file: Path | None) -> Rig:
     """The rig of a file, or an ideal one."""
-    from fem.rig import Rig
+    from tympan.fem.rig import Rig
 
     return Rig() if file is None else Rig.read(file)
 

@@ -6,20 +6,20 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from axisymmetric import Material
-from laws import SAMPLES
 from scipy.constants import epsilon_0
 from scipy.optimize import brentq, minimize_scalar
 
 from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import MU, PERMITTIVITY, ROOT5, A, B, T, annulus
-from fem.controls import capacitance_of
-from fem.density import FilmDensity
-from fem.laws import NeoHooke
-from fem.paths import held
-from fem.state import State
-from geometry.specimen import Material as FilmMaterial
-from studies.cases import Settings, build_model
+from tests.oracles.axisymmetric import Material
+from tests.oracles.laws import SAMPLES
+from tympan.fem.equilibrium.constraints import capacitance_of
+from tympan.fem.equilibrium.ramp import held
+from tympan.fem.film.density import FilmDensity
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.state import State
+from tympan.geometry.specimen import Material as FilmMaterial
+from tympan.studies.case import Settings, build_model
 
 _UNIT = epsilon_0 * PERMITTIVITY / T**2  # ε₀ ε_r E² of the virgin film per U²
 

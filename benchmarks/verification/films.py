@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import axisymmetric
 import numpy as np
-from inflation import Disc
 
-from fem.controls import Heave
-from fem.fields import edge_fields, whole
-from fem.laws import NeoHooke
-from fem.model import Model
-from fem.newton import newton
-from fem.state import State
-from geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
-from geometry.outlines import Circle
-from geometry.specimen import Film, Material, Plate, Specimen
+from tests.oracles import axisymmetric
+from tests.oracles.inflation import Disc
+from tympan.fem.equilibrium.constraints import Heave
+from tympan.fem.equilibrium.newton import newton
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import edge_fields, whole
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles, curved_mesh
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Film, Material, Plate, Specimen
 
 A, B, T, ROOT5, PERMITTIVITY = 10e-3, 45e-3, 1e-3, math.sqrt(5), 4.7
 G = 9.80665

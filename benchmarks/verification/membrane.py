@@ -6,9 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from axisymmetric import neo_hooke, solve_deflection, solve_load
-from inflation import Disc, Loads, hencky, minimise
-from laws import SAMPLES
 
 from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import (
@@ -26,11 +23,14 @@ from benchmarks.verification.films import (
     rim_peak,
 )
 from benchmarks.verification.references import INCH, PSI, VM218, rubber_disc
-from fem.laws import MooneyRivlin, NeoHooke
-from fem.loading import Loading
-from fem.paths import equilibrium, held
-from geometry.specimen import Film
-from studies.cases import Settings, build_model
+from tests.oracles.axisymmetric import neo_hooke, solve_deflection, solve_load
+from tests.oracles.inflation import Disc, Loads, hencky, minimise
+from tests.oracles.laws import SAMPLES
+from tympan.fem.equilibrium.ramp import equilibrium, held
+from tympan.fem.film.laws import MooneyRivlin, NeoHooke
+from tympan.fem.membrane.loading import Loading
+from tympan.geometry.specimen import Film
+from tympan.studies.case import Settings, build_model
 
 FORCE, HEAVE = 17.9e-3 * G, 10e-3
 

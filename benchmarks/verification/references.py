@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from axisymmetric import Material, neo_hooke, shoot_deflection, solve_deflection
-from inflation import Disc, Loads, hencky, minimise, shoot
-from laws import rivlin
 
 from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import MU, A, B, T, disc, oracle
+from tests.oracles.axisymmetric import Material, neo_hooke, shoot_deflection, solve_deflection
+from tests.oracles.inflation import Disc, Loads, hencky, minimise, shoot
+from tests.oracles.laws import rivlin
 
 INCH, PSI = 0.0254, 6894.757293168361
 #: Pressure [psi] and apex [in] of the disc of ANSYS VM218: 7.5 in, half an inch thick, Mooney 80 and 20 psi.

@@ -7,22 +7,28 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from axisymmetric import Film, neo_hooke, pull_in_voltage, shoot_deflection, solve_load
 from scipy.optimize import brentq
-from unstable import branch_voltage, slack_voltage
 
 from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import MU, A, B, G, annulus, oracle, quarter_annulus
-from fem.branch import Branch
-from fem.controls import Heave
-from fem.fields import edge_fields, whole
-from fem.laws import NeoHooke
-from fem.model import Model
-from fem.motions import SmoothMotions
-from fem.newton import newton
-from fem.paths import Outcome, equilibrium
-from fem.state import State
-from studies.cases import Settings, build_model
+from tests.oracles.axisymmetric import (
+    Film,
+    neo_hooke,
+    pull_in_voltage,
+    shoot_deflection,
+    solve_load,
+)
+from tests.oracles.unstable import branch_voltage, slack_voltage
+from tympan.fem.equilibrium.arc_length import Branch
+from tympan.fem.equilibrium.constraints import Heave
+from tympan.fem.equilibrium.newton import newton
+from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.equilibrium.subspace import SmoothMotions
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import edge_fields, whole
+from tympan.studies.case import Settings, build_model
 
 SOFT, FORCE = 15e3, 17.9e-3 * G
 

@@ -6,19 +6,19 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import annulus_modes
 import numpy as np
-from axisymmetric import neo_hooke
 
 from benchmarks.verification.claim import Pair, claim
 from benchmarks.verification.films import MU, A, B, annulus, oracle
-from fem.laws import NeoHooke
-from fem.model import Model
-from fem.modes import RigidPlate, vibrations
-from fem.plate import HEAVE
-from fem.state import State
-from geometry.outlines import Circle
-from studies.cases import Settings, build_model
+from tests.oracles import annulus_modes
+from tests.oracles.axisymmetric import neo_hooke
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.plate import HEAVE
+from tympan.fem.membrane.state import State
+from tympan.fem.vibration.modes import RigidPlate, vibrations
+from tympan.geometry.outlines import Circle
+from tympan.studies.case import Settings, build_model
 
 DENSITY, MASS = 960.0, 17.9e-3
 

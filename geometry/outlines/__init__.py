@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from geometry.errors import InputError
-from geometry.outlines.checks import check
-from geometry.outlines.circle import Circle
-from geometry.outlines.curve import Curve
-from geometry.outlines.drawn import Drawn
-from geometry.outlines.ellipse import Ellipse
-from geometry.outlines.files import FILES
-from geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
-from geometry.outlines.polygon import Polygon, RegularPolygon
-from geometry.outlines.rotated import Rotated
-from geometry.outlines.rounded_rectangle import RoundedRectangle
-from geometry.outlines.spline import ClosedSpline
-from geometry.outlines.stadium import Stadium
-from geometry.outlines.superellipse import Superellipse
-from geometry.tables import Table
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.checks import check
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
+from tympan.geometry.outlines.shapes.circle import Circle
+from tympan.geometry.outlines.shapes.drawn import Drawn
+from tympan.geometry.outlines.shapes.ellipse import Ellipse
+from tympan.geometry.outlines.shapes.files import FILES
+from tympan.geometry.outlines.shapes.polygon import Polygon, RegularPolygon
+from tympan.geometry.outlines.shapes.rotated import Rotated
+from tympan.geometry.outlines.shapes.rounded_rectangle import RoundedRectangle
+from tympan.geometry.outlines.shapes.spline import ClosedSpline
+from tympan.geometry.outlines.shapes.stadium import Stadium
+from tympan.geometry.outlines.shapes.superellipse import Superellipse
+from tympan.geometry.toml_reader import Table
 
 __all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced", "Polygon",
            "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "check", "examples",

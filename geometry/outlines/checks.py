@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geometry.errors import InputError
-from geometry.outlines.curve import Curve, piece_length
-from geometry.outlines.outline import Outline
-from geometry.outlines.pieces import Array
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.curve import Curve, piece_length
+from tympan.geometry.outlines.outline import Outline
+from tympan.geometry.outlines.pieces import Array
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks are refused.
 SMALLEST = 1e-3

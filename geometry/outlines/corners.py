@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry.errors import InputError
-from geometry.outlines.pieces import Arc, Line, Piece, Point, direction
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, Point, direction
 
 
 def filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:

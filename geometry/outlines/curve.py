@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.outlines.pieces import Array, Piece, Point
+from tympan.geometry.outlines.pieces import Array, Piece, Point
 
 Foot = tuple[Array, Array]
 

@@ -8,9 +8,9 @@ from dataclasses import fields
 from functools import cached_property
 from typing import Any, Protocol, TypeVar, cast
 
-from geometry.outlines.curve import Curve
-from geometry.outlines.pieces import Array, Piece
-from geometry.tables import Rule, Table
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.pieces import Array, Piece
+from tympan.geometry.toml_reader import Rule, Table
 
 
 class Outline(Protocol):

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.fields import edge_fields, reaction, whole
-from fem.model import Model
-from fem.paths import voltage_path
-from fem.rig import Rig
-from fem.state import State
-from geometry.specimen import Specimen
-from studies.cases import Settings, why
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import edge_fields, reaction, whole
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, why
 
 Array = NDArray[np.float64]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
-from fem.library import MATERIALS
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from studies.alpha.samples import LoadGrid
-from studies.alpha.weights import AlphaResult, AlphaSettings, Progress, alpha
-from studies.cases import Settings
+from tympan.fem.film.library import MATERIALS
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.alpha.samples import LoadGrid
+from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, Progress, alpha
+from tympan.studies.case import Settings
 
 Ranges = tuple[tuple[float, float], ...]
 

@@ -9,15 +9,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.outlines import Circle
-from geometry.specimen import Specimen
-from studies.alpha.circles import RADII, Circles
-from studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
-from studies.alpha.simplex import condition, simplex_fit, weight_ranges
-from studies.cases import Settings, build_model
-from studies.cone import radii_of
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Specimen
+from tympan.studies.alpha.film_circles import RADII, Circles
+from tympan.studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
+from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
+from tympan.studies.case import Settings, build_model
+from tympan.studies.circles.cone import radii_of
 
 Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
@@ -35,8 +35,8 @@ class AlphaSettings:
     """Loads the weights are fitted on and loads they are tested on, and what circles they belong to.
 
     The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to heavier, and other
-    voltages, from between to beyond. ``radii`` is a key of :data:`studies.alpha.RADII`. ``tolerance``: force error,
-    relative, at which two mixtures count as equally good.
+    voltages, from between to beyond. ``radii`` is a key of :data:`tympan.studies.alpha.RADII`. ``tolerance``: force
+    error, relative, at which two mixtures count as equally good.
     """
 
     fit: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)))

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.laws.scaled import scaled
-from fem.paths import equilibrium
-from geometry.errors import InputError
-from geometry.specimen import Film, Specimen
-from studies.cases import build_model
-from studies.diagnosis.fit import Fit, nominal_fit
-from studies.diagnosis.force_law import ForceLaw
-from studies.diagnosis.sampling import FINE, NotSampled, force_laws, nominal_law
-from studies.diagnosis.simulation import Hypothesis, Simulation
-from studies.diagnosis.table import Table
-from studies.effects import Setup, extended
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.laws.scaled import scaled
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Film, Specimen
+from tympan.studies.case import build_model
+from tympan.studies.diagnosis.inference.fit import Fit, nominal_fit
+from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw
+from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
+from tympan.studies.diagnosis.reduced.simulation import Hypothesis, Simulation
+from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
 

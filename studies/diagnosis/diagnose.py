@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InputError
-from studies.data_checks import warnings as data_warnings
-from studies.dataset import Dataset
-from studies.diagnosis.calibration import calibrated, extended_setup, law_error, with_effects
-from studies.diagnosis.fit import Fit
-from studies.diagnosis.gain import GainReport, gain_of
-from studies.diagnosis.judgement import Judgement, judge
-from studies.diagnosis.next_experiment import Proposals, propose
-from studies.diagnosis.readings import Readings, readings_of
-from studies.diagnosis.simulation import Cause, Simulation
-from studies.effects import Setup
+from tympan.geometry.errors import InputError
+from tympan.studies.data.checks import warnings as data_warnings
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.calibration import calibrated, extended_setup, law_error, with_effects
+from tympan.studies.diagnosis.inference.fit import Fit
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
+from tympan.studies.diagnosis.next_experiment.proposals import Proposals, propose
+from tympan.studies.diagnosis.readings import Readings, readings_of
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.validation.gain import GainReport, gain_of
+from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from geometry.errors import InputError
-from studies.dataset import Dataset
-from studies.diagnosis.calibration import calibrated, largest_charge, with_effects
-from studies.diagnosis.knowable import Detectable, Knowable, knowable
-from studies.diagnosis.readings import Readings, readings_of
-from studies.diagnosis.sampling import nominal_law
-from studies.diagnosis.simulation import Simulation
-from studies.diagnosis.table import Table
-from studies.effects import Setup
+from tympan.geometry.errors import InputError
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.calibration import calibrated, largest_charge, with_effects
+from tympan.studies.diagnosis.inference.identifiability import Detectable, Knowable, knowable
+from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.readings import Readings, readings_of
+from tympan.studies.diagnosis.reduced.sampling import nominal_law
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.effects import Setup
 
 _ROUNDS, _GROWTH = 5, 1.5
 

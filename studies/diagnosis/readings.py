@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InputError
-from studies.data_checks import slips_of_unit
-from studies.dataset import Dataset
-from studies.diagnosis.simulation import Cause
-from studies.diagnosis.structure import STATED
-from studies.diagnosis.table import Kind, States, Table, rows
-from studies.effects import REGISTRY, Setup
-from studies.readings import Ranges, StaticReadings
-from studies.scatter import reading_sigma, repeat_noise
+from tympan.geometry.errors import InputError
+from tympan.studies.data.checks import slips_of_unit
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.noise import reading_sigma, repeat_noise
+from tympan.studies.data.readings import Ranges, StaticReadings
+from tympan.studies.diagnosis.inference.residual_tests import STATED
+from tympan.studies.diagnosis.reading_table import Kind, States, Table, rows
+from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.effects import REGISTRY, Setup
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.specimen import Film, Specimen
-from geometry.units import quantity
-from studies.cases import Case
-from studies.cone import Lumped
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Film, Specimen
+from tympan.geometry.units import quantity
+from tympan.studies.case import Case
+from tympan.studies.circles.cone import Lumped
 
 #: ``even``: the sign changes no reading of a specimen that is its own mirror image.
 Sign = Literal["signed", "positive", "even"]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import isinf
 from typing import Any
 
-from studies.effects import REGISTRY, Effect, Parameter
+from tympan.studies.effects import REGISTRY, Effect, Parameter
 
 _INTRODUCTION = """# Effects
 

@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.controls import capacitance_of
-from fem.paths import voltage_path
-from fem.rig import Rig, checked_load
-from fem.state import State
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from studies.alpha.samples import Samples, equilibria
-from studies.cases import Case, Settings, build_model, why
-from studies.cone import ConeCircle
-from studies.lumped.membrane import LumpedModel
-from studies.lumped.model import Actuator, Correction, Viscous
-from studies.lumped.statics import curve, pull_in, rest
-from studies.lumped.stored import write_model
-from studies.store import write_csv, write_json
-from studies.vibration import modes
+from tympan.fem.equilibrium.constraints import capacitance_of
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.membrane.state import State
+from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
+from tympan.studies.alpha.samples import Samples, equilibria
+from tympan.studies.case import Case, Settings, build_model, why
+from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.files import write_csv, write_json
+from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
+from tympan.studies.lumped.equilibria import curve, pull_in, rest
+from tympan.studies.lumped.membrane import LumpedModel
+from tympan.studies.lumped.model_file import write_model
+from tympan.studies.modes import modes
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -43,7 +43,7 @@ NEAR = 0.01
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """Masses [kg] and voltages [V] the model is for, and its circles, as in :class:`~studies.alpha.AlphaSettings`.
+    """Masses [kg] and voltages [V] the model is for, and its circles, as for α.
 
     It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all other loads it is
     tested. ``viscous`` is taken over as it is: a field model at rest says nothing about it.
@@ -203,8 +203,9 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
           progress: Progress = lambda _: None) -> Built:
     """A specimen's lumped model from its field model alone.
 
-    The circles and α are those of :func:`studies.alpha.alpha` on membrane circles. Against the forces of the fit's
-    loads two factors are found, one on the film's and one on the voltage's energy: least squares of relative force.
+    The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against the forces of the
+    fit's loads two factors are found, one on the film's and one on the voltage's energy: least squares of relative
+    force.
 
     Raises
     ------

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.system import MissingLibrary
-from studies.lumped.model import Actuator
-from studies.lumped.statics import rest
+from tympan.geometry.system import MissingLibrary
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.equilibria import rest
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from fem.density import maxwell
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from studies.cone import ConeCircle, sloped_film
-from studies.lumped.model import Actuator, Correction, Viscous
+from tympan.fem.film.density import maxwell
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles.cone import ConeCircle, sloped_film
+from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class MembraneCircle:
 
         Examples
         --------
-        >>> from studies.lumped.table1 import paper_actuators
+        >>> from tympan.studies.paper.table1 import paper_actuators
         >>> round(MembraneCircle(ConeCircle(paper_actuators(4.7)[0], 45e-3), 0.0).membrane_factor, 2)
         2.33
         """

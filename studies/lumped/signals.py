@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.errors import InputError
-from studies.columns import Number, read_sheet
+from tympan.geometry.errors import InputError
+from tympan.studies.data.columns import Number, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6

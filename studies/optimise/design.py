@@ -8,21 +8,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Model
-from fem.parameters import Parameter
-from fem.paths import Outcome, equilibrium
-from fem.quantities import Heave
-from fem.sensitivity import gradient_many
-from fem.shape import moved_by, velocities
-from fem.state import State
-from geometry.errors import InputError
-from geometry.mesh import folded
-from geometry.specimen import Specimen
-from studies.cases import Settings, build_model, why
-from studies.optimise.limits import Found
-from studies.optimise.problem import Problem
-from studies.optimise.sqp import Local
-from studies.sensitivity import case_parameters
+from tympan.fem.derivatives.parameters import Parameter
+from tympan.fem.derivatives.quantities import Heave
+from tympan.fem.derivatives.sensitivity import gradient_many
+from tympan.fem.derivatives.shape import moved_by, velocities
+from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesh import folded
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, build_model, why
+from tympan.studies.optimise.limits import Found
+from tympan.studies.optimise.problem import Problem
+from tympan.studies.optimise.sqp import Local
+from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
 

@@ -10,19 +10,19 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.density import principal_stretches
-from fem.fields import Fields, strength
-from fem.model import Model
-from fem.parameters import Parameter, with_change
-from fem.paths import Outcome, PathSettings, equilibrium
-from fem.quantities import Field, Largest, larger_stress, true_field
-from fem.sensitivity import gradient_many, limit_gradient
-from fem.shape import Edge
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from geometry.tables import POSITIVE, Rule, Table
-from studies.cases import Case, node_fields
-from studies.sensitivity import case_parameters
+from tympan.fem.derivatives.parameters import Parameter, with_change
+from tympan.fem.derivatives.quantities import Field, Largest, larger_stress, true_field
+from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
+from tympan.fem.derivatives.shape import Edge
+from tympan.fem.equilibrium.ramp import Outcome, PathSettings, equilibrium
+from tympan.fem.film.density import principal_stretches
+from tympan.fem.membrane.model import Model
+from tympan.fem.results.fields import Fields, strength
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import POSITIVE, Rule, Table
+from tympan.studies.case import Case, node_fields
+from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.parameters import at, shape_names, with_change
-from fem.shape import velocities
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from studies.cases import Settings, build_model, state_warnings
-from studies.optimise.design import Bench, Design
-from studies.optimise.problem import Problem
-from studies.optimise.sqp import Descent, DescentSettings, Local, maximise
+from tympan.fem.derivatives.parameters import at, shape_names, with_change
+from tympan.fem.derivatives.shape import velocities
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, build_model, state_warnings
+from tympan.studies.optimise.design import Bench, Design
+from tympan.studies.optimise.problem import Problem
+from tympan.studies.optimise.sqp import Descent, DescentSettings, Local, maximise
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from fem.library import load_specimen
-from fem.parameters import at, numbers, with_change
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.outlines import area, perimeter
-from geometry.specimen import Specimen
-from geometry.tables import POSITIVE, Table
-from geometry.written import outline_dimension
-from studies.actuators import FILES
-from studies.cases import Case
-from studies.optimise.limits import LIMITS, Limit
+from tympan.fem.derivatives.parameters import at, numbers, with_change
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import area, perimeter
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import POSITIVE, Table
+from tympan.geometry.toml_writer import outline_dimension
+from tympan.studies.case import Case
+from tympan.studies.optimise.limits import LIMITS, Limit
+from tympan.studies.paper.actuators import FILES
 
 #: The specimen to beat when a problem names none: the paper's large ellipse.
 PAPER = "elliptical-large"
@@ -136,7 +136,7 @@ def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
 
 def default_problem() -> Problem:
     """The paper's large ellipse against the best frame of its area and the best of its length."""
-    with resources.as_file(resources.files("studies") / "optimise" / "ellipse.toml") as file:
+    with resources.as_file(resources.files("tympan.studies.optimise") / "ellipse.toml") as file:
         return read_problem(file)
 
 

@@ -7,9 +7,9 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from geometry.errors import InputError
-from studies.sweep.pool import Found, outcome
-from studies.sweep.task import Result, Task
+from tympan.geometry.errors import InputError
+from tympan.studies.parallel import Found, outcome
+from tympan.studies.sweep.task import Result, Task
 
 _PATIENCE = "10s"
 

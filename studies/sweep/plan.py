@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from fem.breakdown import read_strength
-from fem.library import load_specimen, read_material
-from fem.rig import Rig, checked_load
-from geometry.errors import InputError
-from geometry.specimen import Specimen, Unbuildable, specimen_from_table
-from geometry.tables import Table
-from geometry.units import quantity
-from studies.cases import Settings
-from studies.sweep.task import Task, solver
-from studies.sweep.variations import Choice, choices, with_choice
+from tympan.fem.film.breakdown import read_strength
+from tympan.fem.film.library import load_specimen, read_material
+from tympan.fem.rig import Rig, checked_load
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen, Unbuildable, specimen_from_table
+from tympan.geometry.toml_reader import Table
+from tympan.geometry.units import quantity
+from tympan.studies.case import Settings
+from tympan.studies.sweep.parameters import Choice, choices, with_choice
+from tympan.studies.sweep.task import Task, solver
 
 #: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of the rig.
 _LOADS = ("mass", "voltage")

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from studies import store
-from studies.sweep.plan import Sweep
-from studies.sweep.pool import Found
-from studies.sweep.shelf import Shelf
-from studies.sweep.table import FILES, write_tables
-from studies.sweep.task import Row, Task, solver
+from tympan.studies import files as store
+from tympan.studies.parallel import Found
+from tympan.studies.sweep.checkpoint import Shelf
+from tympan.studies.sweep.plan import Sweep
+from tympan.studies.sweep.table import FILES, write_tables
+from tympan.studies.sweep.task import Row, Task, solver
 
 #: Solves tasks in any order.
 Solve = Callable[[Sequence[Task]], Iterator[Found]]

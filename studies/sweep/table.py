@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.store import write_atomically
-from studies.sweep.plan import Entry, Sweep
-from studies.sweep.task import COLUMNS, FAILED, Row, solver
-from studies.sweep.variations import flattened, read_quantity
+from tympan.studies.files import write_atomically
+from tympan.studies.sweep.parameters import flattened, read_quantity
+from tympan.studies.sweep.plan import Entry, Sweep
+from tympan.studies.sweep.task import COLUMNS, FAILED, Row, solver
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,14 +13,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from fem.fields import whole
-from fem.paths import voltage_path
-from fem.rig import Rig
-from geometry.errors import InputError
-from geometry.specimen import Specimen
-from geometry.written import law_content, specimen_content
-from studies.cases import Case, CaseResult, Settings, build_model, summaries
-from studies.store import write_fields
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.results.fields import whole
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_writer import law_content, specimen_content
+from tympan.studies.case import Case, CaseResult, Settings, build_model, summaries
+from tympan.studies.files import write_fields
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are then not reused.
 REVISION = 2

@@ -1,0 +1,1 @@
+"""Trials: effects hidden in readings, and random specimens, judged in hundreds."""

@@ -1,0 +1,124 @@
+"""Effects hidden in hundreds of sets of readings, and how often they are found.
+
+    python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [--minutes M]
+        [-o docs/hidden-effects.md]
+
+Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials of all kinds are
+mixed, so that one that is stopped after some minutes has its share of each; with 0 minutes only the page is written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from math import inf
+from multiprocessing import get_context
+from pathlib import Path
+
+from benchmarks.trials.rates import draw_power, page, rates
+from benchmarks.trials.synthetic_trials import LOOP, circles, paper
+from benchmarks.trials.trial import Lab, Record
+from tympan.progress import bar
+from tympan.studies.files import write_text
+
+#: Trials drawn of each population; what of them is identifiable follows from the draw.
+COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320, "alias": 102,
+          "noise": 100, "form": 60, "gain": 100}
+
+_labs: list[Lab] = []
+
+
+def _start(lab: Lab) -> None:
+    _labs.append(lab)
+
+
+def _run(trial: tuple[str, int]) -> tuple[str, int, list[Record]]:
+    return (*trial, _labs[0].run(*trial))
+
+
+def lab_of(seed: int, workers: int) -> Lab:
+    """The designs with their force laws: the dearest part."""
+    design = paper()
+    simulation = design.simulation(workers)
+    return Lab((design, simulation), (paper(LOOP), simulation), (circles(), circles().simulation(workers)), seed)
+
+
+def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
+    """All trials, those of all populations mixed, so that a study stopped early has some of each."""
+    every = [((number + 0.5) / count, name, number) for name, count in counts.items() for number in range(count)]
+    return ((name, number) for _, name, number in sorted(every))
+
+
+def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None, minutes: float = inf
+          ) -> list[Record]:
+    """All trials run, or read from where they were kept; those still to be begun after some minutes left out."""
+    records, done = kept(keep)
+    trials = [trial for trial in order(counts) if trial not in done]
+    end = time.monotonic() + 60 * minutes
+    with ProcessPoolExecutor(workers, get_context("spawn"), _start, (lab,)) as pool, bar(len(trials)) as step:
+        for name, number, found in pool.map(_run, trials):
+            step(f"{name} {number}")
+            records += found
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as file:
+                    rows = [one.json() for one in found]
+                    file.write(json.dumps({"trial": [name, number], "records": rows}) + "\n")
+            if time.monotonic() > end:
+                pool.shutdown(cancel_futures=True)
+                break
+    return records
+
+
+def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
+    """Records kept in a file, and the trials they are of."""
+    lines = keep.read_text(encoding="utf-8").splitlines() if keep and keep.exists() else []
+    rows = [json.loads(line) for line in lines]
+    done = {(row["trial"][0], row["trial"][1]) for row in rows}
+    return [Record.of_json(one) for row in rows for one in row["records"]], done
+
+
+def write(records: Sequence[Record], about: str, file: Path) -> None:
+    """The page and its picture."""
+    write_text(file, page(records, about))
+    draw_power(records, file.with_suffix(".png"))
+
+
+def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
+    """What was run, and what of it was planned."""
+    done = {name: len({one.number for one in records if one.population.startswith(name)}) for name in counts}
+    lines = [f"Seed {seed}. Trials: {', '.join(f'{count} {name}' for name, count in done.items())}; drawn again for "
+             f"want of an equilibrium or a film {sum(one.again for one in records)} times."]
+    if done != counts:
+        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, in an order in which "
+                     "each kind has its share; `make hidden` runs them all.")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the study and print its rates."""
+    parser = argparse.ArgumentParser(description="Hide effects in readings and have them found.")
+    parser.add_argument("--scale", type=float, default=1.0, help="factor on the number of trials")
+    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="file the trials are kept in as they are done, one JSON line each")
+    parser.add_argument("--minutes", type=float, default=inf, help="time after which no further trial is begun")
+    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the rates in; its picture beside it")
+    options = parser.parse_args()
+    counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
+    if options.minutes > 0:
+        records = study(lab_of(options.seed, options.workers), counts, options.workers, options.keep, options.minutes)
+    else:
+        records, _ = kept(options.keep)
+    about = told(records, options.seed, counts)
+    if options.output:
+        write(records, about, options.output)
+    print(about, *(rate.row() for rate in rates(records)), sep="\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

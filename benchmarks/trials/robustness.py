@@ -1,0 +1,267 @@
+"""Hundreds of random specimens solved, checked and told in a table.
+
+    python -m benchmarks.trials.robustness [--count 500] [--seed 1] [--workers 1] [-o docs/robustness.md]
+
+Every case is solved in a process of its own with a limit on its time; an equilibrium's forces are summed again
+(tests/balance.py), and a sample of all statuses is reached from another direction (tests/other_direction.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import resource
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from benchmarks.trials.random_specimens import Drawn, design
+from tests.oracles.balance import Balance, balance
+from tests.oracles.other_direction import Verdict, along_heaves, oracle, voltage_first
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.membrane.model import Model
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Settings, find
+from tympan.studies.files import write_text
+
+MESH = MeshSettings().refined(0.5)
+SECONDS = 60.0  #: of processor time, the longest a search may take
+PATIENCE = 1800.0  #: seconds on the clock, with the checks from other directions, after which a case counts as hanging
+#: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is summed by another
+#: quadrature here; and slope of the potential.
+UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
+
+
+@dataclass(frozen=True)
+class Record:
+    """What became of a case. ``status`` is the outcome's, or "refused" (by the mesher: input that is
+    wrong), "raised" or "hung"; ``words`` its advice or the error. ``again``: solved on the default mesh, since
+    on the coarse one something was wrong. ``spread``: of limits that the mesh does not resolve.
+    """
+
+    number: int
+    refused: int
+    status: str
+    words: str = ""
+    seconds: float = 0.0
+    gas: bool = False
+    balance: Balance | None = None
+    verdicts: tuple[Verdict, ...] = ()
+    case: str = ""
+    again: bool = False
+    spread: float = 0.0
+
+    @property
+    def balanced(self) -> bool:
+        """Whether a reported equilibrium is one."""
+        limit = UNBALANCED_GAS if self.gas else UNBALANCED
+        return self.balance is None or (self.balance.worst < limit and self.balance.slope < STEEP)
+
+    @property
+    def wrong(self) -> str:
+        """What is wrong with this case; empty where nothing is."""
+        differing = [f"{verdict.way}: {verdict.words}, error {verdict.error:.2g}" for verdict in self.verdicts
+                     if verdict.says == "differs"]
+        faults = [self.status] * (self.status in ("raised", "hung")) + ["unbalanced"] * (not self.balanced)
+        faults += ["no advice"] * (self.status in ("no_equilibrium", "not_converged") and not self.words)
+        return "; ".join([*faults, *differing])
+
+
+def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
+    """A case solved and checked; every ``sample``-th from the other directions that cost as much as the search."""
+    began = time.process_time()
+    model, found = find(drawn.case, Settings(mesh))
+    seconds = time.process_time() - began
+    record = Record(drawn.number, drawn.refused, found.status, found.advice, seconds,
+                    drawn.case.rig.gas_pressure != 0, case=str(drawn), spread=found.spread)
+    if found.status == "equilibrium":
+        record = replace(record, balance=balance(model, found.state))
+    record = replace(record, verdicts=tuple(_verdicts(model, drawn, found, sample)))
+    finer = MeshSettings()
+    return replace(judged(drawn, finer, sample), again=True) if record.wrong and mesh != finer else record
+
+
+def _verdicts(model: Model, drawn: Drawn, found: Outcome, sample: int) -> Iterator[Verdict]:
+    if found.status == "not_converged":
+        return
+    if drawn.plain:
+        yield oracle(model, drawn, found)
+    if drawn.number % sample == 0:
+        yield voltage_first(model, drawn, found)
+        if found.status == "no_equilibrium":
+            yield along_heaves(model, drawn, found)
+
+
+def _serve(pipe: Connection, sample: int) -> None:
+    while True:
+        drawn = pipe.recv()
+        try:
+            pipe.send(judged(drawn, sample=sample))
+        except InputError as error:
+            pipe.send(Record(drawn.number, drawn.refused, "refused", str(error), case=str(drawn)))
+        except Exception as error:
+            pipe.send(Record(drawn.number, drawn.refused, "raised", f"{error!r} {traceback.format_exc()[-800:]}",
+                             case=str(drawn)))
+
+
+class Worker:
+    """A process that judges cases, started again where a case has hung."""
+
+    def __init__(self, sample: int) -> None:
+        self.sample = sample
+        self._start()
+
+    def judge(self, drawn: Drawn) -> Record:
+        """The case's record, also where it raises, hangs or kills its process."""
+        self.pipe.send(drawn)
+        words = f"no answer within {PATIENCE:g} s"
+        try:
+            if self.pipe.poll(PATIENCE):
+                return self.pipe.recv()
+        except EOFError:
+            words = "the process died"
+        self.stop()
+        self._start()
+        return Record(drawn.number, drawn.refused, "hung", words, PATIENCE, case=str(drawn))
+
+    def stop(self) -> None:
+        """End the process."""
+        self.process.terminate()
+        self.process.join()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, other = context.Pipe()
+        self.process = context.Process(target=_serve, args=(other, self.sample), daemon=True)
+        self.process.start()
+        other.close()
+
+
+def study(count: int, seed: int, sample: int, workers: int,
+          keep: Callable[[list[Record]], None] = lambda records: None) -> list[Record]:
+    """All cases judged, progress on standard error; ``keep`` gets what is done after every 25."""
+    free = [Worker(sample) for _ in range(workers)]
+    done: list[Record] = []
+
+    def judge(drawn: Drawn) -> Record:
+        worker = free.pop()
+        record = worker.judge(drawn)
+        free.append(worker)
+        print(f"{record.number:4d} {record.status:14s} {record.seconds:6.1f} s  {record.wrong}", file=sys.stderr)
+        if record.wrong or record.status == "not_converged":
+            print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
+        done.append(record)
+        if len(done) % 25 == 0:
+            keep(sorted(done, key=lambda one: one.number))
+        return record
+
+    with ThreadPoolExecutor(workers) as pool:
+        records = list(pool.map(judge, design(count, seed)))
+    for worker in free:
+        worker.stop()
+    return records
+
+
+def table(records: Sequence[Record]) -> str:
+    """The study in lines."""
+    counts = Counter(record.status for record in records)
+    lines = [f"{len(records)} specimens; {sum(record.refused for record in records)} draws before them refused as "
+             "inadmissible", ""]
+    lines += [f"{status:36}{counts[status]:6d}" for status in
+              ("equilibrium", "no_equilibrium", "not_converged", "refused", "raised", "hung")]
+    found = [record for record in records if record.balance is not None]
+    lines += ["", "reported equilibria"]
+    for name, gas in (("without gas", False), ("with gas pressure", True)):
+        group = [record for record in found if record.gas == gas]
+        if group:
+            lines += [f"  {name}: largest unbalanced nodal force {max(r.balance.nodes for r in group):.1e}, plate "
+                      f"force {max(r.balance.force for r in group):.1e}, moment "
+                      f"{max(r.balance.moment for r in group):.1e}, slope of the potential "
+                      f"{max(r.balance.slope for r in group):.1e}"]
+    lines += [f"  unbalanced: {sum(not r.balanced for r in found)}",
+              f"  plate unstable in a motion the mirrored part cannot make: "
+              f"{sum(not r.balance.plate_stable for r in found)}",
+              f"  film pressed, with negative eigenvalues of its own: {sum(r.balance.film_modes > 0 for r in found)}"]
+    spreads = sorted(record.spread for record in records if record.spread)
+    lines += ["", "limits that the mesh does not resolve, on which two kinds of smooth motions agree: "
+              + (f"{len(spreads)}; all kinds tried differ by {spreads[len(spreads) // 2]:.1%} of the load or U² in the "
+                 f"median, {spreads[-1]:.1%} at most" if spreads else "0")]
+    lines += ["", f"solved again on the default mesh, since on the coarse one a direction differed: "
+              f"{sum(record.again for record in records)}"]
+    lines += ["", f"{'from another direction':36}agrees differs silent  largest error"]
+    lines += _directions(records)
+    times = sorted(record.seconds for record in records)
+    slowest = max(records, key=lambda record: record.seconds)
+    lines += ["", f"processor time of a search: median {times[len(times) // 2]:.2f} s, 95 % below "
+              f"{times[int(0.95 * len(times))]:.1f} s, slowest {slowest.seconds:.1f} s (#{slowest.number})"]
+    lines += [f"above {SECONDS:g} s: {sum(seconds > SECONDS for seconds in times)}", "", "why not converged"]
+    reasons = Counter(record.words for record in records if record.status == "not_converged")
+    lines += [f"{number:5d}  {words}" for words, number in reasons.most_common()] or ["  none"]
+    lines += ["", "differing, unbalanced, raised or hung"]
+    lines += [f"  #{record.number} {record.status}: {record.wrong}" for record in records if record.wrong] or ["  none"]
+    return "\n".join(lines)
+
+
+def _directions(records: Sequence[Record]) -> Iterator[str]:
+    ways = {verdict.way: None for record in records for verdict in record.verdicts}
+    for way in ways:
+        for status in ("equilibrium", "no_equilibrium"):
+            heard = [verdict for record in records if record.status == status for verdict in record.verdicts
+                     if verdict.way == way]
+            says = Counter(verdict.says for verdict in heard)
+            if heard:
+                error = max((verdict.error for verdict in heard if verdict.says == "agrees"), default=0.0)
+                yield (f"  {way + ', ' + status:34}{says['agrees']:6d} {says['differs']:7d} {says['silent']:6d}  "
+                       f"{error:.1e}")
+
+
+def main() -> None:
+    """Run the study and print its table."""
+    parser = argparse.ArgumentParser(description="Solve and check random specimens.")
+    parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--sample", type=int, default=8, help="every how manieth case to reach from another direction")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
+    options = parser.parse_args()
+    head = f"seed {options.seed}, every {options.sample}th case from other directions, mesh {MESH}"
+
+    def keep(records: list[Record]) -> None:
+        if options.output:
+            early = f"\nstopped early: {len(records)} of {options.count}" if len(records) < options.count else ""
+            text = f"{PAGE}\n```\n{head}{early}\n{table(records)}\n```\n"
+            write_text(options.output, text)
+
+    records = study(options.count, options.seed, options.sample, options.workers, keep)
+    keep(records)
+    print(table(records))
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"\npeak memory of a process {peak:.0f} MiB")
+
+
+PAGE = """# Random specimens
+
+What `make robustness` printed in one run. Frames and plates are circles and ellipses (aspect up to 3), plates off
+centre up to nearly touching the frame, prestretches 1.5 to 4, equal and unequal, every registered law and every library
+film, permittivity exponents, electrode margins, outlines and stiffness, film mass, springs, guides, weight offsets, gas
+pressure and magnets; masses to 100 g, voltages to 1.3 times that at which the flat film loses tension. A quarter are
+annuli that the axisymmetric equations cover.
+
+Forces and moments are summed again on the whole film by code that shares nothing with the solver's, relative to the
+largest nodal force. "heave by heave": the load that keeps the plate at given heaves, its maximum against the reported
+limit. "silent": that direction could not be followed, or has no answer.
+
+A film that loses tension before it pulls in is followed by smooth motions. Where the limit they find leaves more than
+1 % of the largest nodal force unbalanced, it counts only if two kinds of them, differing in waves or degree, agree on
+it to 2 % of the load or U², if it is short of what is asked for by more than that, and if no kind has reached that.
+"""
+
+if __name__ == "__main__":
+    main()

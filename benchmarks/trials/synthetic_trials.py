@@ -1,0 +1,289 @@
+"""Readings with an effect hidden in them, made by other means than those a diagnosis fits them with.
+
+The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at heaves, polynomials
+between. The readings here come from (a) elements of order 3 or 2 on other, finer meshes under loads, ramp by ramp; (b)
+the membrane's differential equations (tests/axisymmetric.py, nothing of the project in it) for circular specimens; (c)
+elements with a film of another material family that makes nearly the stresses of the fitted one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from benchmarks.trials import axisymmetric_readings as hidden_equations
+from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
+from tympan.fem.film.library import MATERIALS, load_specimen
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Material, Plate, Specimen
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reduced.force_law import Grid
+from tympan.studies.diagnosis.reduced.sampling import force_laws
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.effects import REGISTRY, Setup, extended
+
+Array = NDArray[np.float64]
+Means = Literal["elements", "equations", "another law", "form error"]
+
+MASSES, UP = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
+#: Up and down again, in as many readings.
+LOOP = np.concatenate([np.linspace(0.0, 6500.0, 8), np.linspace(6500.0, 0.0, 8)[1:]])
+NOISE = 20e-6
+#: Seconds between two readings.
+PACE = 60.0
+#: Largest heave and voltage of the fitted force laws.
+HEAVE, TOP = 8e-3, 7500.0
+#: The meshes readings are made on, one or the other.
+MESHES = (Settings(MeshSettings(order=3, around_plate=9, growth=0.7, across=0.8)),
+          Settings(MeshSettings(order=2, around_plate=18, growth=0.4, across=0.5)))
+#: Effects that a circular specimen bears without ceasing to be axisymmetric, as the equations have them.
+ROUND = ("permittivity_stretch", "strain_stiffening", "prestretch_loss", "unaccounted_mass", "parallel_spring",
+         "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain")
+#: Causes that nobody can see in readings of the heave, by dimensional analysis (they are permittivity).
+ALIASES = frozenset({"amplifier_gain"})
+
+_ACTUATORS = Path(__file__).parents[2] / "studies" / "paper" / "actuators"
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What is measured: the nominal setup, the rows to read, and what may be wrong with them."""
+
+    name: str
+    setup: Setup
+    table: Table
+    causes: tuple[Cause, ...]
+
+    def ramps(self) -> Iterator[NDArray[np.int64]]:
+        """Rows of each ramp, in order."""
+        states = self.table.states
+        for key in dict.fromkeys(zip(states.specimen.tolist(), states.mass.tolist(), strict=True)):
+            yield np.flatnonzero((states.specimen == key[0]) & (states.mass == key[1]))
+
+    def simulation(self, workers: int = 1) -> Simulation:
+        """The fitted model: force laws of the nominal setup."""
+        grids = [Grid(HEAVE, TOP**2, odd=True)] * len(self.setup.specimens)
+        return Simulation(self.setup, force_laws(self.setup, grids, workers))
+
+    def only(self, keep: NDArray[np.bool_]) -> Design:
+        """Some of the states."""
+        states = self.table.states[keep]
+        return replace(self, table=replace(_read(states), order=self.table.order[keep]))
+
+    def after(self, elapsed: float) -> Design:
+        """The same readings, all taken so long after the run began [s]."""
+        states = replace(self.table.states, elapsed=np.full(len(self.table), elapsed))
+        return replace(self, table=replace(self.table, states=states))
+
+
+def _read(states: States) -> Table:
+    return replace(rows(states, "displacement", NOISE), order=np.arange(len(states), dtype=float))
+
+
+def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(REGISTRY),
+           voltages: Array = UP) -> Design:
+    """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the other.
+
+    Effects that need ramps both ways may only be there where there are some.
+    """
+    setup = Setup(tuple(specimens), Rig())
+    numbers, masses, places = (axis.ravel() for axis in np.meshgrid(
+        range(len(specimens)), MASSES, range(len(voltages)), indexing="ij"))
+    way = np.where(np.arange(len(voltages)) > np.argmax(voltages), -1.0, 1.0)
+    elapsed = np.arange(len(numbers)) * PACE
+    states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed, way[places.astype(int)])
+    causes = tuple(Cause(name, which) for name in effects for which in REGISTRY[name].choices(setup)
+                   if way.min() < 0 or "direction" not in REGISTRY[name].columns)
+    return Design(name, setup, _read(states), causes)
+
+
+def paper(voltages: Array = UP) -> Design:
+    """The paper's circle and two ellipses."""
+    return design("paper", [load_specimen(_ACTUATORS / f"{name}.toml")
+                            for name in ("circular", "elliptical-small", "elliptical-large")], voltages=voltages)
+
+
+def circles() -> Design:
+    """Three circular specimens with other frames and plates, for the axisymmetric equations."""
+    nominal = load_specimen(_ACTUATORS / "circular.toml")
+    sizes = (("A", 45e-3, 10e-3), ("B", 60e-3, 10e-3), ("C", 45e-3, 15e-3))
+    return design("circles", [replace(nominal, name=name, frame=Circle(frame), plate=Plate(Circle(plate)))
+                              for name, frame, plate in sizes], ROUND)
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Two laws side by side."""
+
+    law: ClassVar[str] = "sum"
+    one: Material
+    other: Material
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """Energy and its derivatives."""
+        parts = zip(self.one.derivatives(l1, l2), self.other.derivatives(l1, l2), strict=True)
+        return tuple(one + other for one, other in parts)
+
+
+def visited() -> tuple[Array, Array]:
+    """Stretches along and around that films reach in these designs."""
+    along, around = np.meshgrid(np.linspace(2.1, 2.7, 13), np.linspace(2.05, 2.4, 8))
+    return along.ravel(), around.ravel()
+
+
+def stresses(law: Material) -> Array:
+    """Nominal stresses over the stretches visited [Pa]."""
+    found = law.derivatives(*visited())
+    return np.concatenate([found[1], found[2]])
+
+
+@lru_cache
+def look_alike(nominal: Material) -> tuple[Material, float]:
+    """A Gent law with a Mooney term fitted to another law over the stretches visited; its largest relative error."""
+    wanted = stresses(nominal)
+
+    def law(x: Array) -> Material:
+        return Sum(Gent(float(np.exp(x[0])), float(np.exp(x[1]))), MooneyRivlin(0.0, float(1e2 * x[2])))
+
+    found = least_squares(lambda x: stresses(law(x)) / wanted - 1, [np.log(18e3), np.log(110.0), 0.0])
+    best = law(found.x)
+    return best, float(np.abs(stresses(best) / wanted - 1).max())
+
+
+def scaled(law: Material, factor: float) -> Material:
+    """A law with all moduli multiplied."""
+    if isinstance(law, Sum):
+        return Sum(scaled(law.one, factor), scaled(law.other, factor))
+    if isinstance(law, Ogden):
+        return replace(law, mu=tuple(factor * mu for mu in law.mu))
+    if isinstance(law, MooneyRivlin):
+        return MooneyRivlin(factor * law.c10, factor * law.c01)
+    assert isinstance(law, Gent)
+    return replace(law, mu=factor * law.mu)
+
+
+class Stranger:
+    """Something wrong that no effect of the library is. It does nothing; a subclass overrides what it does."""
+
+    def setup(self, setup: Setup) -> Setup:
+        """The specimens and the rig as they are."""
+        return setup
+
+    def stiffness(self, ramp: int) -> float:
+        """Factor on the stiffness of all films during a ramp."""
+        return 1.0
+
+    def mass(self, nominal: float) -> float:
+        """The mass that is there [kg]."""
+        return nominal
+
+    def voltage(self, nominal: float) -> float:
+        """The voltage that is there [V]."""
+        return nominal
+
+    def shown(self, reading: Array, states: States) -> Array:
+        """What the sensor shows [m]."""
+        return reading
+
+
+NOBODY = Stranger()
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is the case: factors on stiffness and permittivity, effects with their sizes, and by which means."""
+
+    stiffness: float = 1.0
+    permittivity: float = 1.0
+    hypothesis: Hypothesis = ()
+    sizes: tuple[float, ...] = ()
+    means: Means = "elements"
+    mesh: int = 0
+    stranger: Stranger = NOBODY
+
+    @property
+    def unknowns(self) -> Array:
+        """As the fitted model has them."""
+        return np.array([np.log(self.stiffness), np.log(self.permittivity), *self.sizes])
+
+
+def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means, stranger: Stranger = NOBODY) -> Truth:
+    """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors."""
+    sizes = [float(item.draw(generator, 1)[0]) for cause in hypothesis for item in cause.of_registry.parameters]
+    return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))), hypothesis,
+                 tuple(sizes), means, int(generator.integers(len(MESHES))), stranger)
+
+
+def readings(design: Design, truth: Truth) -> Array | None:
+    """Readings of a design's rows without noise [m]; None where a state has no equilibrium or a film cannot be built.
+
+    The latter are electrode margins of less than 1 % of the gap.
+    """
+    try:
+        return _readings(design, truth)
+    except InputError:
+        return None
+
+
+def _readings(design: Design, truth: Truth) -> Array | None:
+    if truth.means == "equations":
+        return hidden_equations.readings(design, truth)
+    law = design.setup.specimens[0].membrane.material
+    if truth.means == "another law":
+        law, _ = look_alike(law)
+    elif truth.means == "form error":
+        law = MATERIALS["vhb-4910-gent"].material
+    shown = np.empty(len(design.table))
+    for number, ramp in enumerate(design.ramps()):
+        found = _ramp(design, truth, scaled(law, truth.stiffness * truth.stranger.stiffness(number)), ramp)
+        if found is None:
+            return None
+        shown[ramp] = found
+    return truth.stranger.shown(shown, design.table.states)
+
+
+def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) -> Array | None:
+    """Readings of one specimen under one mass, under loads, from voltage to voltage."""
+    states = design.table.states
+    films = design.setup.with_films(lambda film: replace(
+        film, material=law, relative_permittivity=truth.permittivity * film.relative_permittivity))
+    fitted = Simulation(design.setup, ())
+    setup = truth.stranger.setup(extended(films, fitted.uses(truth.hypothesis, truth.unknowns)))
+    number = int(states.specimen[ramp[0]])
+    specimen, rig = setup.specimens[number], setup.rig
+    blank = replace(specimen, membrane=design.setup.specimens[number].membrane)
+    model = build_model(blank, MESHES[truth.mesh], rig.loading).with_specimen(specimen)
+    force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
+    voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction) for nominal, direction in
+                zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
+    heaves = []
+    for outcome in voltage_path(model, force, voltages):
+        if outcome.status != "equilibrium":
+            return None
+        heaves.append(outcome.state.plate.heave)
+    pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
+    return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
+
+
+def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
+           stranger: Stranger = NOBODY) -> tuple[Truth, Array, int]:
+    """A truth with its readings, drawn again while a state has no equilibrium, and how often that was."""
+    for again in range(100):
+        truth = draw(generator, hypothesis, means, stranger)
+        found = readings(design, truth)
+        if found is not None:
+            return truth, found, again
+    raise ArithmeticError("no draw of a hundred has equilibria")
+

@@ -1,0 +1,352 @@
+"""One trial: something hidden in readings, what the truth allows to be known, and what the diagnosis made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.trials.synthetic_trials import (
+    ALIASES,
+    NOISE,
+    Array,
+    Design,
+    Means,
+    Truth,
+    draw,
+    hidden,
+    readings,
+)
+from benchmarks.trials.unmodelled_faults import STRANGERS
+from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all
+from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
+from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from tympan.studies.diagnosis.validation.gain import gain_of
+
+#: Widths of the priors for fits to readings without noise, where only the readings are to count.
+_LOOSE = 5.0
+_NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
+_MISJUDGED = 1.5
+
+
+@dataclass(frozen=True)
+class Record:
+    """A trial and its end.
+
+    ``seen``: χ² by which the nominal model misses the readings without noise more than the truth does (of a stranger:
+    by which the best of the library does); ``told``: the same for the best hypothesis that is not the truth. ``ranked``
+    are the causes with their stated probabilities. ``covered``: whether the 95 % set of hypotheses has the truth,
+    ``inside``: whether the 95 % intervals of its sizes have the true ones, None where that was not asked. ``reported``:
+    whether an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended model over the
+    nominal one, over all splits that can show it; None where there is none.
+    """
+
+    population: str
+    number: int
+    means: str
+    truth: tuple[str, ...]
+    again: int
+    seen: float
+    told: float
+    verdict: str = "refused"
+    named: tuple[str, ...] = ()
+    ranked: tuple[tuple[str, float], ...] = ()
+    best: tuple[str, ...] = ()
+    wrong: float = 0.0
+    unknown: float = 0.0
+    p_value: float = 1.0
+    after: float = 1.0
+    noise: float = 1.0
+    covered: bool | None = None
+    inside: tuple[bool, ...] = ()
+    reported: bool | None = None
+    words: str = ""
+    ratio: float | None = None
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the truth stands out by itself."""
+        return self.seen >= SEEN and self.told >= TOLD
+
+    @property
+    def misnamed(self) -> bool:
+        """Whether a cause was named that is not there."""
+        return bool(set(self.named) - set(self.truth))
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return asdict(self)
+
+    @classmethod
+    def of_json(cls, found: dict[str, Any]) -> Record:
+        """From one."""
+        lists = {name: tuple(map(tuple, value)) if name == "ranked" else tuple(value)
+                 for name, value in found.items() if isinstance(value, list)}
+        return cls(**(found | lists))
+
+
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """The designs with their fitted models, and the study's seed; ``loops`` are the paper's up and down."""
+
+    paper: tuple[Design, Simulation]
+    loops: tuple[Design, Simulation]
+    circles: tuple[Design, Simulation]
+    seed: int
+
+    def run(self, population: str, number: int) -> list[Record]:
+        """The trial of that number."""
+        generator = np.random.default_rng([self.seed, list(POPULATIONS).index(population), number])
+        return POPULATIONS[population](self, generator, number)
+
+    def by(self, number: int) -> tuple[Design, Simulation, Means]:
+        """Elements in half of the trials, half of these up and down, the equations and another law in a quarter."""
+        means: Means = ("elements", "equations", "elements", "another law")[number % 4]
+        return (*(self.paper, self.circles, self.loops, self.paper)[number % 4], means)
+
+
+def measured(design: Design, values: Array, generator: np.random.Generator | None, number: int) -> Table:
+    """Readings with the noise of that trial, and its standard deviation; without a generator only the latter."""
+    sigma = _NOISES[number // 4 % len(_NOISES)]
+    noise = 0.0 if generator is None else generator.normal(0, sigma, len(values))
+    return design.table.with_sigma(np.full(len(values), sigma)).with_values(values + noise)
+
+
+def _null(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    truth, values, again = hidden(design, generator, (), means)
+    record = Record("null", number, means, (), again, 0.0, 0.0)
+    return [judged(record, design, simulation, measured(design, values, generator, number), truth)]
+
+
+def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    causes = _visible(design)
+    hypothesis = (causes[int(generator.integers(len(causes)))],)
+    truth, values, again = hidden(design, generator, hypothesis, means)
+    return [_of_one("single", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """An effect drawn until the fitted model foretells that it stands out."""
+    design, simulation, means = lab.by(number)
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+                                     number)
+    table = measured(design, values, generator, number)
+    found = _of_one("strong", number, design, simulation, truth, table, values, again)
+    return [found, *(_deleted(found, design, simulation, table, truth) if number % 2 else ())]
+
+
+def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """An effect that stands out, and what the model extended by causes chosen without them gains on other readings."""
+    design, simulation, means = lab.by(number)
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+                                     number)
+    table = measured(design, values, generator, number)
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
+                            [(cause,) for cause in _visible(design)])
+    record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    found, verdict = _judged(record, design, simulation, table, truth)
+    gained = gain_of(simulation, table, design.causes, verdict, number).overall if verdict is not None else None
+    return [replace(found, ratio=None if gained is None else gained.ratio)]
+
+
+def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
+              generator: np.random.Generator, number: int) -> tuple[Truth, Array, int]:
+    """A truth that the fitted model foretells to stand out among single effects, its readings, and draws without."""
+    again, singles = 0, [(cause,) for cause in _visible(design)]
+    while True:
+        truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
+        exact = measured(design, simulation.predict(truth.hypothesis, truth.unknowns, design.table), None, number)
+        seen, told = stands_out(simulation, truth.hypothesis, exact, singles)
+        if seen >= SEEN and told >= TOLD:
+            values = readings(design, truth)
+            if values is not None:
+                return truth, values, again
+            again += 1
+
+
+def _visible(design: Design) -> list[Cause]:
+    return [cause for cause in design.causes if cause.effect not in ALIASES]
+
+
+def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+            values: Array, again: int) -> Record:
+    """A trial with one effect."""
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
+                            [(cause,) for cause in _visible(design)])
+    record = Record(population, number, truth.means, (str(truth.hypothesis[0]),), again, seen, told)
+    return judged(record, design, simulation, table, truth)
+
+
+def _deleted(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> list[Record]:
+    """The same readings with the true effect not in the library, if it is identifiable."""
+    if not record.identifiable:
+        return []
+    kept = tuple(cause for cause in design.causes if cause.effect != truth.hypothesis[0].effect)
+    blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen, record.told)
+    return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
+
+
+def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.loops if number % 3 == 1 else lab.paper
+    pairs = _pairs(design)
+    means: Means = "another law" if number % 3 == 2 else "elements"
+    truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))], means)
+    return [_of_two("pair", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """Two effects drawn until the fitted model foretells that no single one will do."""
+    design, simulation = lab.loops if number % 3 == 1 else lab.paper
+    means: Means = "another law" if number % 3 == 2 else "elements"
+    truth, values, again = _foretold(design, simulation, _pairs(design), means, generator, number)
+    return [_of_two("duo", number, design, simulation, truth, measured(design, values, generator, number), values,
+                    again)]
+
+
+def _pairs(design: Design) -> list[Hypothesis]:
+    return [one for one in hypotheses_of(_visible(design)) if len(one) == 2]
+
+
+def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+            values: Array, again: int) -> Record:
+    """A trial with two effects."""
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values), hypotheses_of(_visible(design)))
+    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    return judged(record, design, simulation, table, truth)
+
+
+def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    name = list(STRANGERS)[number % len(STRANGERS)]
+    stranger = STRANGERS[name](generator, design)
+    truth, values, again = hidden(design, generator, (), "elements", stranger)
+    table = measured(design, values, generator, number)
+    library = hypotheses_of(_visible(design))
+    least = best_of(simulation, library, table.with_values(values))
+    record = Record("outside", number, "elements", (name,), again, least, least)
+    return [judged(record, design, simulation, table, truth)]
+
+
+def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    kind = number % 3
+    effect = ("amplifier_gain", "unaccounted_mass", "drift" if number % 2 else "sensor_zero")[kind]
+    if kind == 1:
+        design = design.only(design.table.mass == design.table.mass[0])
+    elif kind == 2:
+        design = design.after(3 * 3600.0)
+    truth, values, again = hidden(design, generator, (Cause(effect),), "elements")
+    record = Record("alias", number, "elements", (effect,), again, 0.0, 0.0)
+    found, verdict = _judged(record, design, simulation, measured(design, values, generator, number), truth)
+    if verdict is None:
+        return [found]
+    group = {Cause("drift"), Cause("sensor_zero")}
+    reported = (any(group <= set(one) for one in verdict.indistinguishable) if kind == 2
+                else Cause(effect) in verdict.invisible)
+    return [replace(found, reported=reported and not verdict.named)]
+
+
+def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation, means = lab.by(number)
+    truth, values, again = hidden(design, generator, (), means)
+    table = measured(design, values, generator, number)
+    return [judged(Record(f"noise stated {words}", number, means, (), again, 0.0, 0.0), design, simulation,
+                   table.with_sigma(table.sigma * factor), truth)
+            for words, factor in (("too small", 1 / _MISJUDGED), ("too large", _MISJUDGED))]
+
+
+def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    design, simulation = lab.paper
+    causes = _visible(design)
+    hypothesis: Hypothesis = (causes[int(generator.integers(len(causes)))],) if number % 2 else ()
+    truth, values, again = hidden(design, generator, hypothesis, "form error")
+    table = measured(design, values, generator, number)
+    library = [(cause,) for cause in causes]
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values), library) if hypothesis else (0.0, 0.0)
+    record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, seen, told)
+    return [judged(record, design, simulation, table, truth)]
+
+
+POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
+    "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo, "outside": _outside,
+    "alias": _alias, "noise": _noise, "form": _form, "gain": _gain}
+
+
+def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, nominal: Fit) -> float:
+    """Of the best fit, the priors counting for little."""
+    first = fit(simulation, hypothesis, table, nominal.unknowns)
+    found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.found else first
+    return min(found.chi_squared, first.chi_squared)
+
+
+def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: Sequence[Hypothesis]
+               ) -> tuple[float, float]:
+    """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does.
+
+    Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not told from one.
+    """
+    nominal = fit(simulation, (), exact)
+    if not nominal.found:
+        return 0.0, 0.0
+    own = _chi_squared(simulation, truth, exact, nominal)
+    seen, told = nominal.chi_squared - own, np.inf
+    if seen < SEEN:
+        return seen, 0.0
+    for rival in (rival for rival in rivals if set(rival) != set(truth)):
+        told = min(told, _chi_squared(simulation, rival, exact, nominal) - own)
+        if told < TOLD:
+            break
+    return seen, float(told)
+
+
+def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: Table) -> float:
+    """χ² by which the best of the library misses readings without noise."""
+    nominal = fit(simulation, (), exact)
+    if not nominal.found or nominal.chi_squared < SEEN:
+        return nominal.chi_squared if nominal.found else 0.0
+    return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns, _LOOSE))
+
+
+def judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> Record:
+    """The record with what the diagnosis said."""
+    return _judged(record, design, simulation, table, truth)[0]
+
+
+def _judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth
+            ) -> tuple[Record, Judgement | None]:
+    try:
+        found = judge(simulation, table, design.causes, seed=record.number)
+    except ArithmeticError as error:
+        return replace(record, words=str(error)), None
+    record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)), p_value=found.test.p_value,
+                     noise=found.test.noise, words=found.test.strongest)
+    asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
+    if asked:
+        record = replace(record, inside=_inside(simulation, found, truth))
+    if found.weighing is None or found.after is None:
+        return record, found
+    weighing = found.weighing
+    ranked = tuple((str(cause), float(share)) for cause, share in list(weighing.of_causes().items())[:5])
+    covered = any(set(one.hypothesis) == set(truth.hypothesis) for one in weighing.credible()) if asked else None
+    return replace(record, ranked=ranked, best=tuple(map(str, weighing.best.hypothesis)), wrong=weighing.wrong,
+                   unknown=weighing.unknown, after=found.after.p_value, covered=covered), found
+
+
+def _inside(simulation: Simulation, found: Judgement, truth: Truth) -> tuple[bool, ...]:
+    """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
+    one = fit(simulation, truth.hypothesis, found.table, found.nominal.unknowns)
+    if not one.found:
+        return tuple(False for _ in truth.sizes)
+    limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]
+    sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size for number, size in enumerate(truth.sizes)]
+    return tuple(low <= size <= high for size, (low, high) in zip(sizes, limits, strict=True))
+
+

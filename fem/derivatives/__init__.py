@@ -1,0 +1,1 @@
+"""Exact derivatives of results by whatever enters them."""

@@ -1,0 +1,235 @@
+"""What an equilibrium can be differentiated by: numbers of film, electrode, shape, loads and surroundings, by name.
+
+A parameter says how model and state change with it, for a real change and for an imaginary one. So the same few lines
+serve the complex step, which gives derivatives exact to rounding, and finite changes, which check them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from math import isfinite
+from typing import Any, Protocol
+
+import numpy as np
+
+from tympan.fem.derivatives.shape import Velocities, moved_by, velocities
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+
+#: Loads by name: node positions hold, the load changes.
+LOADS = ("force", "voltage", "pressure")
+
+
+class Parameter(Protocol):
+    """One number that model or state depend on.
+
+    ``moves``: whether it moves nodes. ``odd``: the mirror planes in which its mirror image is its opposite.
+    """
+
+    @property
+    def moves(self) -> bool:
+        """Whether a change moves the nodes."""
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """Axes whose reversal turns the parameter into its opposite."""
+
+    def value(self, model: Model, state: State) -> float:
+        """Its present value [SI]."""
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Model and state after a change, real or imaginary, every node keeping its displacement from its own place."""
+
+
+@dataclass(frozen=True)
+class FilmNumber:
+    """A number of the film, or the stiffness of the electrode."""
+
+    path: tuple[str, ...]
+    moves = False
+    odd = frozenset[str]()
+
+    def value(self, model: Model, state: State) -> float:
+        """As in the specimen."""
+        return float(at(model.specimen, self.path))
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Another film on the same mesh."""
+        return model.with_specimen(with_change(model.specimen, self.path, change)), state
+
+
+@dataclass(frozen=True)
+class LoadNumber:
+    """The force on the plate [N], the voltage [V] or the gas pressure [Pa]."""
+
+    name: str
+    moves = False
+    odd = frozenset[str]()
+
+    def value(self, model: Model, state: State) -> float:
+        """As in the state."""
+        return float(np.sqrt(state.voltage_squared)) if self.name == "voltage" else float(getattr(state, self.name))
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Another load on the same film."""
+        value = self.value(model, state) + change
+        return model, state.under(**{self.name: value**2 if self.name == "voltage" else value})
+
+
+@dataclass(frozen=True)
+class LoadingNumber:
+    """A number of the surroundings: where the weight hangs, gravity on the film, constants of bias mechanisms."""
+
+    path: tuple[str, ...]
+    moves = False
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """The axis an arm is along."""
+        return frozenset("xy"[int(self.path[1])]) if self.path[0] == "arm" else frozenset()
+
+    def value(self, model: Model, state: State) -> float:
+        """As in the model's loading."""
+        return float(at(model.loading, self.path))
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """Other surroundings."""
+        return model.with_loading(with_change(model.loading, self.path, change)), state
+
+
+@dataclass(frozen=True)
+class ShapeNumber:
+    """A length of frame, plate or electrode; the mesh moves with it (:mod:`tympan.fem.derivatives.shape`)."""
+
+    path: tuple[str, ...]
+    velocities: Velocities
+    moves = True
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """The axis an offset is along; both for a rotation."""
+        if self.path[-1] == "rotation":
+            return frozenset("xy")
+        return frozenset("xy"[int(self.path[-1])]) if self.path[-2] == "offset" else frozenset()
+
+    def value(self, model: Model, state: State) -> float:
+        """As in the specimen."""
+        return float(at(model.specimen, self.path))
+
+    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
+        """The same mesh with its nodes elsewhere."""
+        other = with_change(model.specimen, self.path, change)
+        return moved_by(model, state, other, change * self.velocities.of(self.path))
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a model by name."""
+
+    model: Model
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """All names: of film and electrode, loads, surroundings, shape."""
+        loading = (name for name in numbers(self.model.loading, "loading") if isfinite(at_name(self.model, name)))
+        return (*film_names(self.model.specimen), *LOADS, *loading, *self._lengths)
+
+    @cached_property
+    def _lengths(self) -> tuple[str, ...]:
+        return shape_names(self.model.specimen)
+
+    def __getitem__(self, name: str) -> Parameter:
+        """The parameter of a name.
+
+        Raises
+        ------
+        InputError
+            For a name that is no parameter of the model.
+        """
+        if name not in self.names:
+            raise InputError(f"must be one of {', '.join(self.names)}", key="parameter", given=name)
+        path = tuple(name.split("."))
+        if name in LOADS:
+            return LoadNumber(name)
+        if path[0] == "loading":
+            return LoadingNumber(path[1:])
+        return ShapeNumber(path, velocities(self.model)) if name in self._lengths else FilmNumber(path)
+
+
+def film_names(specimen: Specimen) -> tuple[str, ...]:
+    """Names of the numbers of film and electrode that move nothing.
+
+    Examples
+    --------
+    >>> from tympan.fem.film.laws import Ogden
+    >>> from tympan.geometry.outlines import Circle
+    >>> from tympan.geometry.specimen import Film, Plate
+    >>> film = Film(1e-3, (2.2, 2.2), Ogden((20e3,), (2.0,)), 4.7)
+    >>> film_names(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[:4]
+    ('membrane.thickness', 'membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
+    """
+    # Strength decides nothing but breakdown.
+    return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
+
+
+def shape_names(specimen: Specimen) -> tuple[str, ...]:
+    """Names of the lengths of frame and plate, and of those of the electrode that have an edge within the film.
+
+    Corners and points that an outline is drawn through are among them where the specimen has no mirror plane.
+    """
+    electrode = specimen.electrode
+    margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate") if getattr(electrode, name) > 0)
+    names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
+             *numbers(electrode.outline, "electrode.outline"))
+    # Moving one corner alone would break a mirror symmetry that the model may use.
+    drawn = {"vertices", "through"} if specimen.mirror_planes else set()
+    return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
+
+
+def numbers(value: Any, path: str) -> tuple[str, ...]:
+    """Paths of all numbers within a dataclass or tuple."""
+    if isinstance(value, float | int):
+        return (path,)
+    if isinstance(value, tuple):
+        return tuple(name for index, item in enumerate(value) for name in numbers(item, f"{path}.{index}"))
+    if is_dataclass(value):
+        inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value)
+                 if not item.metadata.get("discrete"))
+        return tuple(name for item, below in inner for name in numbers(item, below))
+    return ()
+
+
+def at(value: Any, path: Sequence[str]) -> Any:
+    """What stands at a path within dataclasses and tuples."""
+    for key in path:
+        value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
+    return value
+
+
+def at_name(value: Any, name: str) -> Any:
+    """The same for a name with dots."""
+    return at(value, name.split("."))
+
+
+def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
+    """A copy with something added to the number at a path; a complex specimen is not checked for being one."""
+    if not path:
+        return value + change
+    if isinstance(value, tuple):
+        index = int(path[0])
+        return (*value[:index], with_change(value[index], path[1:], change), *value[index + 1 :])
+    inner = with_change(getattr(value, path[0]), path[1:], change)
+    if isinstance(value, Specimen) and np.iscomplexobj(change):
+        return unchecked(value, **{path[0]: inner})
+    return replace(value, **{path[0]: inner})
+
+
+def unchecked(specimen: Specimen, **changes: Any) -> Specimen:
+    """A copy of a specimen made without looking whether it can be built, which complex lengths cannot tell."""
+    copy: Specimen = object.__new__(type(specimen))
+    vars(copy).update(vars(specimen) | changes)
+    return copy

@@ -1,0 +1,265 @@
+"""Scalar results of an equilibrium: their values, and how they change when film and plate move.
+
+A quantity works for complex models and states (:mod:`tympan.fem.derivatives.parameters`), so its own dependence on
+material, loads and shape needs no further code. :data:`QUANTITIES` has those with a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.derivatives.stiffness import element_forces, scattered
+from tympan.fem.film.density import principal_stretches
+from tympan.fem.membrane.model import Model, Parts, cauchy_green
+from tympan.fem.membrane.plate import HEAVE
+from tympan.fem.membrane.state import State
+from tympan.geometry.errors import InputError
+
+Array = NDArray[Any]
+
+_STEP = 1e-40
+
+
+class Quantity(Protocol):
+    """A scalar result of the whole film.
+
+    ``even``: whether the mirror image of a state has the same value, so that a change and its opposite do the same.
+    """
+
+    @property
+    def even(self) -> bool:
+        """Whether mirror images have equal values."""
+
+    def value(self, model: Model, state: State) -> Any:
+        """The result [SI], complex for a complex model or state."""
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """Its derivative by the free nodal components and by the plate's allowed freedoms, all else held."""
+
+
+@dataclass(frozen=True)
+class Heave:
+    """The plate's deflection along the load [m]."""
+
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """The plate's own."""
+        return state.plate.heave
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """One."""
+        return _of_plate(model, {HEAVE: 1.0})
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """Angle between the plate's normal and the load [rad]; without derivatives where the plate does not tilt."""
+
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """The plate's own."""
+        return state.plate.tilt
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """With n the normal, δn = ω × n, and cos θ = n_z."""
+        x, y, _ = state.plate.rotation[:, 2]
+        sine = float(np.hypot(x, y))
+        if sine < 1e-9:
+            raise InputError("has no derivative where the plate does not tilt", key="quantity", given="tilt")
+        return _of_plate(model, {3: -y / sine, 4: x / sine})
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Force with which the film pulls the whole plate back [N]."""
+
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """Sum of the nodal forces on the plate's edge."""
+        return model.forces(state.positions, state.voltage_squared)[model.plate_nodes, 2].sum() * model.mirrored
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """The film's tangent times a lift of the plate's edge, by a complex step."""
+        lifted = state.positions.astype(complex)
+        lifted[model.plate_nodes, 2] += 1j * _STEP
+        return _of_nodes(model, state, model.forces(lifted, state.voltage_squared).imag / _STEP)
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Stored energy of the whole film, counted from the virgin film, at constant voltage [J]."""
+
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """The model's energy."""
+        return model.energy(state.positions, state.voltage_squared) * model.mirrored
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """The nodal forces."""
+        return _of_nodes(model, state, model.forces(state.positions, state.voltage_squared))
+
+
+@dataclass(frozen=True)
+class Capacitance:
+    """Charge over voltage of the whole film [F]."""
+
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """−2 ∂energy/∂U²; the electrostatic energy is linear in U² where the film does not wrinkle."""
+        if model.wrinkles:
+            raise InputError("has derivatives only for films that do not wrinkle", key="quantity", given="capacitance")
+        c = cauchy_green(model.deformation(state.positions))
+        stretches = principal_stretches(c, model.specimen.membrane.prestretch)
+        energy = model.density(1.0).maxwell.derivatives(*stretches)[0]
+        return -2 * (energy * model.volumes).sum() * model.mirrored
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """−2 ∂forces/∂U²."""
+        forces = model.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP
+        return _of_nodes(model, state, -2 * forces)
+
+
+#: A field at quadrature points from model, U² and C of the mounted film.
+Field = Callable[[Model, Any, tuple[Any, Any, Any]], Any]
+
+
+def larger_stretch(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
+    """λ₁, from the virgin film."""
+    return principal_stretches(c, model.specimen.membrane.prestretch)[0]
+
+
+def larger_stress(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
+    """Larger principal true stress, elastic minus Maxwell [Pa]: the larger eigenvalue of S C."""
+    s = np.moveaxis(model.density(voltage_squared)(c, tangent=False).stress, -1, 0)
+    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
+    return mean + np.sqrt(mean**2 - (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2))
+
+
+def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
+    """U over the stretched thickness under the electrode, 0 outside [V/m]."""
+    film = model.specimen.membrane
+    area = np.sqrt(c[0] * c[1] - c[2] ** 2) * film.area_prestretch
+    return model.covered * np.sqrt(voltage_squared) * area / film.thickness
+
+
+@dataclass(frozen=True)
+class Largest:
+    """A smooth largest value of a positive field: its norm (mean of hᵖ over the mounted film)^(1/p).
+
+    From the quadrature points; below the true maximum, which it nears as p grows, and which has no derivative where
+    two places share it.
+    """
+
+    field: Field
+    power: int = 64
+    even = True
+
+    def value(self, model: Model, state: State) -> Any:
+        """The norm."""
+        return _norm(self._field(model, state), model.weights, self.power)
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """By the chain rule through the field at every quadrature point."""
+        h = np.broadcast_to(self._field(model, state), model.weights.shape)
+        norm = _norm(h, model.weights, self.power)
+        share = model.weights / model.weights.sum()
+        return _by_strain(model, state, self.field, (h / norm) ** (self.power - 1) * share)
+
+    def _field(self, model: Model, state: State) -> Any:
+        return self.field(model, state.voltage_squared, cauchy_green(model.deformation(state.positions)))
+
+
+@dataclass(frozen=True)
+class Local:
+    """A field at the quadrature point nearest to a place on the mounted film [m]; with the mesh, that point moves."""
+
+    field: Field
+    place: tuple[float, float]
+    even = False
+
+    def value(self, model: Model, state: State) -> Any:
+        """The field there."""
+        h = self.field(model, state.voltage_squared, cauchy_green(model.deformation(state.positions)))
+        return np.broadcast_to(h, model.weights.shape)[self._point(model)]
+
+    def slope(self, model: Model, state: State) -> Parts:
+        """By the chain rule through the field at that point."""
+        only = np.zeros(model.weights.shape)
+        only[self._point(model)] = 1.0
+        return _by_strain(model, state, self.field, only)
+
+    def _point(self, model: Model) -> tuple[int, int]:
+        x, y = np.moveaxis(np.einsum("pl,elc->epc", model.shapes, model.reference.real[model.connectivity, :2]), -1, 0)
+        away = (x - self.place[0]) ** 2 + (y - self.place[1]) ** 2
+        element, point = np.unravel_index(np.argmin(away), away.shape)
+        return int(element), int(point)
+
+
+#: Quantities by name.
+QUANTITIES: dict[str, Quantity] = {
+    "heave": Heave(),
+    "tilt": Tilt(),
+    "reaction": Reaction(),
+    "capacitance": Capacitance(),
+    "energy": Energy(),
+    "max_stretch": Largest(larger_stretch),
+    "max_true_stress": Largest(larger_stress),
+    "max_field": Largest(true_field),
+}
+
+
+def quantity(name: str) -> Quantity:
+    """The quantity of a name.
+
+    Raises
+    ------
+    InputError
+        For a name nobody registered.
+    """
+    if name not in QUANTITIES:
+        raise InputError(f"must be one of {', '.join(QUANTITIES)}", key="quantity", given=name)
+    return QUANTITIES[name]
+
+
+def _norm(h: Any, weights: Array, power: int) -> Any:
+    scale = np.abs(np.real(h)).max()
+    if scale == 0:
+        raise InputError("has no derivative where it is zero all over", key="quantity", given="a largest value")
+    return scale * ((weights * (h / scale) ** power).sum() / weights.sum()) ** (1 / power)
+
+
+def _of_plate(model: Model, values: dict[int, float]) -> Parts:
+    """Derivatives by plate freedoms alone."""
+    plate = np.array([values.get(freedom, 0.0) for freedom in model.plate_freedoms])
+    return np.zeros(int(model.free.sum())), plate
+
+
+def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
+    """Derivatives from those of this mesh's part by its nodes, the plate's edge following the plate."""
+    whole = forces * model.mirrored
+    return whole[model.free], model.plate_forces(whole, state.plate)
+
+
+def _by_strain(model: Model, state: State, field: Field, weights: Array) -> Parts:
+    """Derivative of Σ weights · field at the quadrature points."""
+    f = model.deformation(state.positions)
+    c = cauchy_green(f)
+    by = []
+    for component in range(3):
+        stepped: list[Any] = list(c)
+        stepped[component] = stepped[component] + 1j * _STEP
+        moved = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
+        by.append(weights * np.imag(moved) / _STEP)
+    nodal = scattered(model, element_forces(model, f, np.stack([2 * by[0], 2 * by[1], by[2]], axis=-1)))
+    # A mean over the part is one over the whole: what a node does, its mirror images do.
+    return nodal[model.free], model.plate_forces(nodal, state.plate)

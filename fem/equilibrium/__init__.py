@@ -1,0 +1,1 @@
+"""Equilibria: Newton's method, constraints, ramps and arc length."""

@@ -1,0 +1,184 @@
+"""Branches of equilibria followed by their arc length, through limit points and on to where they are unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from tympan.fem.equilibrium.constraints import Arc, Control, difference, length, metric
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
+from tympan.fem.equilibrium.subspace import Motions
+from tympan.fem.equilibrium.tangent import EVERY, Tangent
+from tympan.fem.membrane.model import Model, Parts
+from tympan.fem.membrane.state import Load, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ArcSettings:
+    """Steps along a branch, relative to the frame's half extent.
+
+    ``first``, ``longest`` and ``shortest`` step; ``turn``: largest angle between the directions at both ends of a step
+    [rad]; ``points``: limit on their number.
+    """
+
+    first: float = 5e-3
+    longest: float = 0.05
+    shortest: float = 5e-5
+    turn: float = 0.3
+    points: int = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """An equilibrium on a branch.
+
+    ``direction``: unit motion of film and plate along it; ``rates``: change of the free loads per unit of arc length,
+    the followed one first.
+    """
+
+    solution: Solution
+    direction: Parts
+    rates: Array
+
+    @property
+    def state(self) -> State:
+        """The equilibrium."""
+        return self.solution.state
+
+    @property
+    def rate(self) -> float:
+        """Change of the followed load per unit of arc length: zero at a limit point, negative beyond it."""
+        return float(self.rates[0])
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The equilibria of a model when one load is free and the others are given.
+
+    ``load`` is the one that is followed. Further loads may be freed by ``controls``, such as the voltage by a charge.
+    """
+
+    model: Model
+    load: Load
+    freed: tuple[Load, ...] = ()
+    controls: tuple[Control, ...] = ()
+    motions: Motions = EVERY
+    newton: NewtonSettings = field(default_factory=NewtonSettings)
+    arc: ArcSettings = field(default_factory=ArcSettings)
+
+    def points(self, start: State, sense: int = 1) -> Iterator[Point]:
+        """Points from an equilibrium on, the load growing at first (``sense`` 1) or falling (−1).
+
+        Ends where no step can be made any more, or at the limit of points.
+        """
+        point = self._first(start, sense)
+        step = self.arc.first
+        for _ in range(self.arc.points):
+            if point is None:
+                return
+            yield point
+            following = None
+            while following is None and step >= self.arc.shortest:
+                following = self._accepted(point, step)
+                step = step / 2 if following is None else min(self._longer(point, following, step), self.arc.longest)
+            point = following
+
+    def at(self, point: Point, step: float) -> Point | None:
+        """The point a length along the direction of another, if Newton finds it."""
+        change = tuple(step * part for part in point.direction)
+        loads = np.concatenate([change[1], step * point.rates])
+        guess = moved(self.model, point.state, (change[0], loads), self._free)
+        arc = Arc(point.state, point.direction, step)
+        point.solution.release()
+        solution = newton(self.model, guess, self._free, (*self.controls, arc), self.newton, self.motions)
+        return self._point(solution) if solution.converged else None
+
+    def limit(self, before: Point, after: Point) -> Point | None:
+        """The limit point of the followed load between two points; its direction is the critical mode."""
+        return self.where(before, after, lambda point: point.rate)
+
+    def reach(self, before: Point, after: Point, value: float) -> Point | None:
+        """The point between two others at which the followed load has a value."""
+        return self.where(before, after, lambda point: point.state.load(self.load) - value)
+
+    def where(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
+        """The point between two others at which a function of the point vanishes; None if it does not change sign."""
+        moved_by = difference(self.model, after.state, before.state)
+        inner, plate = metric(self.model, before.direction)
+        found: dict[float, Point] = {0.0: before}
+        after.solution.release()
+
+        def at(step: float) -> float:
+            point = found.get(step) or self.at(before, step)
+            if point is None:
+                raise _Lost
+            found[step] = point = self._renewed(point)
+            result = value(point)
+            point.solution.release()
+            return result
+
+        end = float(inner @ moved_by[0] + plate @ moved_by[1])
+        try:
+            if at(0.0) * at(end) > 0:
+                return None
+            return found[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
+        except (_Lost, KeyError):
+            return None
+
+    @property
+    def _free(self) -> tuple[Load, ...]:
+        return (self.load, *self.freed)
+
+    def _first(self, start: State, sense: int) -> Point | None:
+        at_loads = newton(self.model, start, self.freed, self.controls, self.newton, self.motions)
+        if not at_loads.converged or at_loads.tangent is None:
+            return None
+        by = self.model.by_load(at_loads.state, self.load)
+        right = -sense * by[0], np.concatenate([-sense * by[1], np.zeros(len(self.controls))])
+        motion = self._unit(at_loads.tangent.solve(right))[0]
+        arc = Arc(at_loads.state, motion, 0.0)
+        at_loads.release()
+        solution = newton(self.model, at_loads.state, self._free, (*self.controls, arc), self.newton, self.motions)
+        return self._point(solution) if solution.converged else None
+
+    def _point(self, solution: Solution) -> Point:
+        assert solution.tangent is not None
+        motion, scale = self._unit(solution.tangent.along())
+        rates = solution.tangent.along()[1][len(self.model.plate_freedoms) :] / scale
+        return Point(solution, motion, rates)
+
+    def _renewed(self, point: Point) -> Point:
+        """The point with the tangent there: Newton's is that of an iterate before, too far off to place a limit."""
+        state = point.state
+        point.solution.release()
+        controls = (*self.controls, Arc(state, point.direction, 0.0))
+        equations = [control.equation(self.model, state, self._free) for control in controls]
+        tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations, self.motions)
+        return self._point(replace(point.solution, tangent=tangent))
+
+    def _unit(self, change: Parts) -> tuple[Parts, float]:
+        motion = change[0], change[1][: len(self.model.plate_freedoms)]
+        scale = length(self.model, motion)
+        return (motion[0] / scale, motion[1] / scale), scale
+
+    def _accepted(self, point: Point, step: float) -> Point | None:
+        following = self.at(point, step)
+        return None if following is None or self._turn(point, following) > self.arc.turn else following
+
+    def _turn(self, point: Point, following: Point) -> float:
+        inner, plate = metric(self.model, point.direction)
+        cosine = inner @ following.direction[0] + plate @ following.direction[1]
+        return float(np.arccos(np.clip(cosine, -1, 1)))
+
+    def _longer(self, point: Point, following: Point, step: float) -> float:
+        return 1.6 * step if self._turn(point, following) < self.arc.turn / 3 else step
+
+
+class _Lost(ArithmeticError):
+    """A point between two others was not found."""

@@ -1,0 +1,150 @@
+"""Which motions of the film a problem allows: all of its nodes', or smooth ones that cannot wrinkle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+import skfem
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from skfem.models.poisson import laplace
+
+from tympan.fem.membrane.model import Linearised, Model, Parts
+
+Array = NDArray[np.float64]
+
+#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell two motions apart.
+_DEPENDENT = 1e-13
+
+
+class Motions(Protocol):
+    """A linear map from the unknowns to the free nodal components and the plate's freedoms, and its transpose."""
+
+    def spread(self, correction: Parts) -> Parts:
+        """Free components and plate freedoms that belong to the unknowns."""
+
+    def gather(self, residual: Parts) -> Parts:
+        """Forces on the unknowns that belong to nodal forces and forces on the plate."""
+
+    def reduced(self, part: Linearised) -> Linearised:
+        """The tangent for the unknowns."""
+
+
+@dataclass(frozen=True)
+class AllMotions:
+    """Every node moves by itself."""
+
+    def spread(self, correction: Parts) -> Parts:
+        """The correction itself."""
+        return correction
+
+    def gather(self, residual: Parts) -> Parts:
+        """The residual itself."""
+        return residual
+
+    def reduced(self, part: Linearised) -> Linearised:
+        """The tangent itself."""
+        return part
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothMotions:
+    """Polynomials from plate to frame times the first few waves around it.
+
+    A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter wrinkles lower its
+    energy. The smooth equilibrium, which a membrane theory without wrinkles and the axisymmetric equations mean, still
+    exists and stays a regular solution within motions too long to wrinkle. ``film`` (free components, unknowns) has
+    orthonormal columns; ``follow`` (free components, plate freedoms) lets the film follow the plate.
+    """
+
+    film: Array
+    follow: Array
+
+    @classmethod
+    def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothMotions:
+        """Polynomials in the potential between plate and frame, times waves around the plate up to a number.
+
+        With no waves the motion is axisymmetric.
+        """
+        share = _potential(model)
+        follow = (1 - share)[:, None, None] * _rigid(model)
+        arm = model.reference[:, :2] - model.centre[:2]
+        angle = np.arctan2(arm[:, 1], arm[:, 0])
+        radial = legendre.legvander(2 * share - 1, degree) * (share * (1 - share))[:, None]
+        frame = np.zeros((len(angle), 3, 3))
+        frame[:, 0, 0] = frame[:, 1, 1] = np.cos(angle)
+        frame[:, 1, 0] = np.sin(angle)
+        frame[:, 0, 1] = -frame[:, 1, 0]
+        frame[:, 2, 2] = 1.0
+        parts = [frame[:, :, axis, None] * (radial * wave(angle)[:, None])[:, None, :]
+                 for axis in range(3) for wave in _waves(model, axis, waves)]
+        columns = np.concatenate([part[model.free] for part in parts], axis=1)
+        return cls(_orthonormal(columns), follow[model.free])
+
+    def spread(self, correction: Parts) -> Parts:
+        """Free components and plate freedoms that belong to the unknowns."""
+        return self.film @ correction[0] + self.follow @ correction[1], correction[1]
+
+    def gather(self, residual: Parts) -> Parts:
+        """Forces on the unknowns."""
+        return self.film.T @ residual[0], residual[1] + self.follow.T @ residual[0]
+
+    def reduced(self, part: Linearised) -> Linearised:
+        """The dense tangent for the unknowns."""
+        by_film, by_plate = part.inner @ self.film, part.inner @ self.follow
+        border = self.film.T @ (part.border + by_plate)
+        across = self.follow.T @ part.border
+        corner = part.corner + across + across.T + self.follow.T @ by_plate
+        inner: Any = self.film.T @ by_film
+        return Linearised(part.forces, inner, border, corner)
+
+
+def _orthonormal(columns: Array) -> Array:
+    """An orthonormal basis of what the columns span."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > _DEPENDENT * values[-1]
+    basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return np.asarray(np.linalg.qr(basis)[0])
+
+
+def _waves(model: Model, axis: int, highest: int) -> list[Callable[[Array], Array]]:
+    """Waves around the plate of the radial, circumferential or vertical motion that the mirror planes allow."""
+    mirrored = -1 if axis == 1 else 1
+    waves: list[Callable[[Array], Array]] = []
+    for number in range(highest + 1):
+        turn = (-1) ** number  # of cos(number θ) where x changes sign; its sine turns the other way
+        if all({"x": turn, "y": 1}[plane] == mirrored for plane in model.planes):
+            waves.append(partial(_cosine, number))
+        if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in model.planes):
+            waves.append(partial(_sine, number))
+    # Without waves nothing turns about the axis.
+    return waves if highest or axis != 1 else []
+
+
+def _cosine(number: int, angle: Array) -> Array:
+    return np.cos(number * angle)
+
+
+def _sine(number: int, angle: Array) -> Array:
+    return np.sin(number * angle)
+
+
+def _potential(model: Model) -> Array:
+    """Harmonic function that is 0 on the plate and 1 on the frame."""
+    stiffness = laplace.assemble(model.basis)
+    value = np.zeros(len(model.reference))
+    frame, plate = model.boundary_nodes("frame"), model.plate_nodes
+    value[frame] = 1.0
+    return np.asarray(skfem.solve(*skfem.condense(stiffness, x=value, D=np.concatenate([frame, plate]))))
+
+
+def _rigid(model: Model) -> Array:
+    """Displacement of every node by the plate's allowed freedoms in the mounted state, shape (nodes, 3, p)."""
+    from tympan.fem.membrane.plate import PlateMotion
+
+    arms = model.reference - model.centre
+    return PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]

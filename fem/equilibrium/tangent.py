@@ -1,0 +1,175 @@
+"""The factorised tangent: the film's part, bordered by the plate's freedoms and by loads that are not given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
+
+from tympan.fem.equilibrium.constraints import Equation
+from tympan.fem.equilibrium.subspace import AllMotions, Motions
+from tympan.fem.linear_solver.direct import factorise
+from tympan.fem.membrane.model import Linearised, Model, Parts
+from tympan.fem.membrane.plate import HEAVE
+from tympan.fem.membrane.state import Load, State
+
+Array = NDArray[np.float64]
+
+EVERY = AllMotions()
+
+#: Unknowns from which on factors that a path has left behind are dropped; below, they take less than some 100 MB.
+_LARGE = 50_000
+
+
+class Tangent:
+    """Block elimination with the film factorised once.
+
+    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns the same with the
+    free loads last. The film's matrix and its pattern are the same whatever is solved for. Right-hand sides and
+    corrections are pairs: free nodal components, and plate freedoms followed by equations or free loads.
+    """
+
+    def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
+                 equations: Sequence[Equation] = (), motions: Motions = EVERY) -> None:
+        self.model, self.free, self.motions = model, free, motions
+        part = motions.reduced(part)
+        self._state = state
+        self._kept: Any = _factorise(part.inner, model)
+        self._negative: int | None = None
+        loads = [motions.gather(model.by_load(state, name)) for name in free]
+        rows = [_transposed(motions, equation) for equation in equations]
+        self._plates = len(model.plate_freedoms)
+        self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows, strict=True)]
+        columns = np.column_stack([part.border, *(load[0] for load in loads)])
+        self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
+        corner = np.zeros((len(self._rows), columns.shape[1]))
+        corner[: self._plates, : self._plates] = part.corner
+        for index, (load, row, equation) in enumerate(zip(loads, rows, equations, strict=True)):
+            corner[: self._plates, self._plates + index] = load[1]
+            corner[self._plates + index, : self._plates] = row[1]
+            corner[self._plates + index, self._plates :] = equation.loads
+        self._corner, self._influence = corner, self._factor.solve(columns)
+        self._schur = corner - self._rows @ self._influence
+
+    def release(self) -> None:
+        """Drop the factors of a large film; they are made anew should something ask for them."""
+        if self.model.unknowns >= _LARGE and isinstance(self.motions, AllMotions):
+            self._kept = None
+
+    @property
+    def _factor(self) -> Any:
+        if self._kept is None:
+            self._kept = _factorise(self.motions.reduced(self.model.linearised(self._state)).inner, self.model)
+        return self._kept
+
+    @property
+    def plate_stiffness(self) -> Array:
+        """Stiffness of the plate's freedoms at given loads, the film following, of this mesh's part (p, p)."""
+        schur = self._schur[: self._plates, : self._plates]
+        return (schur + schur.T) / 2
+
+    @property
+    def plate_stable(self) -> bool:
+        """Whether that stiffness is positive definite."""
+        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
+
+    @property
+    def stable(self) -> bool:
+        """Whether film and plate return when pushed.
+
+        Of a film whose every node moves by itself only the plate is asked, as far as it can move: without tension
+        such a film wrinkles, whatever the plate does. Motions that cannot wrinkle are asked altogether.
+        """
+        return self.plate_stable if isinstance(self.motions, AllMotions) else self.negative == 0
+
+    @property
+    def heave_stiffness(self) -> float:
+        """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
+        row = self.model.plate_freedoms.index(HEAVE)
+        return float(self.model.mirrored / np.linalg.inv(self.plate_stiffness)[row, row])
+
+    @property
+    def wrinkling(self) -> int:
+        """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
+        if self._negative is None:
+            self._negative = int(self._factor.negative)
+        return self._negative
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of film and plate at given loads."""
+        return self.wrinkling + int((np.linalg.eigvalsh(self.plate_stiffness) < 0).sum())
+
+    @property
+    def negative_closed(self) -> int:
+        """Number of negative eigenvalues of film and plate when the controls hold, the free loads following.
+
+        That is stability at constant charge, or with the plate held: of the tangent K within the motions that a hard
+        equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the load, where the load gives way by
+        δq = −e·δx/l. Both have the inertia of K bordered by e (Haynsworth), less one negative eigenvalue for each.
+        """
+        plate, rows = self._corner[: self._plates, : self._plates], self._corner[self._plates :, : self._plates]
+        corner = np.block([[plate, rows.T], [rows, np.diag(self._closures)]])
+        matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
+        negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
+        return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
+
+    def solve(self, right: Parts) -> Parts:
+        """Correction for a right-hand side of forces, on film and plate, and of the equations."""
+        inner, plate = self.motions.gather((right[0], right[1][: self._plates]))
+        particular = self._factor.solve(inner)
+        below = np.concatenate([plate, right[1][self._plates :]])
+        border = np.linalg.solve(self._schur, below - self._rows @ particular)
+        return self._spread(particular - self._influence @ border, border)
+
+    def respond(self, right: Parts) -> Parts:
+        """Correction of film and plate for a right-hand side of forces, at given loads."""
+        count = self._plates
+        inner, plate = self.motions.gather((right[0], right[1][:count]))
+        particular = self._factor.solve(inner)
+        border = np.linalg.solve(self._schur[:count, :count], plate - self._rows[:count] @ particular)
+        return self._spread(particular - self._influence[:, :count] @ border, border)
+
+    def along(self, equation: int = -1) -> Parts:
+        """Change of everything when one equation's value grows by one: the direction of the path."""
+        border = np.zeros(len(self._schur))
+        border[equation] = 1.0
+        return self.solve((np.zeros(int(self.model.free.sum())), border))
+
+    def _spread(self, inner: Array, border: Array) -> Parts:
+        nodal, plate = self.motions.spread((inner, border[: self._plates]))
+        return nodal, np.concatenate([plate, border[self._plates :]])
+
+
+def _transposed(motions: Motions, equation: Equation) -> Parts:
+    return motions.gather((equation.inner, equation.plate))
+
+
+def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
+    """l t where an equation's row is e = t g and its derivative by the load of g is l; 0 if loads do not enter it."""
+    index = int(np.argmax(np.abs(equation.loads)))
+    give, load = float(equation.loads[index]), loads[index]
+    return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1] @ load[1])
+
+
+def _factorise(matrix: Any, model: Model) -> Any:
+    return _Dense(matrix) if isinstance(matrix, np.ndarray) else factorise(matrix, model.analysis)
+
+
+class _Dense:
+    """A small dense symmetric matrix."""
+
+    def __init__(self, matrix: Array) -> None:
+        self._matrix, self._lu = matrix, lu_factor(matrix)
+
+    def solve(self, right: Array) -> Array:
+        """The solution for one or several right-hand sides."""
+        return np.asarray(lu_solve(self._lu, right))
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues."""
+        return int((np.linalg.eigvalsh((self._matrix + self._matrix.T) / 2) < 0).sum())

@@ -1,0 +1,1 @@
+"""The film as a material: laws, energy density, tension field, breakdown."""

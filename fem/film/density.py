@@ -1,0 +1,237 @@
+"""Energy density of the film as a function of the in-plane deformation, with first and second derivatives.
+
+Everything here is per virgin volume and for arrays of quadrature points. Deformation enters as the Voigt triple
+c = (C₁₁, C₂₂, C₁₂) of C = FᵀF; the results are the second Piola–Kirchhoff stress S = 2∂ψ/∂C as (S₁₁, S₂₂, S₁₂)
+and its tangent D = ∂S/∂E in Voigt form with engineering shear, E = (C − I)/2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.laws import Ogden
+from tympan.fem.film.tension_field import Rescaled, TensionField, Weighted
+from tympan.geometry.specimen import Film, Material, Specimen
+
+#: Below this relative distance of the squared stretches the divided difference of the stress becomes its limit.
+#: Both are then wrong by less than 1e-10, and only in the tangent: the stress multiplies it by that distance.
+_EQUAL = 1e-5
+
+#: Tension a wrinkled film keeps across its wrinkles, as a share of the material's small-strain shear modulus. The film
+#: elsewhere does not feel it.
+_RESIDUAL = 1e-3
+
+
+@dataclass(frozen=True)
+class Maxwell:
+    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other.
+
+    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is design §3's ideal dielectric (n = 0) or one whose
+    permittivity falls as (J/J_p)^(−n).
+    """
+
+    coefficient: float | NDArray[np.float64]
+    power: float
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """ψ and ψ₁, ψ₂, ψ₁₁, ψ₁₂, ψ₂₂."""
+        p = self.power
+        w = -0.5 * self.coefficient * (l1 * l2) ** p
+        return w, p * w / l1, p * w / l2, p * (p - 1) * w / l1**2, p * p * w / (l1 * l2), p * (p - 1) * w / l2**2
+
+    def at(self, shape: tuple[int, ...], points: NDArray[np.bool_]) -> Maxwell:
+        """The same for some of the points."""
+        return replace(self, coefficient=np.broadcast_to(self.coefficient, shape)[points])
+
+
+@dataclass(frozen=True)
+class Density:
+    """What one material, or several that share the virgin state, store at a deformation."""
+
+    energy: Any
+    stress: Any
+    tangent: Any | None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A material, the stretches from its virgin state to the mounted film, and the numbers it is made of."""
+
+    material: Any
+    prestretch: tuple[Any, Any]
+    key: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Stretching:
+    """Principal stretches from a virgin state, and their weighted changes along k directions, shape (k, points)."""
+
+    prestretch: tuple[Any, Any]
+    stretches: tuple[Any, Any]
+    changes: tuple[Any, Any]
+
+    @classmethod
+    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any], weights: Any
+           ) -> Stretching:
+        """At C of the mounted film, points of any shape s, that changes, shapes (k, *s); ``weights`` of shape s.
+
+        Where the stretches are equal, their difference has no derivative; a stress that is equal too does not ask.
+        """
+        _, half, shear, radius = circle = _circle(c, prestretch)
+        mean, by_half, by_shear, _ = _circle(changes, prestretch)
+        l1, l2 = np.sqrt(circle[0] + radius), np.sqrt(circle[0] - radius)
+        by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
+        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean - by_radius) / (2 * l2)
+        return cls(prestretch, (l1, l2), (first.reshape(len(first), -1), second.reshape(len(second), -1)))
+
+    def power(self, material: Any) -> Any:
+        """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
+        _, w1, w2, *_ = material.derivatives(*self.stretches)
+        return self.changes[0] @ np.ravel(w1) + self.changes[1] @ np.ravel(w2)
+
+
+@dataclass(frozen=True)
+class FilmDensity:
+    """The film's energy at a given voltage: elastic, electrostatic where covered, electrode where covered.
+
+    ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature points. With ``wrinkles``
+    the film wrinkles rather than carry compression (:class:`~tympan.fem.film.tension_field.TensionField`), without it
+    carries any.
+    """
+
+    specimen: Specimen
+    voltage_squared: Any
+    covered: Any
+    wrinkles: bool = True
+
+    @property
+    def maxwell(self) -> Maxwell:
+        """The electrostatic part."""
+        return maxwell(self.specimen, self.voltage_squared * self.covered)
+
+    @property
+    def material(self) -> Any:
+        """All that shares the film's principal axes, as one material."""
+        film = self.specimen.membrane
+        materials = tuple(part.material for part in self._simple.values() if part.prestretch == film.prestretch)
+        return TensionField(materials, residual_tension(film) if self.wrinkles else -np.inf)
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """Materials whose energies add up to the film's, by name; one that wrinkles does so with all on its axes."""
+        if not self.wrinkles:
+            return self._simple
+        film = self.specimen.membrane
+        key = film, self.specimen.electrode.stiffness, self.voltage_squared
+        apart = {name: part for name, part in self._simple.items() if part.prestretch != film.prestretch}
+        return {"film": Part(self.material, film.prestretch, key), **apart}
+
+    @property
+    def _simple(self) -> dict[str, Part]:
+        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
+        electric = maxwell(self.specimen, self.voltage_squared)
+        result = {"elastic": Part(film.material, film.prestretch, film.material),
+                  "electric": Part(self.maxwell, film.prestretch, electric)}
+        if grease and _equal(film):
+            material = Weighted(Rescaled(_grease(grease), film.prestretch[0]), self.covered)
+            result["grease"] = Part(material, film.prestretch, grease)
+        elif grease:
+            # Stress-free at a state that is stretched unequally, the grease has principal axes of its own.
+            result["grease"] = Part(Weighted(_grease(grease), self.covered), (1.0, 1.0), grease)
+        return result
+
+    def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
+        """Density, stress and tangent at C of the mounted film."""
+        film, grease = self.specimen.membrane, self._simple.get("grease")
+        result = plane_stress((self.material,), c, film.prestretch, tangent=tangent)
+        if grease is None or grease.prestretch == film.prestretch:
+            return result
+        own = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
+        return Density(result.energy + own.energy, result.stress + own.stress,
+                       None if result.tangent is None or own.tangent is None else result.tangent + own.tangent)
+
+    def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        """Principal stretches of the material, wrinkles included, and in how many directions it is tense (2, 1, 0)."""
+        seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        own = self.material.natural(*seen)
+        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, own, strict=True)), np.array(0))
+        return *own, tense
+
+
+def residual_tension(film: Film) -> Any:
+    """Second Piola–Kirchhoff tension a film keeps where it wrinkles [Pa]."""
+    return _RESIDUAL * film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
+
+
+def _equal(film: Film) -> bool:
+    return film.prestretch[0] == film.prestretch[1]
+
+
+def _grease(stiffness: float) -> Ogden:
+    return Ogden((stiffness,), (2.0,))
+
+
+def maxwell(specimen: Specimen, voltage_squared: Any) -> Maxwell:
+    """The electrostatic energy of the film at U² (scalar or per point) [V²]."""
+    from scipy.constants import epsilon_0
+
+    film = specimen.membrane
+    n = film.permittivity_exponent
+    unit = epsilon_0 * film.relative_permittivity * film.area_prestretch**n / film.thickness**2
+    return Maxwell(unit * voltage_squared, 2 - n)
+
+
+def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any]:
+    """Total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
+    mean, _, _, radius = _circle(c, prestretch)
+    return np.sqrt(mean + radius), np.sqrt(mean - radius)
+
+
+def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any, Any, Any],
+                 prestretch: tuple[float, float], *, tangent: bool = True) -> Density:
+    """Sum of isotropic energies W(λ₁, λ₂) and its derivatives with respect to C of the mounted film.
+
+    The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of ΛCΛ, with mean m,
+    half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and is even in b; so W_b/b stays finite
+    at equal stretches and no eigenvectors are needed.
+    """
+    mean, half, shear, radius = _circle(c, prestretch)
+    x1, x2 = mean + radius, mean - radius
+    l1, l2 = np.sqrt(x1), np.sqrt(x2)
+    w, w1, w2, w11, w12, w22 = (
+        sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials), strict=True))
+    g1, g2 = w1 / (2 * l1), w2 / (2 * l2)
+    g11, g22 = (w11 - w1 / l1) / (4 * x1), (w22 - w2 / l2) / (4 * x2)
+    g12 = w12 / (4 * l1 * l2)
+    bend = g11 - 2 * g12 + g22
+    equal = np.abs(radius) < _EQUAL * np.abs(mean)
+    over = np.where(equal, bend, (g1 - g2) / np.where(equal, 1.0, radius))
+    scale = np.array([prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]])
+    stress = np.stack([g1 + g2 + over * half, g1 + g2 - over * half, over * shear], axis=-1) * scale
+    if not tangent:
+        return Density(w, stress, None)
+    safe = np.where(radius == 0, 1.0, radius)
+    n1, n2 = half / safe, shear / safe
+    mm, mb, bb = g11 + 2 * g12 + g22, g11 - g22, bend - over
+    md, ms = mb * n1, mb * n2
+    dd, ss, ds = over + bb * n1 * n1, over + bb * n2 * n2, bb * n1 * n2
+    d = np.empty((*np.shape(w), 3, 3), dtype=np.result_type(w, 0.0))
+    d[..., 0, 0] = mm + 2 * md + dd
+    d[..., 1, 1] = mm - 2 * md + dd
+    d[..., 2, 2] = ss
+    d[..., 0, 1] = d[..., 1, 0] = mm - dd
+    d[..., 0, 2] = d[..., 2, 0] = ms + ds
+    d[..., 1, 2] = d[..., 2, 1] = ms - ds
+    return Density(w, stress, d * np.outer(scale, scale))
+
+
+def _circle(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any, Any]:
+    """Mean, half difference, shear and radius of the Mohr circle of ΛCΛ."""
+    c11, c22 = c[0] * prestretch[0] ** 2, c[1] * prestretch[1] ** 2
+    shear = c[2] * prestretch[0] * prestretch[1]
+    mean, half = (c11 + c22) / 2, (c11 - c22) / 2
+    return mean, half, shear, np.sqrt(half * half + shear * shear)

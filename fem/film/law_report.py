@@ -1,0 +1,116 @@
+"""A law looked at on its own: true stress against stretch, and the first stretches where it fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.laws import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
+from tympan.fem.film.library import EXAMINED, MATERIALS, examine_material
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Material, read_specimen
+
+Array = NDArray[np.float64]
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """What a law does over :data:`tympan.fem.film.laws.STRETCH_RANGE`.
+
+    True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is ``held``; nan where the
+    law cannot be stretched so far. ``hill`` and ``ellipticity`` are the failing stretches nearest to ``held``, each
+    None where there are none; ``peaks`` the first stretches from which the two stresses fall.
+    """
+
+    material: Material
+    held: float
+    stretch: Array
+    equibiaxial: Array
+    strip: Array
+    hill: Pair | None
+    ellipticity: Pair | None
+    peaks: tuple[float | None, float | None]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object; stresses that do not exist are None."""
+        def numbers(values: Array) -> list[float | None]:
+            return [float(value) if np.isfinite(value) else None for value in values]
+
+        return {"law": self.material.law, "material": str(self.material), "held_stretch": self.held,
+                "stretch": numbers(self.stretch), "equibiaxial_true_stress_Pa": numbers(self.equibiaxial),
+                "strip_true_stress_Pa": numbers(self.strip), "hill_fails_at": self.hill and list(self.hill),
+                "ellipticity_fails_at": self.ellipticity and list(self.ellipticity),
+                "equibiaxial_stress_falls_from": self.peaks[0], "strip_stress_falls_from": self.peaks[1]}
+
+    def __str__(self) -> str:
+        rows = [f"{self.material}", f"true stress in kPa; strip: the other stretch held at {self.held:.4g}",
+                f"{'stretch':>8} {'equibiaxial':>12} {'strip':>12}"]
+        rows += [f"{stretch:8.3f} {both / 1e3:12.5g} {strip / 1e3:12.5g}"
+                 for stretch, both, strip in zip(self.stretch, self.equibiaxial, self.strip, strict=True)]
+        rows += [_failure("Hill's inequality", self.hill, self.held),
+                 _failure("strong ellipticity within the film", self.ellipticity, self.held)]
+        rows += [f"{name} stress falls from stretch {peak:.3f} on" for name, peak in
+                 zip(("equibiaxial", "strip"), self.peaks, strict=True) if peak is not None]
+        return "\n".join(rows)
+
+
+def subject(name: str, held: float | None = None) -> tuple[Material, float]:
+    """A material to examine and the stretch it is mounted at: by name, or of a specimen file.
+
+    Raises
+    ------
+    InputError
+        When it is neither, or ``held`` is no stretch.
+    """
+    if held is not None and not 0.2 <= held <= 10:
+        raise InputError("must be a stretch between 0.2 and 10", key="--held", given=held)
+    known: dict[str, Material] = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
+    if name in known:
+        material = known[name]
+        return material, held or float(np.real(getattr(material, "reference", 1.0)))
+    if not Path(name).suffix:
+        raise InputError(f"must be a specimen file or one of {', '.join(known)}", key="material", given=name)
+    film = read_specimen(name, examine_material).membrane
+    return film.material, held or film.area_prestretch**0.5
+
+
+def examine(material: Material, held: float = 1.0) -> Examination:
+    """Examine a law about an equibiaxial stretch.
+
+    Examples
+    --------
+    >>> from tympan.fem.film.laws import Ogden
+    >>> shown = examine(Ogden((20e3, -500.0), (2.0, 4.0)))
+    >>> shown.peaks[0]
+    4.47
+    """
+    fine = np.round(np.arange(STRETCH_RANGE[0], STRETCH_RANGE[1] + 0.005, 0.01), 2)
+    with np.errstate(all="ignore"):
+        stresses = (np.real(fine * material.derivatives(fine, other)[1]) for other in (fine, np.full_like(fine, held)))
+        both, strip = (np.where(np.isfinite(stress), stress, np.nan).astype(float) for stress in stresses)
+    coarse = np.isclose(fine * 4 % 1, 0)
+    return Examination(
+        material, held, fine[coarse], both[coarse], strip[coarse], inadmissible_stretch(material, nearest=held),
+        inadmissible_stretch(material, margin=ellipticity_margin, nearest=held),
+        (_peak(fine, both, held), _peak(fine, strip, held)))
+
+
+def _peak(stretch: Array, stress: Array, held: float) -> float | None:
+    """The first stretch from the mounted one on, else of all, from which the stress falls."""
+    falling = np.flatnonzero(np.diff(stress) < 0)
+    onward = falling[stretch[falling] >= held - 1e-9]
+    found = onward if len(onward) else falling
+    return float(stretch[found[0]]) if len(found) else None
+
+
+def _failure(what: str, stretches: Pair | None, held: float) -> str:
+    low, high = STRETCH_RANGE
+    if stretches is None:
+        return f"{what} holds for all stretches from {low} to {high}"
+    return (f"{what} fails from {low} to {high}, nearest to the mounted stretch {held:.4g} at "
+            f"({stretches[0]:.3g}, {stretches[1]:.3g})")

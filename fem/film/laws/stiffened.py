@@ -1,0 +1,94 @@
+"""A law that hardens more, or less, than another one, with the same stress where the film is mounted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tympan.fem.film.laws.invariants import first_invariant
+from tympan.fem.film.laws.registry import REGISTRY, register, require_above
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Material
+from tympan.geometry.toml_reader import Rule, Table
+
+
+@register
+@dataclass(frozen=True)
+class Stiffened:
+    """Another law, plus an energy φ of the first invariant that hardens it without stress where the film is mounted.
+
+    φ = S [I_m/(1+h) (I₁/I_m)^(1+h) − I₁], so that φ′ = S [(I₁/I_m)^h − 1]: nothing at I₁ = I_m. S is the slope of the
+    neo-Hookean law with the modulus of the ``nominal`` one, ∂²W/∂λ₁²/8 of the virgin film; h = ``exponent``, without
+    unit, I_m = ``invariant``, I₁ of the mounted film. A neo-Hookean film gets ∂W/∂I₁ = S (I₁/I_m)^h, as Gent's law has
+    it about I_m with h = I_m/(J + 3 − I_m). h > 0 hardens, h < 0 softens; h = 0 is the nominal law. The virgin film
+    changes too: its modulus becomes that of the nominal law times about (3/I_m)^h. Where the nominal law is
+    undefined, so is this.
+
+    Examples
+    --------
+    >>> from tympan.fem.film.laws import NeoHooke
+    >>> nominal = NeoHooke(20e3)
+    >>> law = Stiffened(nominal, exponent=0.2, invariant=8.0625)
+    >>> [round(float(kind.derivatives(2.0, 2.0)[1])) for kind in (nominal, law)]
+    [39375, 39375]
+    >>> [round(float(kind.derivatives(3.0, 3.0)[1])) for kind in (nominal, law)]
+    [59918, 70368]
+    """
+
+    law: ClassVar[str] = "stiffened"
+    nominal: Material
+    exponent: float
+    invariant: float
+
+    def __post_init__(self) -> None:
+        """Refuse an invariant no film has, and powers without a finite energy."""
+        require_above(-1, exponent=self.exponent)
+        if not self.invariant.real >= 3:
+            raise InputError("must be at least 3, the virgin film's", key="invariant", given=self.invariant)
+
+    @classmethod
+    def from_table(cls, table: Table) -> Stiffened:
+        """Read ``nominal``, a table like this one of another law, ``exponent`` and ``invariant`` (numbers)."""
+        inner = table.table("nominal")
+        nominal = inner.choice("law", REGISTRY)(inner)
+        inner.done()
+        return cls(nominal, table.number("exponent", rule=_EXPONENT), table.number("invariant", rule=_INVARIANT))
+
+    @property
+    def stress_free_when_virgin(self) -> bool:
+        """As the nominal law."""
+        return bool(getattr(self.nominal, "stress_free_when_virgin", True))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Of small strains from the virgin film, or of the nominal law where it states another [Pa]."""
+        extra = 2 * self._scale * ((3 / self.invariant) ** self.exponent - 1)
+        return float(np.real(getattr(self.nominal, "shear_modulus", 2 * self._scale) + extra))
+
+    @property
+    def _scale(self) -> Any:
+        """S [Pa]."""
+        return self.nominal.derivatives(np.ones(()), np.ones(()))[3] / 8
+
+    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
+        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
+        excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
+        f, slope, bend = self._energy(excess)
+        bend1, bend2 = bend * i1, bend * i2
+        added = (f, slope * i1, slope * i2,
+                 slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
+        return tuple(own + more for own, more in zip(self.nominal.derivatives(l1, l2), added, strict=True))
+
+    def _energy(self, excess: Any) -> tuple[Any, Any, Any]:
+        """φ counted from the virgin film, φ′ and φ″."""
+        h, mounted = self.exponent, self.invariant
+        ratio = (excess + 3) / mounted
+        power = ratio**h
+        energy = mounted / (1 + h) * (power * ratio - (3 / mounted) ** (1 + h)) - excess
+        return self._scale * energy, self._scale * (power - 1), self._scale * h * power / (ratio * mounted)
+
+
+_EXPONENT: Rule = (lambda x: -1 < x <= 10, "must be above -1 and at most 10")
+_INVARIANT: Rule = (lambda x: 3 <= x <= 1000, "must be from 3 (the virgin film's) to 1000")

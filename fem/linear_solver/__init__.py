@@ -1,0 +1,1 @@
+"""Sparse symmetric systems, factorised in an order made for meshes."""

@@ -1,0 +1,80 @@
+"""Direct solution of sparse symmetric systems: what depends on the sparsity is done once, the rest per matrix.
+
+SciPy's SuperLU in an order by nested dissection is the default. MKL's PARDISO takes its place above ``_PAYS`` unknowns
+where pypardiso is installed (the extra ``fast``). ``docs/scaling.md`` has what was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from tympan.fem.linear_solver.superlu import SuperLU
+
+Array = NDArray[Any]
+
+#: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
+_PAYS = 20_000
+
+
+class Factorisation(Protocol):
+    """A factorised symmetric matrix."""
+
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides of shape (n,) or (n, k)."""
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues, by Sylvester's law of inertia from the pivots."""
+
+
+class Analysis(Protocol):
+    """What is known of all symmetric matrices with one sparsity."""
+
+    def factorise(self, matrix: csc_matrix) -> Factorisation:
+        """Factorise a matrix of that sparsity; raises RuntimeError if it is singular."""
+
+
+def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analysis:
+    """Analysis for the fastest solver installed.
+
+    Parameters
+    ----------
+    indices, indptr
+        Sparsity in compressed columns, rows ascending, both triangles, the diagonal included.
+    order
+        Unknowns in an order of elimination that fills in little; by default minimum degree.
+    """
+    chosen = list(analyses(indices, indptr, order))
+    return chosen[-1] if len(indptr) - 1 >= _PAYS else chosen[0]
+
+
+def analyses(indices: Array, indptr: Array, order: Array | None = None) -> Iterator[Analysis]:
+    """One analysis for each solver installed, SciPy's first."""
+    yield SuperLU(indices, indptr, order)
+    if find_spec("pypardiso") is not None:
+        from tympan.fem.linear_solver.pardiso import Pardiso
+
+        yield Pardiso(indices, indptr)
+
+
+def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisation:
+    """Factorise a sparse symmetric matrix, best with the analysis of its sparsity at hand.
+
+    Raises
+    ------
+    RuntimeError
+        If the matrix is singular.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> factors = factorise(csc_matrix([[2.0, 1.0], [1.0, -3.0]]))
+    >>> factors.solve(np.array([3.0, -2.0])), factors.negative
+    (array([1., 1.]), 1)
+    """
+    return (analysis or analyse(matrix.indices, matrix.indptr)).factorise(matrix)

@@ -1,0 +1,1 @@
+"""Film, plate and loads as one discrete mechanical system."""

@@ -1,0 +1,154 @@
+"""What acts on film and plate: where the weight hangs, how the plate is guided, bias mechanisms, own weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.membrane.enclosed_volume import plate_volume
+from tympan.fem.membrane.plate import HEAVE, PlateMotion
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+
+if TYPE_CHECKING:
+    from tympan.fem.membrane.state import State
+
+Array = NDArray[Any]
+
+#: How the plate may move: freely; without tilting; up and down only; not at all.
+Guide = Literal["free", "level", "vertical", "fixed"]
+
+GUIDES: dict[Guide, frozenset[str]] = {
+    "free": frozenset({"x", "y", "z", "rx", "ry", "rz"}),
+    "level": frozenset({"x", "y", "z", "rz"}),
+    "vertical": frozenset({"z"}),
+    "fixed": frozenset(),
+}
+
+#: Among the plate's six freedoms.
+_UP = np.eye(6)[HEAVE]
+
+
+class Bias(Protocol):
+    """A mechanism between plate and ground whose energy depends on the heave alone; ``law`` names it in rig files."""
+
+    law: ClassVar[str]
+
+    def derivatives(self, heave: float) -> tuple[float, float, float]:
+        """Energy [J], its derivative [N] (positive pushes the plate back), its second derivative [N/m]."""
+
+
+BIASES: dict[str, Callable[[Table], Bias]] = {}
+
+
+def register(cls: type[Any]) -> type[Any]:
+    """Make a bias mechanism known to rig files under its ``law`` name."""
+    BIASES[cls.law] = cls.from_table
+    return cls
+
+
+@register
+@dataclass(frozen=True)
+class Spring:
+    """A linear spring, unloaded at the heave ``rest`` [m]; ``stiffness`` in N/m.
+
+    Examples
+    --------
+    >>> Spring(8.0).derivatives(0.25)
+    (0.25, 2.0, 8.0)
+    """
+
+    law: ClassVar[str] = "spring"
+    stiffness: float
+    rest: float = 0.0
+
+    @classmethod
+    def from_table(cls, table: Table) -> Spring:
+        """Read ``stiffness`` and ``rest``."""
+        return cls(table.quantity("stiffness", "stiffness per length", rule=NON_NEGATIVE),
+                   table.quantity("rest", "length", "0 mm", FINITE))
+
+    def derivatives(self, heave: float) -> tuple[float, float, float]:
+        """½k(w − rest)², and its derivatives."""
+        stretch = heave - self.rest
+        return self.stiffness * stretch**2 / 2, self.stiffness * stretch, self.stiffness
+
+
+@register
+@dataclass(frozen=True)
+class Magnet:
+    """A magnet below the plate that pulls it down with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
+
+    ``force`` F₀ at contact [N], ``gap`` at the mounted plate [m], ``decay`` d [m], ``power`` n > 1. Far away
+    the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the actuator snap through.
+    """
+
+    law: ClassVar[str] = "magnet"
+    force: float
+    gap: float
+    decay: float
+    power: float = 4.0
+
+    @classmethod
+    def from_table(cls, table: Table) -> Magnet:
+        """Read ``force``, ``gap``, ``decay`` and ``power``."""
+        return cls(table.quantity("force", "force", rule=POSITIVE), table.quantity("gap", "length", rule=POSITIVE),
+                   table.quantity("decay", "length", rule=POSITIVE), table.number("power", 4.0, _POWER))
+
+    def derivatives(self, heave: float) -> tuple[float, float, float]:
+        """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
+        n, d = self.power, self.decay
+        near = 1 + (self.gap - heave) / d
+        if np.real(near) <= 0:  # no step may end there, nor pass the pole
+            return np.nan, np.nan, np.nan
+        return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
+                -self.force * n / d * near ** (-n - 1))
+
+
+_POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
+
+
+@dataclass(frozen=True)
+class Loading:
+    """What acts on film and plate besides force, voltage and gas pressure.
+
+    ``arm``: where the force is applied, from the plate's centre in the mounted state [m]; it moves with the plate.
+    ``gravity``: on the film's own mass, along the load [m/s²].
+    """
+
+    biases: tuple[Bias, ...] = ()
+    arm: tuple[float, float] = (0.0, 0.0)
+    guide: Guide = "free"
+    gravity: float = 0.0
+
+    def bias(self, heave: float) -> tuple[float, float, float]:
+        """Energy of all bias mechanisms and its derivatives by the heave."""
+        parts = [bias.derivatives(heave) for bias in self.biases]
+        return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)
+
+    def lift(self, plate: PlateMotion) -> Array:
+        """Derivative of the height of the weight by the plate's six freedoms."""
+        return np.asarray(plate.gradient(self._arm)[0, HEAVE])
+
+    def on_plate(self, state: State, centre: Array, area: float) -> tuple[Any, Array, Array]:
+        """Potential of what acts on the whole plate [J], and its first and second derivatives by the six freedoms.
+
+        Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
+        """
+        plate = state.plate
+        energy, push, stiffness = self.bias(plate.heave)
+        energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
+        first = push * _UP - state.force * self.lift(plate)
+        second = plate.curvature(self._arm, np.array([[0.0, 0.0, -state.force]])) + stiffness * np.outer(_UP, _UP)
+        if state.pressure:
+            volume, by, bend = plate_volume(area, plate)
+            energy = energy - state.pressure * volume
+            first, second = first - state.pressure * by, second - state.pressure * bend
+        return energy, first, second
+
+    @property
+    def _arm(self) -> Array:
+        return np.array([[*self.arm, 0.0]])

@@ -1,0 +1,268 @@
+"""Recovered fields: displacement, stretches, true stress, thickness and electric field at points of the film.
+
+Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours show the
+discretisation error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.discretisation.isoparametric import tabulated
+from tympan.fem.film.density import FilmDensity
+from tympan.fem.film.tension_state import Tension, tension_state
+from tympan.fem.membrane.model import Model, cauchy_green
+from tympan.fem.membrane.state import State
+from tympan.geometry.mesh import unfold
+from tympan.geometry.specimen import Film
+
+Array = NDArray[Any]
+
+_RIMS = ("plate", "frame")
+
+#: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12, 02.
+_EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Fields at points; each array's first axis runs over the points.
+
+    True stresses are those of design §3: elastic minus the Maxwell part; add ``maxwell_stress`` for the elastic part
+    alone. Radial and circumferential directions are the deformed radial fibre through the plate's centre and the
+    normal to it within the film.
+    """
+
+    position: Array  #: in the flat mounted film [m], shape (n, 3)
+    displacement: Array  #: [m], shape (n, 3)
+    stretch_1: Array  #: larger total principal stretch
+    stretch_2: Array  #: smaller total principal stretch
+    thickness: Array  #: [m]
+    electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
+    breakdown_strength: Array  #: field at which the film would break down, infinite where unknown [V/m]
+    maxwell_stress: Array  #: ε E² [Pa]
+    stress_1: Array  #: larger principal true stress [Pa]
+    stress_2: Array  #: smaller principal true stress [Pa]
+    stress_radial: Array  #: [Pa]
+    stress_circumferential: Array  #: [Pa]
+    stress_shear: Array  #: [Pa]
+    plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
+    tension: Array  #: of :class:`tympan.fem.film.tension_state.Tension`
+
+    @property
+    def breakdown_share(self) -> Array:
+        """Field over strength: 1 where the film breaks down, 0 where it is uncovered or its strength unknown."""
+        return self.electric_field / self.breakdown_strength
+
+    def __getitem__(self, choice: Any) -> Fields:
+        """Some of the points."""
+        return Fields(*(getattr(self, item.name)[choice] for item in fields(self)))
+
+
+def whole(model: Model, state: State) -> tuple[Model, State]:
+    """Model and state of the whole film when only a part of it was meshed."""
+    if not model.planes:
+        return model, state
+    full = unfold(model.mesh, model.planes)
+    positions = state.positions[full.origin].copy()
+    positions[:, :2] *= full.signs.T
+    return replace(model, mesh=full.mesh, planes=frozenset()), replace(state, positions=positions)
+
+
+def cell_fields(model: Model, state: State, points: Array) -> Fields:
+    """Fields at the same reference points, shape (2, k), of every element; element-major."""
+    return cell_fields_of(model, [state], points)[0]
+
+
+def cell_fields_of(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
+    """The same at several states of one model, which are computed together."""
+    found = _fields(model, states, np.arange(model.mesh.nelements), points)
+    count = model.mesh.nelements * points.shape[1]
+    return [found[number * count : (number + 1) * count] for number in range(len(states))]
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeFields:
+    """Fields along a named boundary: ``fields`` at k points of each of m edges, edge-major, and arc lengths.
+
+    ``weights`` are quadrature weights times mounted arc length [m], shape (m k,).
+    """
+
+    fields: Fields
+    weights: Array
+
+
+def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadrature: bool = False) -> EdgeFields:
+    """Fields along the edges of a named boundary of the mesh.
+
+    Parameters
+    ----------
+    quadrature
+        Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
+
+    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut across the line to
+    the plate's centre.
+    """
+    if quadrature:
+        gauss, weight = np.polynomial.legendre.leggauss(points)
+        s, weight = (gauss + 1) / 2, weight / 2
+    else:
+        s, weight = np.linspace(0, 1, points), np.full(points, 1 / points)
+    facets = (model.mesh.boundaries or {}).get(name)
+    if facets is None:
+        raise ValueError(f"the mesh has no boundary {name!r}: it has {sorted(model.mesh.boundaries or {})}")
+    parts, weights = [], []
+    for local, edge in enumerate(_EDGES):
+        cells = np.flatnonzero(np.isin(model.mesh.t2f[local], facets))
+        # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
+        cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
+        if len(cells):
+            tangent = _edge_tangent(model, cells, local, s)
+            parts.append(_fields(model, [state], cells, np.array(edge(s)), tangent if name in _RIMS else None))
+            weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
+    joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
+    return EdgeFields(joined, np.concatenate(weights))
+
+
+def reaction(model: Model, state: State) -> float:
+    """Force with which the film pulls the whole plate back [N], positive against the load."""
+    forces = model.forces(state.positions, state.voltage_squared)
+    return float(forces[model.plate_nodes, 2].sum()) * model.mirrored
+
+
+@dataclass(frozen=True)
+class LostTension:
+    """Mounted area of the whole film where it carries tension in one direction only, and in none [m²]; its share."""
+
+    wrinkled: float
+    slack: float
+    share: float  #: of the film's mounted area, both together
+
+
+def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
+    """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
+    return lost_tension_of(model, [state], parts)[0]
+
+
+def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
+    """The same at several states of one model, which are computed together."""
+    points = _middles(parts)
+    slopes = tabulated(model.mesh.order, points)[1]
+    areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5 / parts**2)
+    whole_area = float(areas.sum())
+    result = []
+    for found in _tension(model, states, slopes):
+        wrinkled, slack = (float(areas[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
+        result.append(LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / whole_area))
+    return result
+
+
+@lru_cache
+def _middles(parts: int) -> Array:
+    return np.array([((3 * i + t) / (3 * parts), (3 * j + t) / (3 * parts)) for t in (1, 2)
+                     for i in range(parts) for j in range(parts + 1 - t - i)]).T
+
+
+def _tension(model: Model, states: Sequence[State], slopes: Array) -> Array:
+    """Tension states, shape (states, cells, points); stresses as the eigenvalues of S C."""
+    cells = np.arange(model.mesh.nelements)
+    c = cauchy_green(_deformation(model, states, cells, slopes))
+    density = FilmDensity(model.specimen, _voltages(states), model.covered, model.wrinkles)
+    s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
+    mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
+    product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
+    radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
+    return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
+
+
+def _voltages(states: Sequence[State]) -> Array:
+    return np.array([state.voltage_squared for state in states])[:, None, None]
+
+
+def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Array) -> Array:
+    """F, shape (states, cells, points, 3, 2)."""
+    local = np.stack([state.positions for state in states])[:, model.connectivity[cells]].swapaxes(-1, -2)
+    return np.asarray(np.matmul(local[:, :, None], np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
+
+
+def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
+    """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
+    return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None], slopes)
+
+
+def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
+    """The field at which the film breaks down [V/m], infinite if it has no strength law."""
+    if film.strength is None:
+        return np.full(np.shape(thickness), np.inf)
+    return film.strength.field(l1, l2, thickness)
+
+
+def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, along: Array | None = None) -> Fields:
+    """Fields in some elements, one state after the other; ``along`` is for one state.
+
+    ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
+    """
+    film = model.specimen.membrane
+    nodes = model.connectivity[cells]
+    shapes, slopes = tabulated(model.mesh.order, points)
+    here = np.matmul(shapes.T, model.reference[nodes]).reshape(-1, 3)
+    reference = np.tile(here, (len(states), 1))
+    current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3) for state in states])
+    f = _deformation(model, states, cells, slopes).reshape(-1, 3, 2)
+    covered = np.tile(np.repeat(model.covered[cells, 0], points.shape[1]), len(states))
+    voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
+
+    c = cauchy_green(f)
+    density = FilmDensity(model.specimen, voltage_squared, covered, model.wrinkles)
+    stress = density(c, tangent=False).stress
+    l1, l2, tense = density.stretches(c)
+    inward = model.centre[:2] - reference[:, :2]
+    inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
+    s11, s22, s12 = _cauchy(f, stress, -inward)
+    mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
+    piola = np.stack([f[:, :, 0] * stress[:, None, 0] + f[:, :, 1] * stress[:, None, 2],
+                      f[:, :, 0] * stress[:, None, 2] + f[:, :, 1] * stress[:, None, 1]], axis=-1)
+    cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
+    traction = np.einsum("nik,nk->ni", piola, cut) * (film.thickness / film.area_prestretch)
+    w1 = density.maxwell.derivatives(l1, l2)[1]
+    thickness = film.thickness / (l1 * l2)
+    return Fields(
+        position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
+        electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
+        breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
+        stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
+        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))
+
+
+def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
+    """True stress (radial, circumferential, shear) within the film's tangent plane: σ = F S Fᵀ, volume preserved."""
+    first = np.einsum("nik,nk->ni", f, radial)
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
+    normal = np.cross(f[:, :, 0], f[:, :, 1])
+    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
+    a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
+
+    def pair(u: Array, v: Array) -> Array:
+        return (u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
+                + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
+
+    return pair(a, a), pair(b, b), pair(a, b)
+
+
+def _normal(along: Array, towards: Array) -> Array:
+    """Unit normals of vectors in the plane, on the side of ``towards``."""
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return normal * np.sign((normal * towards).sum(axis=1, keepdims=True))
+
+
+def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
+    """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
+    slopes = tabulated(model.mesh.order, np.array(_EDGES[local](s)))[1]
+    along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
+    return np.asarray(np.matmul(jacobian(model, cells, slopes), along)[..., 0])

@@ -1,0 +1,326 @@
+"""Small vibrations about an equilibrium: natural frequencies, growth rates and shapes of film and plate.
+
+With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second variation
+½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At constant charge the same
+state would be stiffer, since then the voltage falls where the capacitance rises.
+
+Mirror symmetry of the state splits the modes into classes, even or odd about each plane. All are solved on the part
+that is meshed, with other conditions on the planes, so none is lost and no double frequency meets its twin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from itertools import chain, combinations
+from math import inf, isinf
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from tympan.fem.linear_solver.direct import factorise
+from tympan.fem.membrane.loading import GUIDES
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
+from tympan.fem.membrane.state import State
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesh import Unfolding, unfold
+from tympan.geometry.outlines import Outline
+from tympan.geometry.outlines.moments import moments
+
+Array = NDArray[np.float64]
+
+#: Below so many unknowns, or so few per mode, a dense solver takes no longer.
+_DENSE = 200
+#: Share of the largest inertia below which a motion of the plate has none.
+_MASSLESS = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPlate:
+    """What the plate's motion carries: ``mass`` [kg] and ``inertia`` about its centre of mass [kg m²], shape (3, 3).
+
+    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position and turn with the
+    plate. An infinite mass holds the plate.
+    """
+
+    mass: float
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def held(cls) -> RigidPlate:
+        """A plate that does not move."""
+        return cls(inf)
+
+    @classmethod
+    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0, arm: tuple[float, float] = (0.0, 0.0)
+                ) -> RigidPlate:
+        """A thin uniform plate that fills its outline, with ``point_mass`` of the whole ``mass`` in its centre of mass.
+
+        The rest, spread evenly, has the outline's second moments about its centroid, taken about the centre of mass
+        wherever ``arm`` puts that. The thickness does not count, nor the height of the weight above the film.
+
+        Raises
+        ------
+        InputError
+            When a mass is negative or the point-like part is larger than the whole.
+
+        Examples
+        --------
+        >>> from tympan.geometry.outlines import Circle
+        >>> RigidPlate.uniform(Circle(0.01), 0.02).inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
+        array([5.e-07, 5.e-07, 1.e-06])
+        """
+        if not 0 <= point_mass <= mass:
+            raise InputError("the plate's mass must not be negative, and its point-like part not larger than it",
+                             key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
+        shape = moments(outline)
+        (xx, xy), (_, yy) = (mass - point_mass) / shape.area * shape.second
+        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
+
+    def matrix(self, plate: PlateMotion) -> Array:
+        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
+        centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
+        result = self.mass * centre.T @ centre
+        result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class SymmetryClass(Model):
+    """A model whose motions are odd about the planes in ``odd`` and even about its other ones."""
+
+    odd: frozenset[str] = frozenset()
+
+    @classmethod
+    def all(cls, model: Model) -> Iterator[SymmetryClass]:
+        """The 1, 2 or 4 classes of a model with 0, 1 or 2 planes, the even one first."""
+        planes = sorted(model.planes)
+        values = {item.name: getattr(model, item.name) for item in fields(Model)}
+        for odd in chain.from_iterable(combinations(planes, count) for count in range(len(planes) + 1)):
+            part = cls(**values, odd=frozenset(odd))
+            vars(part).update({name: getattr(model, name) for name in ("basis", "connectivity", "shapes", "gradients")})
+            yield part
+
+    @cached_property
+    def plate_freedoms(self) -> tuple[int, ...]:
+        """Numbers of the plate's freedoms of this class, whatever the guide allows."""
+        allowed = set(range(len(FREEDOMS)))
+        for plane in self.planes:
+            even = set(Model(self.specimen, self.mesh, frozenset(plane)).plate_freedoms)
+            allowed &= set(range(len(FREEDOMS))) - even if plane in self.odd else even
+        return tuple(sorted(allowed))
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which nodal components are unknowns, shape (nodes, 3)."""
+        free = np.ones(self.reference.shape, dtype=bool)
+        free[self.boundary_nodes("frame")] = False
+        free[self.plate_nodes] = False
+        for axis, plane in enumerate("xy"):
+            if plane in self.planes:
+                across = np.arange(3) == axis
+                free[self.boundary_nodes(f"axis_{'yx'[axis]}")] &= across if plane in self.odd else ~across
+        return free
+
+    def unfolded(self, signs: Array) -> Array:
+        """Factors of a motion's components at mirrored nodes, shape (nodes, 3), from ``Unfolding.signs``."""
+        factors = np.column_stack([*signs, np.ones(signs.shape[1])])
+        for axis, plane in enumerate("xy"):
+            if plane in self.odd:
+                factors *= signs[axis][:, None]
+        return factors
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes about a state: unstable ones first, then vibrations by rising frequency; arrays' first axis is the mode.
+
+    Shapes are those of the whole film and mass-normalised: φᵀMφ = 1, in m/√(kg m²). ``shares`` is the part of a mode's
+    kinetic energy that each plate freedom carries; the rest of 1 is the film's.
+    """
+
+    frequencies_Hz: Array  #: 0 for an unstable mode, shape (modes,)
+    growth: Array  #: e-folding rate of an unstable mode [1/s], 0 for a vibration
+    shapes: Array  #: displacements of the nodes of the whole film, shape (modes, nodes, 3)
+    plate: Array  #: the plate's motion, translations and rotations, shape (modes, 6)
+    shares: Array  #: of the plate's freedoms in the kinetic energy, shape (modes, 6)
+    unstable: int  #: directions of negative stiffness, those of a weightless film and those beyond ``count`` included
+
+    @property
+    def eigenvalues(self) -> Array:
+        """ω² [1/s²], negative for unstable modes."""
+        return np.where(self.growth > 0, -(self.growth**2), (2 * np.pi * self.frequencies_Hz) ** 2)
+
+
+def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) -> Modes:
+    """Modes of film and plate about an equilibrium, at constant voltage and gas pressure.
+
+    Parameters
+    ----------
+    plate
+        Mass and inertia of the whole plate with its weight; :meth:`RigidPlate.held` for modes of the film alone.
+    count
+        The lowest so many frequencies; of unstable modes at most so many, those of slowest growth. Where a film has
+        lost tension the fast ones are as fine as the mesh and mean no more than that it wrinkles.
+
+    Raises
+    ------
+    InputError
+        When neither film nor plate has mass that can move.
+
+    Notes
+    -----
+    A weightless film (density 0) follows the plate at once; it is condensed out and at most six modes are left.
+    """
+    if count < 1:
+        raise InputError("must be at least 1", key="count", given=count)
+    classes = [_System.of(part, state, plate) for part in SymmetryClass.all(model)]
+    spectra = [system.solve(count) for system in classes]
+    candidates = [(value, number, mode) for number, spectrum in enumerate(spectra)
+                  for mode, value in enumerate(spectrum.values)]
+    unstable = sorted((item for item in candidates if item[0] < 0), reverse=True)[:count]
+    chosen = [*reversed(unstable), *sorted(item for item in candidates if item[0] >= 0)[:count]]
+    if not chosen:
+        raise InputError("nothing that can move has mass: neither the film nor the plate",
+                         key="membrane.density", given=model.specimen.membrane.density)
+    values = np.array([value for value, _, _ in chosen])
+    full = unfold(model.mesh, model.planes)
+    vectors = [(classes[number], spectra[number].vectors[:, mode]) for _, number, mode in chosen]
+    motions, shares = zip(*(system.plate_part(vector) for system, vector in vectors), strict=True)
+    shapes = [system.whole_shape(vector, full) for system, vector in vectors]
+    return Modes(np.sqrt(np.maximum(values, 0)) / (2 * np.pi), np.sqrt(np.maximum(-values, 0)), np.array(shapes),
+                 np.array(motions), np.array(shares), sum(spectrum.unstable for spectrum in spectra))
+
+
+def film_mass(model: Model) -> csr_matrix:
+    """Consistent mass matrix of the meshed film for one component of all nodes [kg], shape (nodes, nodes)."""
+    weights = model.volumes * model.specimen.membrane.density
+    elements = np.einsum("pa,pb,ep->eab", model.shapes, model.shapes, weights, optimize=True)
+    nodes = model.connectivity
+    rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+    size = len(model.reference)
+    return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """Lowest eigenvalues ω² and their vectors, vᵀMv = 1, and how many eigenvalues are negative in all."""
+
+    values: Array
+    vectors: Array
+    unstable: int
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Stiffness and mass of one symmetry class, for the part that is meshed.
+
+    The unknowns are the free components, then the plate's ``freedoms``; ``coordinates`` makes all node components
+    of them.
+    """
+
+    model: SymmetryClass
+    inner: csc_matrix
+    border: Array
+    corner: Array
+    coordinates: csr_matrix
+    film: csr_matrix
+    plate: Array
+    freedoms: tuple[int, ...]
+
+    @classmethod
+    def of(cls, model: SymmetryClass, state: State, plate: RigidPlate) -> _System:
+        """The tangent at a state, with the plate's freedoms that the guide leaves, none if it is held."""
+        tangent = model.linearised(state)
+        allowed = frozenset() if isinf(plate.mass) else GUIDES[model.loading.guide]
+        kept = [place for place, number in enumerate(model.plate_freedoms) if FREEDOMS[number] in allowed]
+        freedoms = tuple(model.plate_freedoms[place] for place in kept)
+        gradient = state.plate.gradient(model.arms)[:, :, freedoms]
+        weight = np.zeros((6, 6)) if isinf(plate.mass) else plate.matrix(state.plate) / model.mirrored
+        return cls(model, tangent.inner, tangent.border[:, kept], tangent.corner[kept][:, kept],
+                   _coordinates(model, gradient), film_mass(model), weight[list(freedoms)][:, list(freedoms)], freedoms)
+
+    def solve(self, count: int) -> _Spectrum:
+        """The lowest eigenvalues of this class, negative ones included."""
+        if not self.film.data.any():
+            return self._massless_film()
+        if not self.inner.shape[0] + len(self.freedoms):
+            return _Spectrum(np.zeros(0), np.zeros((0, 0)), 0)
+        stiffness = bmat([[self.inner, self.border], [self.border.T, self.corner]], format="csc") \
+            if self.freedoms else self.inner
+        mass = self.coordinates.T @ kron(self.film, identity(3)) @ self.coordinates
+        size, first = mass.shape[0], self.inner.shape[0]
+        rows = coo_matrix((self.plate.ravel(), np.indices(self.plate.shape).reshape(2, -1) + first), (size, size))
+        return _lowest(stiffness, (mass + rows).tocsc(), count)
+
+    def plate_part(self, vector: Array) -> tuple[Array, Array]:
+        """The plate's motion in the six freedoms, and their shares of the kinetic energy."""
+        motion, share = np.zeros(6), np.zeros(6)
+        own = vector[len(vector) - len(self.freedoms):]
+        motion[list(self.freedoms)] = own / np.sqrt(self.model.mirrored)
+        share[list(self.freedoms)] = own * (self.plate @ own)
+        return motion, share
+
+    def whole_shape(self, vector: Array, full: Unfolding) -> Array:
+        """Displacements of the whole film's nodes, the whole's mass as the part's, shape (nodes, 3)."""
+        nodal = (self.coordinates @ vector).reshape(-1, 3) / np.sqrt(self.model.mirrored)
+        return nodal[full.origin] * self.model.unfolded(full.signs)
+
+    def _massless_film(self) -> _Spectrum:
+        """The film follows the plate; freedoms without inertia follow too."""
+        film = factorise(self.inner)
+        influence = np.asarray(film.solve(self.border)) if self.freedoms else self.border
+        schur = self.corner - self.border.T @ influence
+        schur = (schur + schur.T) / 2
+        unstable = film.negative + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
+        # Rotations are compared with translations over the frame's half extent.
+        scale = np.where(np.array(self.freedoms, dtype=int) < 3, 1.0, 1 / self.model.size)
+        weight, axes = np.linalg.eigh(scale[:, None] * self.plate * scale)
+        heavy = weight > _MASSLESS * weight.max(initial=0)
+        heavy, light = scale[:, None] * axes[:, heavy], scale[:, None] * axes[:, ~heavy]
+        if not heavy.size:
+            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(self.freedoms), 0)), unstable)
+        follow = heavy - light @ np.linalg.solve(light.T @ schur @ light, light.T @ schur @ heavy)
+        values, plate = scipy.linalg.eigh(follow.T @ schur @ follow, heavy.T @ self.plate @ heavy)
+        motion = follow @ plate
+        return _Spectrum(values, np.vstack([-influence @ motion, motion]), unstable)
+
+
+def _coordinates(model: Model, gradient: Array) -> csr_matrix:
+    """Node components (node-major) by free components and plate freedoms, shape (3 nodes, n + p)."""
+    free = np.flatnonzero(model.free.ravel())
+    count, freedoms = len(free), gradient.shape[2]
+    edge = (3 * model.plate_nodes[:, None] + np.arange(3)).ravel()
+    rows = np.concatenate([free, np.repeat(edge, freedoms)])
+    columns = np.concatenate([np.arange(count), np.tile(count + np.arange(freedoms), len(edge))])
+    data = np.concatenate([np.ones(count), gradient.ravel()])
+    return csr_matrix((data, (rows, columns)), shape=(model.reference.size, count + freedoms))
+
+
+def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
+    """Up to ``count`` eigenvalues on either side of zero, nearest to it; Lanczos on K⁻¹M, K factorised once."""
+    size = mass.shape[0]
+    if size < max(_DENSE, 4 * count):
+        values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray())
+        negative = int(np.count_nonzero(values < 0))
+        kept = slice(max(0, negative - count), negative + count)
+        return _Spectrum(values[kept], vectors[:, kept], negative)
+    factors = factorise(stiffness)
+    negative = factors.negative
+    inverse = LinearOperator((size, size), matvec=factors.solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(size)  # the same in every run, and in no mode's null space
+    parts: list[Any] = []
+    for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count))):
+        if wanted:
+            parts.append(eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end, v0=start))
+    values = np.concatenate([values for values, _ in parts])
+    vectors = np.hstack([vectors for _, vectors in parts])
+    order = np.argsort(values)
+    return _Spectrum(values[order], vectors[:, order], negative)

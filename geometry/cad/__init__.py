@@ -1,0 +1,1 @@
+"""The specimen's parts in cadquery, and drawings read with it."""

@@ -1,0 +1,147 @@
+"""The specimen's parts in cadquery [mm]: the film for meshing and masks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from tympan.geometry.cad.edges import millimetres, pieces_wire
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse, Outline
+from tympan.geometry.outlines.pieces import Arc
+from tympan.geometry.specimen import Region, Specimen
+from tympan.geometry.system import missing_library
+from tympan.geometry.units import METRE
+
+try:
+    import cadquery as cq
+except ImportError as error:
+    if ".so" not in str(error):
+        raise
+    raise missing_library(error) from None
+
+def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
+    """The flat film, ``covered`` and ``bare``, cut along the axes through the plate's centre and the electrode's edges.
+
+    Parameters
+    ----------
+    planes
+        Coordinates about whose zero the film is mirrored: only the part where they are positive is built.
+
+    Returns
+    -------
+    dict of str to list of cq.Face
+        Faces in the plane z = 0 [mm]; neighbours share their common edges in shape, not in topology.
+
+    Raises
+    ------
+    InputError
+        When the electrode's outline leaves slivers or no electrode at all.
+    """
+    x, y = millimetres(*specimen.plate.offset)
+    size = 4 * METRE * max(specimen.frame.semi_axes)
+    cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
+
+    def kept(face: cq.Face) -> bool:
+        return all(getattr(face.Center(), plane) > centre
+                   for plane, centre in (("x", x), ("y", y)) if plane in planes)
+
+    return {name: [face for whole in faces for face in whole.split(*cuts).Faces() if kept(face)]
+            for name, faces in _coverage(specimen).items()}
+
+
+def membrane_part(specimen: Specimen) -> cq.Face:
+    """The film as one face between frame and plate."""
+    return _annulus(_wire(specimen.frame), _wire(specimen.plate.outline, specimen.plate.offset))
+
+
+def electrode_part(specimen: Specimen) -> cq.Compound:
+    """The film under the electrode as faces, for masks."""
+    return cq.Compound.makeCompound(_coverage(specimen)["covered"])
+
+
+def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
+    """Shapes as one STEP file [mm]."""
+    cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file), exportType="STEP")
+
+
+def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
+    """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
+    return pieces_wire(outline.primitives(), centre)
+
+
+def _annulus(outer: cq.Wire, inner: cq.Wire) -> cq.Face:
+    return cq.Face.makeFromWires(outer, [inner])
+
+
+def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
+    """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
+    electrode = specimen.electrode
+    frame = _wire(specimen.frame)
+    plate = _wire(specimen.plate.outline, specimen.plate.offset)
+    wires = [frame]
+    if electrode.margin_frame > 0:
+        wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
+    if electrode.margin_plate > 0:
+        wires.append(offset_wire(specimen.plate.outline, specimen.plate.offset, electrode.margin_plate))
+    rings = [_annulus(outer, inner) for outer, inner in pairwise([*wires, plate])]
+    covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
+    if electrode.outline is None:
+        return {"covered": covered, "bare": rings}
+    return _clipped(specimen, covered[0], rings, electrode.outline)
+
+
+def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face], region: Region) -> dict[str, list[cq.Face]]:
+    """The ring's part within the region, and what is left of the film."""
+    disc = cq.Face.makeFromWires(_wire(region.outline, region.offset), [])
+    inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
+    lost = ring.Area() - sum(face.Area() for face in (*inside, *outside))
+    narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires()) for face in (*inside, *outside)),
+                    default=0.0)
+    if not inside or abs(lost) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
+        raise InputError("must cover some of the film and cut no slivers from it: the electrode and what it leaves "
+                         "bare must be wider than 1 % of the gap between plate and frame",
+                         key="electrode.outline", given=str(region))
+    return {"covered": inside, "bare": [*bare, *outside]}
+
+
+def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
+    """The parallel curve at a distance [m], outwards if positive; that of an ellipse or spline within 1e-8 of its size.
+
+    OpenCASCADE's own offset curves do not survive STEP into gmsh.
+
+    Raises
+    ------
+    InputError
+        Where the outline has a sharp corner or bends too tightly for the parallel curve.
+    """
+    if isinstance(outline, Circle | Ellipse):
+        return _smooth_offset(outline, centre, distance)
+    curve = outline.curve
+    moved = curve.beside(distance)
+    backwards = [(before.at(np.array([0.5]))[1] * after.at(np.array([0.5]))[1]).sum() <= 0
+                 for before, after in zip(curve.pieces, moved.pieces, strict=True)]
+    shrunk = [isinstance(piece, Arc) and min(piece.radii) <= 0 for piece in moved.pieces]
+    corners = np.abs(curve.turns()).max() > 1e-6
+    if corners or any(backwards) or any(shrunk):
+        where = "needs an outline without sharp corners" if corners else \
+            "must stay below the outline's radius of curvature"
+        raise InputError(f"an electrode margin {where}", key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
+    return pieces_wire(moved.pieces, centre)
+
+
+def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float], distance: float) -> cq.Wire:
+    """As a periodic spline."""
+    points = outline.points(96)
+    ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
+    tangent = (ahead - behind) / np.hypot(*(ahead - behind))
+    moved = points + distance * np.array([tangent[1], -tangent[0]])
+    if np.any(np.sum((np.roll(moved, -1, axis=1) - moved) * tangent, axis=0) <= 0):
+        raise InputError("an electrode margin must stay below the outline's radius of curvature",
+                         key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
+    x, y = (moved + np.array(centre)[:, None]) * METRE
+    vectors = [cq.Vector(*xy, 0) for xy in zip(x, y, strict=True)]
+    return cq.Wire.assembleEdges([cq.Edge.makeSpline(vectors, periodic=True)])

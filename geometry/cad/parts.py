@@ -1,0 +1,160 @@
+"""Frame, clamp ring and plate for laser cutting or printing, with screw holes [mm]; and drawings of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import cadquery as cq
+import numpy as np
+
+from tympan.geometry.cad.edges import pieces_wire
+from tympan.geometry.cad.membrane import offset_wire
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Drawn, Outline
+from tympan.geometry.outlines.drawings import edge_pieces
+from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece
+from tympan.geometry.outlines.shapes.drawn import joined
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.units import METRE
+
+
+@dataclass(frozen=True)
+class PartOptions:
+    """Sizes of the parts [m].
+
+    ``width`` of frame and clamp ring around the film, their heights and the plate's, ``screw`` the diameter of the
+    holes (3.2 mm lets an M3 through), one at least every ``spacing`` along the frame but at least four; in the plate
+    one in the middle, of at most a third of its smaller half extent.
+    """
+
+    width: float = 10e-3
+    frame_height: float = 4e-3
+    clamp_height: float = 2e-3
+    plate_height: float = 2e-3
+    screw: float = 3.2e-3
+    spacing: float = 40e-3
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be made."""
+        for item in fields(self):
+            size = getattr(self, item.name)
+            if not 1e-5 <= size <= 10:
+                raise InputError("must be from 10 um to 10 m", key=item.name, given=f"{size:g} m")
+        if self.screw > self.width / 2:
+            raise InputError("must be at most half the width of the ring", key="screw", given=f"{self.screw:g} m")
+        if self.spacing < 2 * self.screw:
+            raise InputError("must be at least two diameters of the holes", key="spacing", given=f"{self.spacing:g} m")
+
+    def holes(self, frame: Outline) -> Array:
+        """Centres of the screw holes around a frame, shape (holes, 2) [m], evenly along its edge."""
+        length = float(frame.curve.length)
+        count = max(4, int(np.ceil(length / self.spacing)))
+        points = frame.points(4096).T
+        ahead, behind = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(ahead - points, axis=1))])
+        near = np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1]) % len(points)
+        tangent = (ahead - behind)[near]
+        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.linalg.norm(tangent, axis=1, keepdims=True)
+        return np.asarray(points[near] + self.width / 2 * normal)
+
+
+def frame_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
+    """The ring the film is mounted on."""
+    return _ring(specimen.frame, options, options.frame_height)
+
+
+def clamp_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
+    """The ring that clamps the film onto the frame; the same screws."""
+    return _ring(specimen.frame, options, options.clamp_height)
+
+
+def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
+    """The plate with a screw hole in the middle of its bounding box, where it has one inside."""
+    outline, offset = specimen.plate.outline, specimen.plate.offset
+    radius = min(options.screw / 2, min(outline.semi_axes) / 6)
+    depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
+    holes = [_hole(np.array(offset), radius)] if depth > 2 * radius else []
+    rim = pieces_wire(outline.primitives(), offset)
+    return cq.Solid.extrudeLinear(rim, holes, cq.Vector(0, 0, options.plate_height * METRE))
+
+
+def _ring(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
+    inner = pieces_wire(frame.primitives())
+    try:
+        outer = offset_wire(frame, (0.0, 0.0), options.width)
+    except InputError:  # around sharp corners
+        outer = inner.offset2D(options.width * METRE)[0]
+    holes = [_hole(centre, options.screw / 2) for centre in options.holes(frame)]
+    return cq.Solid.extrudeLinear(outer, [inner, *holes], cq.Vector(0, 0, height * METRE))
+
+
+def _hole(centre: Array, radius: float) -> cq.Wire:
+    x, y = METRE * centre
+    return cq.Wire.assembleEdges([cq.Edge.makeCircle(METRE * radius, cq.Vector(x, y, 0))])
+
+
+def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
+    """Wires of the faces in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
+    found = []
+    for face in (face for shape in shapes for face in shape.Faces() if _flat(face)):
+        inner = sorted(face.innerWires(), key=lambda wire: -wire.Length())
+        found += [("outline", face.outerWire())]
+        found += [("opening" if number == 0 else "holes", wire) for number, wire in enumerate(inner)]
+    return found
+
+
+def _flat(face: cq.Face) -> bool:
+    return face.geomType() == "PLANE" and abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
+
+
+def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
+    """The flat wires as one DXF file [mm], each kind on a layer of its name."""
+    document = cq.exporters.DxfDocument()
+    wires = flat_wires(shapes)
+    for name in dict.fromkeys(name for name, _ in wires):
+        document.add_layer(name)
+    for name, wire in wires:
+        document.add_shape(cq.Workplane("XY").add(wire), layer=name)
+    document.document.saveas(str(file))
+
+
+def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
+    """The flat wires as an SVG file, one millimetre of the part to a millimetre of paper: lines, arcs and Béziers."""
+    wires = flat_wires(shapes)
+    box = cq.Compound.makeCompound([wire for _, wire in wires]).BoundingBox()
+    margin = 1.0
+    width, height = box.xlen + 2 * margin, box.ylen + 2 * margin
+    lines = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.6f}mm" height="{height:.6f}mm" '
+             f'viewBox="{box.xmin - margin:.6f} {-box.ymax - margin:.6f} {width:.6f} {height:.6f}">',
+             '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
+    for name, wire in wires:
+        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)], None)
+        lines.append(f'<path class="{name}" d="{_path(loop)}"/>')
+    file.write_text("\n".join([*lines, "</g>", "</svg>", ""]), encoding="utf-8")
+
+
+def _path(loop: Drawn) -> str:
+    start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
+    return " ".join([f"M {_numbers(start)}", *(word for piece in loop.segments for word in _words(piece)), "Z"])
+
+
+def _words(piece: Piece) -> list[str]:
+    """A piece as SVG path commands."""
+    if isinstance(piece, Line):
+        return [f"L {_numbers(METRE * np.array(piece.end))}"]
+    if isinstance(piece, Arc):
+        # An arc of less than half a turn is told by its ends.
+        parts = max(1, int(np.ceil(abs(piece.sweep) / np.pi * 1.001)))
+        ends = METRE * piece.at(np.arange(1, parts + 1) / parts)[0]
+        radii, turn = _numbers(METRE * np.array(piece.radii)), float(np.degrees(piece.turn))
+        return [f"A {radii} {turn:.12g} 0 {int(piece.sweep > 0)} {_numbers(end)}" for end in ends]
+    value, slope, _ = (METRE * part for part in piece.at(piece.breaks))
+    third = np.diff(piece.breaks)[:, None] / 3
+    first, second = value[:-1] + third * slope[:-1], value[1:] - third * slope[1:]
+    return [f"C {_numbers(np.concatenate(points))}" for points in zip(first, second, value[1:], strict=True)]
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.12g}" for value in values)

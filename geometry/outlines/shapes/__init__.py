@@ -1,0 +1,1 @@
+"""The registered shapes of frames, plates and electrodes, one file each."""

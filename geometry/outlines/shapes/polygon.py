@@ -1,0 +1,76 @@
+"""Regular and free polygons, corners sharp or rounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from tympan.geometry.outlines.corners import filleted
+from tympan.geometry.outlines.outline import ROUNDING, SIZE, Boxed, register
+from tympan.geometry.outlines.pieces import Piece
+from tympan.geometry.toml_reader import Rule, Table
+
+_SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number from 3 to 100")
+
+
+@register
+@dataclass(frozen=True)
+class RegularPolygon(Boxed):
+    """Equal ``sides``, corners on a circle of ``radius``, one on the x axis, rounded by ``fillet`` [m].
+
+    The bounding box is centred, so the corners' circle is off centre where the number of sides is odd.
+    """
+
+    shape: ClassVar[str] = "regular_polygon"
+    sides: int = field(metadata={"discrete": True})
+    radius: float
+    fillet: float = 0.0
+
+    @classmethod
+    def from_table(cls, table: Table) -> RegularPolygon:
+        """Read ``sides``, ``radius`` and ``fillet``."""
+        return cls(int(table.number("sides", rule=_SIDES)), table.quantity("radius", "length", rule=SIZE),
+                   table.quantity("fillet", "length", "0 mm", ROUNDING))
+
+    @classmethod
+    def example(cls) -> RegularPolygon:
+        """A hexagon 45 mm high from its centre."""
+        return cls(6, 52e-3, 8e-3)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Lines, and arcs between them."""
+        angles = 2 * np.pi * np.arange(self.sides) / self.sides
+        corners = [(self.radius * float(np.cos(angle)), self.radius * float(np.sin(angle))) for angle in angles]
+        return filleted(corners, self.fillet)
+
+
+@register
+@dataclass(frozen=True)
+class Polygon(Boxed):
+    """Corners at ``vertices`` counterclockwise, wherever they lie, rounded by ``fillet`` [m]."""
+
+    shape: ClassVar[str] = "polygon"
+    vertices: tuple[tuple[float, float], ...]
+    fillet: float = 0.0
+
+    @classmethod
+    def from_table(cls, table: Table) -> Polygon:
+        """Read ``vertices`` and ``fillet``."""
+        return cls(table.places("vertices", 3), table.quantity("fillet", "length", "0 mm", ROUNDING))
+
+    @classmethod
+    def example(cls) -> Polygon:
+        """A blunt arrow head: it has one mirror plane and a re-entrant corner."""
+        return cls(((60e-3, 0.0), (-20e-3, 45e-3), (-60e-3, 38e-3), (-45e-3, 0.0), (-60e-3, -38e-3), (-20e-3, -45e-3)),
+                   8e-3)
+
+    @property
+    def simple(self) -> bool:
+        """No: its points decide."""
+        return False
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Lines, and arcs between them."""
+        return filleted(self.vertices, self.fillet)

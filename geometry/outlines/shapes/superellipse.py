@@ -1,0 +1,89 @@
+"""Superellipses (Lamé curves)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.outline import SIZE, Symmetric, register
+from tympan.geometry.outlines.pieces import Array, Piece, fitted, graded
+from tympan.geometry.toml_reader import Rule, Table
+
+_EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (nearly a rectangle)")
+
+
+@register
+@dataclass(frozen=True)
+class Superellipse(Symmetric):
+    """The curve |x/a|ⁿ + |y/b|ⁿ = 1 of semi-axes a, b [m] and exponent n, as splines within 1e-9 of its size."""
+
+    shape: ClassVar[str] = "superellipse"
+    semi_axes: tuple[float, float]
+    exponent: float
+
+    @classmethod
+    def from_table(cls, table: Table) -> Superellipse:
+        """Read ``semi_axes`` and ``exponent``."""
+        return cls(table.pair("semi_axes", "length", rule=SIZE), table.number("exponent", rule=_EXPONENT))
+
+    @classmethod
+    def example(cls) -> Superellipse:
+        """Between the paper's large ellipse and a rectangle."""
+        return cls((75e-3, 45e-3), 3.0)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One spline in each quadrant, through points at eccentric angles graded alike in all."""
+        angles = _angles(float(np.real(self.exponent)))
+        return tuple(fitted(self._quadrant(number), angles) for number in range(4))
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The pieces, centred as they are."""
+        return Curve(self.pieces())
+
+    def level(self, x: Array, y: Array) -> Array:
+        """Signed distance [m]; the nearest point lies in the quadrant of the place."""
+        return Curve(self.curve.pieces[:1]).level(np.abs(x), np.abs(y))
+
+    def _quadrant(self, number: int) -> Any:
+        """Points and derivatives by the eccentric angle from the quadrant's start."""
+        a, b = self.semi_axes
+
+        def curve(angle: Array) -> tuple[Array, Array]:
+            values = [np.array(part) for part in _unit(angle, self.exponent)]
+            for _ in range(number):
+                values = [np.array([-y, x]) for x, y in values]
+            first, second = ((part * np.array([[a], [b]])).T for part in values)
+            return first, second
+
+        return curve
+
+
+def _unit(angle: Array, exponent: Any) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """The first quadrant for semi-axes 1, and its derivative by the angle."""
+    c, s = np.maximum(np.cos(angle), 0.0), np.maximum(np.sin(angle), 0.0)
+    c = np.where(c < 1e-15, 0.0, c)
+    total = _power(c, exponent) + _power(s, exponent)
+    radius = total ** (-1 / exponent)
+    rate = -radius / total * (_power(s, exponent - 1) * c - _power(c, exponent - 1) * s)
+    return (radius * c, radius * s), (rate * c - radius * s, rate * s + radius * c)
+
+
+def _power(base: Array, exponent: Any) -> Array:
+    """Also of zero, for complex exponents."""
+    positive = np.where(base > 0, base, 1.0)
+    return np.where(base > 0, positive**exponent, 0.0)
+
+
+@lru_cache(maxsize=1024)
+def _angles(exponent: float) -> Array:
+    def half(angle: Array) -> tuple[Array, Array]:
+        value, slope = _unit(angle, exponent)
+        return np.column_stack(value), np.column_stack(slope)
+
+    low = graded(half, np.linspace(0, np.pi / 4, 9), 1.0)
+    return np.concatenate([low, (np.pi / 2 - low[-2::-1])])

@@ -1,0 +1,163 @@
+"""Strict reading of TOML: every key is asked for by name and checked, and what nobody asked for is an error."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.units import quantity
+
+T = TypeVar("T")
+Rule = tuple[Callable[[float], bool], str]
+
+POSITIVE: Rule = (lambda x: 0 < x < float("inf"), "must be positive")
+NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
+FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
+
+
+class _Required:
+    """Marks a key that has no default."""
+
+
+REQUIRED: Any = _Required()
+
+
+@dataclass
+class Table:
+    """One TOML table while it is read; ``where`` is its dotted path, ``asked`` the keys read so far."""
+
+    file: Path | str
+    data: Mapping[str, Any]
+    where: str = ""
+    asked: set[str] = field(default_factory=set)
+
+    @classmethod
+    def read(cls, file: Path | str) -> Table:
+        """Parse a file; an unreadable or malformed one is an :class:`InputError` naming line and column."""
+        try:
+            return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+        except UnicodeDecodeError as error:
+            raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"is not valid TOML: {error}", file=file) from None
+
+    def path(self, key: str) -> str:
+        """Dotted path of a key of this table."""
+        return f"{self.where}.{key}" if self.where else key
+
+    def error(self, key: str, allowed: str, given: object = None) -> InputError:
+        """An error about one key of this table."""
+        return InputError(allowed, file=self.file, key=self.path(key), given=given)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.data
+
+    def value(self, key: str, default: Any = REQUIRED) -> Any:
+        """The raw value of a key, or its default."""
+        self.asked.add(key)
+        if key in self.data:
+            return self.data[key]
+        if default is REQUIRED:
+            raise self.error(key, "is missing")
+        return default
+
+    def table(self, key: str, default: Any = REQUIRED) -> Table:
+        """A sub-table."""
+        value = self.value(key, default)
+        if not isinstance(value, Mapping):
+            raise self.error(key, "must be a table", value)
+        return Table(self.file, value, self.path(key))
+
+    def text(self, key: str, default: Any = REQUIRED) -> str:
+        """A non-empty string."""
+        value = self.value(key, default)
+        if not isinstance(value, str) or not value.strip():
+            raise self.error(key, "must be a non-empty string", value)
+        return value
+
+    def number(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE) -> float:
+        """A plain number."""
+        return self._number(key, self.value(key, default), rule)
+
+    def numbers(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE, count: int | None = None
+                ) -> tuple[float, ...]:
+        """A list of plain numbers."""
+        items = self._list(key, self.value(key, default), count, "numbers")
+        return tuple(self._number(key, item, rule) for item in items)
+
+    def quantity(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE) -> float:
+        """A number with a unit, in SI."""
+        return self._quantity(key, self.value(key, default), dimension, rule)
+
+    def quantities(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE,
+                   count: int | None = None) -> tuple[float, ...]:
+        """A list of numbers with units, in SI."""
+        items = self._list(key, self.value(key, default), count, f'quantities ({dimension})')
+        return tuple(self._quantity(key, item, dimension, rule) for item in items)
+
+    def pair(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE) -> tuple[float, float]:
+        """Two quantities with units, in SI."""
+        first, second = self.quantities(key, dimension, default, rule, 2)
+        return first, second
+
+    def places(self, key: str, least: int) -> tuple[tuple[float, float], ...]:
+        """At least so many points, each a pair of lengths with units, in SI."""
+        items = self._list(key, self.value(key), None, "points, each a pair of lengths")
+        if len(items) < least:
+            raise self.error(key, f"must be at least {least} points", items)
+        inner = Table(self.file, {str(number): item for number, item in enumerate(items)}, self.path(key))
+        return tuple(inner.pair(str(number), "length") for number in range(len(items)))
+
+    def tables(self, key: str) -> tuple[Table, ...]:
+        """Sub-tables of a list, or a single one; none if the key is missing."""
+        value = self.value(key, [])
+        entries = [value] if isinstance(value, dict) else value
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise self.error(key, "must be a table, or a list of tables", value)
+        return tuple(Table(self.file, entry, f"{self.path(key)}.{number}") for number, entry in enumerate(entries))
+
+    def choice(self, key: str, options: Mapping[str, T], default: Any = REQUIRED) -> T:
+        """One of several named values."""
+        name = self.value(key, default)
+        if not isinstance(name, str) or name not in options:
+            raise self.error(key, f"must be one of {', '.join(sorted(options))}", name)
+        return options[name]
+
+    def done(self) -> None:
+        """Refuse keys nobody asked for, with the nearest known name."""
+        for key in self.data:
+            if key not in self.asked:
+                near = difflib.get_close_matches(key, self.asked, 1)
+                hint = f"did you mean {near[0]!r}? " if near else ""
+                raise self.error(key, f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
+
+    def _list(self, key: str, value: object, count: int | None, what: str) -> Sequence[object]:
+        if not isinstance(value, (list, tuple)) or not value or (count is not None and len(value) != count):
+            number = f"{count} " if count is not None else ""
+            raise self.error(key, f"must be a list of {number}{what}", value)
+        return value
+
+    def _number(self, key: str, value: object, rule: Rule) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
+            raise self.error(key, "must be a number without a unit, below 1e300", value)
+        return self._ruled(key, float(value), value, rule)
+
+    def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:
+        try:
+            number = quantity(value, dimension)
+        except InputError as error:
+            raise error.located(file=self.file, key=self.path(key)) from None
+        return self._ruled(key, number, value, rule)
+
+    def _ruled(self, key: str, number: float, given: object, rule: Rule) -> float:
+        holds, words = rule
+        if not holds(number):
+            raise self.error(key, words, given)
+        return number

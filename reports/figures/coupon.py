@@ -1,0 +1,84 @@
+"""Coupon tests and the laws fitted to them: one panel per mode, the best law with its 95 % band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.studies.data.coupon import MODES
+from tympan.studies.material.fit import Comparison, Fit
+
+_TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
+_LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
+_MARKERS = "os^Dv*"
+
+
+def draw(comparison: Comparison, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw readings and fits as folder/fit.png and .svg; answers the files."""
+    style.check(formats)
+    with style.look():
+        return style.save(compose(comparison), folder, "fit", formats)
+
+
+def compose(comparison: Comparison) -> Figure:
+    """A panel for each mode; those without readings show what the fits foretell."""
+    figure = style.page(_TITLE + _PANEL + _AXIS + _LEGEND)
+    entries: dict[str, Artist] = {}
+    width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
+    for number, mode in enumerate(MODES):
+        axes = style.place(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
+        _panel(axes, comparison, mode)
+        axes.set_ylabel("nominal stress (kPa)" if number == 0 else "")
+        handles, words = axes.get_legend_handles_labels()
+        entries |= dict(zip(words, handles, strict=True))
+    figure.legend(entries.values(), entries.keys(), loc="lower center", ncols=5)
+    return figure
+
+
+def _panel(axes: Axes, comparison: Comparison, mode: str) -> None:
+    coupons = comparison.coupons[comparison.coupons.mode == mode]
+    tested = len(coupons) > 0
+    reach = coupons.stretch if tested else comparison.coupons.stretch
+    stretch = np.linspace(min(1.0, float(reach.min())), float(reach.max()), 201)
+    for index, name in enumerate(dict.fromkeys(coupons.specimen)):
+        own = coupons[coupons.specimen == name]
+        axes.plot(own.stretch, own.stress / 1e3, _MARKERS[index % len(_MARKERS)], color="black", markersize=3,
+                  markerfacecolor="none", markeredgewidth=0.7, label=name or "readings", zorder=4)
+    best = comparison.best or comparison.fits[0]
+    for index, fit in enumerate([best, *(other for other in comparison.fits if other is not best)][:6]):
+        _curve(axes, fit, mode, stretch, style.PALETTE[index % len(style.PALETTE)], fit is best)
+    highest = max((float(coupons.stress.max()) / 1e3 if tested else 0.0), _top(best, mode, stretch))
+    lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
+    axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
+    axes.set_title(mode.replace("_", " ") + ("" if tested else ", not tested"), weight="bold", loc="left")
+    axes.set_xlabel("stretch")
+    axes.grid(color="#e4e6ea", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _top(fit: Fit, mode: str, stretch: np.ndarray) -> float:
+    """Largest stress of a curve that is not nearly taut [kPa]."""
+    stress = _stress(fit, mode, stretch)[0]
+    return float(np.nanquantile(stress, 0.9)) if np.isfinite(stress).any() else 1.0
+
+
+def _curve(axes: Axes, fit: Fit, mode: str, stretch: np.ndarray, colour: str, best: bool) -> None:
+    stress, half = _stress(fit, mode, stretch)
+    words = fit.family.name + ("" if fit.offered else " (not offered)")
+    width, dashes, layer = (1.4, "-", 3) if best else (0.7, "--", 2)
+    axes.plot(stretch, stress, color=colour, linewidth=width, linestyle=dashes, label=words, zorder=layer)
+    if best:
+        axes.fill_between(stretch, stress - half, stress + half, color=colour, alpha=0.2, linewidth=0, zorder=1)
+
+
+def _stress(fit: Fit, mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stress and half the band [kPa], nan where the law does not reach."""
+    with np.errstate(all="ignore"):
+        stress, half = fit.predict(mode, stretch)
+    return stress / 1e3, np.where(np.isfinite(half), half, np.nan) / 1e3

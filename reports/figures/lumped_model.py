@@ -1,0 +1,79 @@
+"""The lumped model beside the field model it is built from: deflection against voltage, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.studies.lumped.build import Built
+
+_LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
+_ABOVE, _BELOW = 62.0, 34.0
+_SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α alone"),
+          "cone": ("--", "cones, dashes in turn")}
+
+
+def draw_built(found: Sequence[Built], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw folder/build: a column for each mass; all models above, the errors of those with membrane circles below."""
+    style.check(formats)
+    with style.look():
+        return style.save(_build(found), folder, "build", formats)
+
+
+def _build(found: Sequence[Built]) -> Figure:
+    masses = found[0].settings.masses
+    columns: list[tuple[Axes, Axes]] = []
+    figure = style.page(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
+    width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
+    for column, mass in enumerate(masses):
+        start = _LEFT + column * (width + _LEFT)
+        above = style.place(figure, start, _TITLE, width, _ABOVE)
+        below = style.place(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
+        for number, one in enumerate(found):
+            _draw(one, column, number, len(found), above, below)
+        columns.append((above, below))
+        above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
+        above.tick_params(labelbottom=False)
+        below.set_xlabel("voltage (kV)")
+        for axes in (above, below):
+            axes.grid(color="#e4e6ea", linewidth=0.5)
+            axes.set_axisbelow(True)
+        if column == 0:
+            above.set_ylabel("deflection (mm)")
+            below.set_ylabel("lumped/field − 1 (%)")
+            above.legend(loc="upper left", ncols=2)
+    _key(columns[-1][len(columns) == 1])
+    for row in zip(*columns, strict=True):
+        low, high = min(axes.get_ylim()[0] for axes in row), max(axes.get_ylim()[1] for axes in row)
+        for axes in row:
+            axes.set_ylim((0, 1.3 * high) if row[0] is columns[0][0] else (low, high))
+    return figure
+
+
+def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
+    colour = style.PALETTE[number % len(style.PALETTE)]
+    voltage, fitted = 1e-3 * np.array(built.settings.voltages), built.settings.fitted[row]
+    for kind, (line, _) in _SHOWN.items():
+        # Cones of several shapes may coincide: their dashes take turns.
+        dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
+        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], linestyle=dashes, color=colour, linewidth=0.9)
+        if kind != "cone":
+            error = 100 * built.errors(kind)[row]
+            below.plot(voltage, error, line, color=colour, linewidth=0.8)
+            if kind == "corrected":
+                below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
+    above.plot(voltage, 1e3 * built.field.deflection[row], "o", color=colour, markersize=3, markerfacecolor="none",
+               label=built.model.specimen.name)
+
+
+def _key(axes: Axes) -> None:
+    """What the lines are, in black, below and above alike."""
+    lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0] for line, words in _SHOWN.values()]
+    dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face, label=words)[0]
+            for face, words in (("none", "field model"), ("black", "fitted here"))]
+    axes.legend(handles=[*lines, *dots], loc="upper left", ncols=2)

@@ -1,0 +1,99 @@
+"""Shapes of small vibrations as small multiples: the deformed film swung out along each mode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.reports.scales import Scale, bar_length, rows_of
+from tympan.reports.scene import Picture, View, film_picture
+from tympan.reports.study.load import Film
+from tympan.studies.modes import Mode, Vibration, surface
+
+_SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
+_TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one would swell it
+_MARGIN, _GAP, _TITLE, _BAR = 3.0, 4.0, 9.0, 15.0  # [mm]
+_MOST = 12  #: modes drawn
+_COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
+
+
+def draw(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mode]) -> list[Path]:
+    """Draw the first modes as folder/name.png; answers the files, none where there are no modes.
+
+    Raises
+    ------
+    MissingLibrary
+        When this computer cannot draw in three dimensions.
+    """
+    if not modes:
+        return []
+    frame = vibration.model.specimen.frame.semi_axes
+    wide = 2e3 * max(frame)
+    shown = list(modes[:_MOST])
+    rows = rows_of(len(shown))
+    width = (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
+    dots = 1.4 * style.DPI  # more than the print's: their average makes smooth edges
+    view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS, Scale(-1, 1, (-1, 0, 1)),
+                bar_length(wide) / 2, _AXES, _AXES, elevation=38.0, ink=_INK)
+    films = swung(vibration)[: len(shown)]
+    pictures = [film_picture(film, view, frame[1] > frame[0]) for film in films]
+    with style.look():
+        return style.save(_compose(pictures, shown, rows, width), folder, name, ("png",))
+
+
+def swung(vibration: Vibration) -> list[Film]:
+    """The film along each mode [mm], its number the motion along the load relative to the mode's largest motion.
+
+    Of the two directions a mode swings, the one in which it goes furthest along the load.
+    """
+    film = surface(vibration)
+    largest = _SWING * min(vibration.model.specimen.frame.semi_axes)
+    result = []
+    for shape, plate in zip(film.shapes, vibration.modes.plate, strict=True):
+        length = float(np.linalg.norm(shape, axis=1).max())
+        unit = shape / (length if shape[:, 2].max() >= -shape[:, 2].min() else -length)
+        swing = min(largest, _TURN * length / max(float(np.linalg.norm(plate[3:])), 1e-300))
+        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles, unit[:, 2],
+                           np.zeros(len(unit)), np.zeros(len(unit))))
+    return result
+
+
+def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range], width: float) -> Figure:
+    left, right, bottom, top = (pick(item.extent[side] for item in pictures)
+                                for side, pick in enumerate((min, max, min, max)))
+    height = width * (top - bottom) / (right - left)
+    figure = style.page(len(rows) * (_TITLE + height) + _BAR)
+    for number, row in enumerate(rows):
+        spare = style.WIDTH - len(row) * width - (len(row) - 1) * _GAP
+        for column, index in enumerate(row):
+            place = spare / 2 + column * (width + _GAP), _TITLE + number * (_TITLE + height)
+            axes = style.place(figure, *place, width, height)
+            _show(axes, pictures[index], f"{index + 1}  {modes[index].name}", modes[index].speed)
+            axes.set(xlim=(left, right), ylim=(bottom, top))
+    _colour_bar(figure, len(rows) * (_TITLE + height) + 2.0)
+    return figure
+
+
+def _show(axes: Axes, image: Picture, name: str, speed: str) -> None:
+    axes.set_axis_off()
+    axes.imshow(image.pixels, extent=image.extent, interpolation="hanning", aspect="auto")
+    for text, above, weight in ((name, 3.8, "bold"), (speed, 0.4, "normal")):
+        axes.annotate(text, (0.5, 1.0), (0, above * style.MM * 72), xycoords="axes fraction",
+                      textcoords="offset points", ha="center", va="bottom", weight=weight)
+
+
+def _colour_bar(figure: Figure, top: float) -> None:
+    wide = 70.0
+    cax = style.place(figure, (style.WIDTH - wide) / 2, top, wide, 2.4)
+    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax, orientation="horizontal",
+                          ticks=(-1, 0, 1))
+    bar.outline.set_linewidth(0.5)
+    bar.set_label("motion along the load over the mode's largest motion; the size of the swing is arbitrary",
+                  labelpad=2)

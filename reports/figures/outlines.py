@@ -1,0 +1,42 @@
+"""A picture of α of every registered outline: each frame with its circles, weights and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from tympan.reports import look as style
+from tympan.studies.alpha.table import Row
+
+_COLUMNS = 4
+
+
+def draw(rows: Sequence[Row], folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """``outlines`` in each format; answers the files."""
+    style.check(formats)
+    lines = -(-len(rows) // _COLUMNS)
+    with style.look():
+        figure = style.page(60.0 * lines)
+        for number, row in enumerate(rows):
+            line, column = divmod(number, _COLUMNS)
+            _frame(style.place(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row)
+        return style.save(figure, folder, "outlines", formats)
+
+
+def _frame(axes: Axes, row: Row) -> None:
+    x, y = row.outline.points(720) * 1e3
+    axes.fill(x, y, color="0.93", lw=0)
+    axes.plot([*x, x[0]], [*y, y[0]], color="black", lw=1.2)
+    axes.add_patch(Circle((0, 0), 10, color="0.55", lw=0))
+    for radius, colour in zip(row.two.circles, (style.SHORT, style.LONG), strict=False):
+        axes.add_patch(Circle((0, 0), radius * 1e3, fill=False, color=colour, lw=0.9))
+    axes.add_patch(Circle((0, 0), row.one.circles[0] * 1e3, fill=False, color="0.4", lw=0.7, ls=":"))
+    weights = row.two.by_basis["membrane"]
+    alpha = ", ".join(f"{weight:.3f}" for weight in weights.alpha)
+    held = "" if weights.held_out_error is None else f"held-out error {weights.held_out_error:.1e}"
+    axes.set_title(f"{row.outline.shape.replace('_', ' ')}\nα {alpha}\n{held}", fontsize=6.5, linespacing=1.3)
+    axes.set(aspect="equal", xlim=(-80, 80), ylim=(-80, 80), xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)

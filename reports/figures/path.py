@@ -1,0 +1,73 @@
+"""A branch of equilibria as curves: deflection against what grows, and charge against voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from tympan.reports import look as style
+from tympan.studies.path import Along, BranchResult, Event, Station
+
+_WIDTH, _HEIGHT, _LEFT, _TOP, _GAP = 72.0, 62.0, 14.0, 8.0, 20.0  # [mm]
+_STABLE, _UNSTABLE = style.PALETTE[0], style.PALETTE[1]
+_MARKS = {"limit": ("o", "limit point"), "tension lost": ("s", "tension lost from here"),
+          "breakdown": ("X", "field reaches the film's strength")}
+_NAMES: dict[Along, tuple[str, str, float]] = {
+    "voltage": ("film voltage (kV)", "voltage_V", 1e-3), "charge": ("charge (µC)", "charge_C", 1e6),
+    "mass": ("load (N)", "force_N", 1.0), "pressure": ("gas pressure (Pa)", "pressure_Pa", 1.0)}
+
+
+def draw(folder: Path, name: str, result: BranchResult) -> list[Path]:
+    """Draw folder/name.png; answers the files."""
+    with style.look():
+        panels = 2 if result.along in ("voltage", "charge") else 1
+        figure = style.page(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
+        first = style.place(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
+        _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3))
+        first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV",
+                        loc="left", weight="bold")
+        first.legend(loc="best")
+        if panels == 2:
+            second = style.place(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
+            _panel(second, result, _NAMES["charge"], _NAMES["voltage"])
+        return style.save(figure, folder, name, ("png",))
+
+
+def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float], up: tuple[str, str, float]) -> None:
+    x, y = (_values(result.stations, *quantity[1:]) for quantity in (across, up))
+    stable = np.array([station.stable for station in result.stations])
+    tense = np.array([station.tense for station in result.stations])
+    axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round", zorder=1,
+              label="part of the film without tension")
+    for kind, colour, line, label in ((stable, _STABLE, "-", "stable"), (~stable, _UNSTABLE, "--", "unstable")):
+        _pieces(axes, x, y, kind, colour, line, label)
+    for event in result.events:
+        _mark(axes, event, across, up)
+    axes.set_xlabel(across[0])
+    axes.set_ylabel(up[0])
+    axes.grid(color="#e4e6ea", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str, label: str) -> None:
+    """The stretches of the curve that are of a kind, each drawn on to the next point."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
+    for number, (start, end) in enumerate(edges.reshape(-1, 2)):
+        piece = slice(start, min(end + 1, len(x)))
+        axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2, label=label if number == 0 else None)
+
+
+def _mark(axes: Axes, event: Event, across: tuple[str, str, float], up: tuple[str, str, float]) -> None:
+    marker, label = _MARKS[event.what]
+    x, y = (float(_values([event.station], *quantity[1:])[0]) for quantity in (across, up))
+    known = axes.get_legend_handles_labels()[1]
+    words = f"{label}: {event.value_text}"
+    axes.plot(x, y, marker, color="#303030", markersize=4.5, markerfacecolor="white", zorder=4, linestyle="none",
+              label=None if words in known else words)
+
+
+def _values(stations: Sequence[Station], name: str, factor: float) -> np.ndarray:
+    return factor * np.array([getattr(station, name) for station in stations])

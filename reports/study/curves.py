@@ -1,0 +1,103 @@
+"""Deflection against voltage of all specimens, one panel per mass: the paper's Figs. 7 and 8."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.reports.scales import rows_of
+from tympan.reports.study.load import Curve, Run, read_run
+
+_MARKERS = "os^Dv*"
+_TITLE, _PANEL, _AXIS = 7.0, 56.0, 11.0  # heights [mm]
+_LEFT, _RIGHT, _GAP = 13.0, 3.0, 6.0
+
+
+def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """Draw the curves stored in ``folder`` as folder/curves.png and .svg; answers the files."""
+    return draw_run(read_run(folder), folder, formats)
+
+
+def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+    """The same for a study already read."""
+    style.check(formats)
+    with style.look():
+        return style.save(compose(run), folder, "curves", formats)
+
+
+def masses(run: Run) -> list[float]:
+    """All masses of the curves [g], in order."""
+    return sorted({curve.mass for specimen in run.specimens for curve in specimen.curves})
+
+
+def label(name: str, curve: Curve) -> str:
+    """A curve's name in the legend, with the voltages the pull-in lies between."""
+    if curve.pull_in is None:
+        return name
+    below, above = curve.pull_in
+    if np.isnan(below):
+        return f"{name}: no equilibrium"
+    return f"{name}: pull-in {below:g}\N{EN DASH}{above:g} kV"
+
+
+def compose(run: Run) -> Figure:
+    """One panel per mass, all with the same axes."""
+    loads = masses(run)
+    rows = rows_of(len(loads), most=2)
+    width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
+    spare = style.WIDTH - _LEFT - _RIGHT - len(rows[0]) * width - (len(rows[0]) - 1) * _GAP
+    figure = style.page(len(rows) * (_TITLE + _PANEL + _AXIS))
+    panels = []
+    for number, row in enumerate(rows):
+        for column, index in enumerate(row):
+            axes = style.place(figure, _LEFT + spare / 2 + column * (width + _GAP),
+                               number * (_TITLE + _PANEL + _AXIS) + _TITLE, width, _PANEL)
+            _panel(axes, run, loads[index])
+            axes.tick_params(labelleft=column == 0)
+            axes.set_ylabel("deflection (mm)" if column == 0 else "")
+            panels.append(axes)
+    _share(panels, run)
+    return figure
+
+
+def _panel(axes: Axes, run: Run, mass: float) -> None:
+    for index, specimen in enumerate(run.specimens):
+        for curve in (item for item in specimen.curves if item.mass == mass):
+            colour = style.PALETTE[index % len(style.PALETTE)]
+            marker = _MARKERS[index % len(_MARKERS)]
+            axes.plot(curve.voltage, curve.deflection, marker=marker, markersize=3.2, color=colour,
+                      label=label(specimen.name, curve))
+            # Hollow: part of the film has lost tension.
+            axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker, markersize=3.2,
+                      color=colour, markerfacecolor="white", linestyle="none", zorder=5)
+            _mark_pull_in(axes, curve, colour)
+    axes.set_title(f"{mass:g} g", weight="bold", loc="left")
+    axes.set_xlabel("voltage (kV)")
+    axes.legend(loc="upper left")
+
+
+def _mark_pull_in(axes: Axes, curve: Curve, colour: str) -> None:
+    """A cross at the last equilibrium and a dotted line up: from there on the film finds no rest."""
+    if curve.pull_in is None or np.isnan(curve.pull_in[0]):
+        return
+    below, _ = curve.pull_in
+    last = curve.deflection[curve.voltage == below][-1]
+    axes.plot(below, last, "x", color=colour, markersize=8, markeredgewidth=1.6, zorder=4)
+    axes.vlines(below, last, last + 1e6, color=colour, linestyle=":", linewidth=1.0)
+
+
+def _share(panels: Sequence[Axes], run: Run) -> None:
+    """The same limits in all panels, from no deflection and with room for the legend."""
+    curves = [curve for specimen in run.specimens for curve in specimen.curves]
+    deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()), default=0.0) or 1.0
+    highest = max(float(curve.voltage.max()) for curve in curves) or 1.0
+    for axes in panels:
+        axes.set_xlim(-0.02 * highest, 1.03 * highest)
+        axes.set_ylim(0, 1.12 * deepest)
+        axes.grid(color="#e4e6ea", linewidth=0.5)
+        axes.set_axisbelow(True)

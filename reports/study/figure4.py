@@ -1,0 +1,229 @@
+"""The paper's Fig. 4: the deformed membranes side by side in colours of stress, and the stress along their axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from tympan.reports import look as style
+from tympan.reports.scales import (
+    Scale,
+    bar_length,
+    column_widths,
+    digits,
+    paper_scale,
+    rows_of,
+    scale,
+)
+from tympan.reports.scene import Picture, View, picture
+from tympan.reports.study.load import Run, Stored, read_run
+
+_LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
+_TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
+_LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02  # narrowest column and widest film [mm], and room for the film's outline
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Everything of the figure that is a number: one scale of paper, colours and view for all membranes.
+
+    ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on paper [mm],
+    ``reach`` mm of the curves' abscissa per mm of paper.
+    """
+
+    rows: tuple[range, ...]
+    columns: tuple[tuple[float, ...], ...]
+    paper: float
+    reach: float
+    view: View
+
+
+def draw(folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
+    """Draw the study stored in ``folder`` as folder/fig4.png, .pdf and .svg; answers the files.
+
+    Raises
+    ------
+    InputError
+        When something the study stores is missing or damaged.
+    MissingLibrary
+        When this computer cannot draw in three dimensions.
+    """
+    return draw_run(read_run(folder), folder, formats)
+
+
+def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
+    """The same for a study already read."""
+    style.check(formats)
+    design = plan(run.specimens, run.stress_range)
+    pictures = [picture(specimen, design.view) for specimen in run.specimens]
+    with style.look():
+        return style.save(compose(run, design, pictures), folder, "fig4", formats)
+
+
+def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
+    """Lay the figure out for films whose stress lies between two values [kPa]."""
+    widths = [2 * max(item.semi_axes) for item in specimens]
+    rows = rows_of(len(specimens))
+    films = [[_ROOM * widths[index] for index in row] for row in rows]
+    paper = paper_scale(films, style.WIDTH - _LEFT - _RIGHT, _GAP, _LEAST, _MOST)
+    columns = tuple(tuple(column_widths(row, paper, _LEAST)) for row in films)
+    flat = (width for row in columns for width in row)
+    reach = max(_farthest(item) / width for item, width in zip(specimens, flat, strict=True))
+    # Twice the pixels of the print: the average of four makes smooth edges.
+    view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS, scale(*stress),
+                bar_length(max(widths)) / 2, style.SHORT, style.LONG)
+    return Plan(tuple(rows), columns, paper, 1.03 * reach, view)
+
+
+def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
+    """Put pictures, colour bar and curves on one page."""
+    heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
+    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR + (len(heights) - 1) * _SPACE)
+    top = 0.0
+    for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
+        lefts = _lefts(columns)
+        for left, width, index in zip(lefts, columns, row, strict=True):
+            axes = style.place(figure, left, top + _TITLE, width, height)
+            _show(axes, pictures[index], run.specimens[index], design.paper, (width, height))
+        top += _TITLE + height
+        if row[0] == 0:
+            _explain(figure, run, design, top)
+        top += _BAR if row[0] == 0 else _SPACE
+        for left, width, index in zip(lefts, columns, row, strict=True):
+            axes = style.place(figure, left, top, width, _PANEL)
+            _panel(axes, run.specimens[index], design, width * design.reach)
+            if index == row[0]:
+                axes.set_ylabel("largest true stress (kPa)")
+            else:
+                axes.tick_params(labelleft=False)
+        top += _PANEL + _AXIS
+        middle = (lefts[0] + lefts[-1] + columns[-1]) / 2
+        _write(figure, middle, top - _AXIS + 5.0, "distance from the plate's edge (mm)", ha="center", va="top")
+    return figure
+
+
+def end_values(specimen: Stored, scale: Scale) -> list[tuple[str, float, str]]:
+    """What is written at the plate: text, stress [kPa] and colour; one entry where the axes do not differ."""
+    short, long = specimen.short.at_plate, specimen.long.at_plate
+    texts = [scale.text(value, more=1) for value in (short, long)]
+    if specimen.alike or texts[0] == texts[1]:
+        return [(f"{scale.text((short + long) / 2, more=1)} on both axes", (short + long) / 2, "black")]
+    ends = zip(texts, specimen.axes, (short, long), (style.SHORT_TEXT, style.LONG_TEXT), strict=True)
+    return [(f"{text} on the {axis} axis", value, colour) for text, axis, value, colour in ends]
+
+
+def spread(positions: Sequence[float], least: float) -> list[float]:
+    """Positions moved apart, in order and around their middle, so that neighbours are ``least`` apart.
+
+    Examples
+    --------
+    >>> spread([5.0, 4.9], 1.0), spread([5.0, 1.0], 1.0)
+    ([5.45, 4.45], [5.0, 1.0])
+    """
+    if len(positions) < 2 or abs(positions[0] - positions[1]) >= least:
+        return list(positions)
+    middle, up = sum(positions) / 2, 1 if positions[0] >= positions[1] else -1
+    return [middle + up * least / 2, middle - up * least / 2]
+
+
+def _lefts(columns: Sequence[float]) -> list[float]:
+    """Left edges of a row's columns, the row in the middle of the page [mm]."""
+    spare = style.WIDTH - _LEFT - _RIGHT - sum(columns) - _GAP * (len(columns) - 1)
+    starts = np.cumsum([0.0, *(width + _GAP for width in columns[:-1])])
+    return [_LEFT + spare / 2 + float(start) for start in starts]
+
+
+def _show(axes: Axes, image: Picture, specimen: Stored, paper: float, size: tuple[float, float]) -> None:
+    """One membrane in axes of millimetres of film; ``size`` of the axes on paper [mm]."""
+    half, height = size[0] / paper / 2, size[1] / paper
+    middle = (image.extent[2] + image.extent[3]) / 2
+    axes.set_axis_off()
+    axes.imshow(image.pixels, extent=image.extent, interpolation="hanning", aspect="auto")
+    axes.set(xlim=(-half, half), ylim=(middle - height / 2, middle + height / 2))
+    lines = ((specimen.name, 4.2, "bold", 8.5), (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
+    for text, above, weight, points in lines:
+        axes.annotate(text, (0.5, 1.0), (0, above * style.MM * 72), xycoords="axes fraction",
+                      textcoords="offset points", ha="center", va="bottom", weight=weight, fontsize=points)
+
+
+def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
+    """The row between pictures and curves: scale bar, colour bar, load and what the lines are."""
+    view, length = design.view, 2 * design.view.net
+    bar = style.place(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
+    bar.set_axis_off()
+    bar.fill_between([0, 1], 0, 1, color="black", linewidth=0)
+    bar.set(xlim=(0, 1), ylim=(0, 1))
+    _write(figure, _LEFT, top + 5.5, f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
+           "deflection true to scale")
+    wide = 70.0
+    left = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
+    colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
+    shown = figure.colorbar(colours, cax=style.place(figure, left, top + 3.0, wide, 2.6), orientation="horizontal",
+                            ticks=view.scale.ticks)
+    shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])
+    shown.outline.set_linewidth(0.5)
+    shown.set_label(stress_label(view.scale), labelpad=2)
+    right = style.WIDTH - _RIGHT - 32.0
+    _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.voltage:g} kV")
+    names = next((item.axes for item in run.specimens if not item.round), run.specimens[0].axes)
+    for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"), strict=True)):
+        down = top + 8.3 + 3.6 * row
+        sample = style.place(figure, right, down - 0.5, 8.0, 1.0)
+        sample.set_axis_off()
+        sample.plot([0, 1], [0, 0], dashes, color=colour, clip_on=False)
+        _write(figure, right + 9.5, down, f"{name} axis", va="center")
+    if any(item.loose for item in run.specimens):
+        _explain_hatches(figure, right, top + 14.1)
+
+
+def _explain_hatches(figure: Figure, left: float, top: float) -> None:
+    """What a hatched zone is."""
+    sample = style.place(figure, left, top, 8.0, 2.8)
+    sample.set_axis_off()
+    sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////", linewidth=0.6))
+    _write(figure, left + 9.5, top + 1.4, "tension lost", va="center")
+
+
+def stress_label(scale: Scale) -> str:
+    """What the colours and the curves show, and where they start."""
+    start = "" if scale.from_zero else f"; scales start at {scale.start}, not 0"
+    return f"largest principal true stress (kPa{start})"
+
+
+def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
+    """Stress along both axes up to a distance ``reach`` [mm], with the values at the plate."""
+    limits = design.view.scale
+    for line, colour, dashes in ((specimen.short, style.SHORT, "-"), (specimen.long, style.LONG, (0, (3.2, 1.6)))):
+        for side in line.sides:
+            axes.plot(side.distance, side.stress, linestyle=dashes, color=colour)
+        axes.plot(0, line.at_plate, "o", color=colour, markersize=3, clip_on=False, zorder=3)
+    axes.set(xlim=(-0.02 * reach, reach), ylim=(limits.low, limits.high))
+    axes.set_yticks(limits.ticks, [limits.text(tick) for tick in limits.ticks])
+    values = end_values(specimen, limits)
+    places = spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
+    for (text, _, colour), place in zip(values, places, strict=True):
+        axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center", color=colour,
+                      bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6})
+
+
+def _write(figure: Figure, left: float, top: float, text: str, **how: Any) -> None:
+    """Text at a place measured from the page's top left corner [mm]."""
+    across, down = figure.get_size_inches() / style.MM
+    figure.text(left / across, 1 - top / down, text, **{"va": "top", "linespacing": 1.35, **how})
+
+
+def _height(image: Picture) -> float:
+    return image.extent[3] - image.extent[2]
+
+
+def _farthest(specimen: Stored) -> float:
+    return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y) for side in line.sides)

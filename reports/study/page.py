@@ -1,0 +1,146 @@
+"""The report of a study: one self-contained HTML page."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from tympan.reports.scales import digits, percent
+from tympan.reports.study import curves, figure4
+from tympan.reports.study import text as words
+from tympan.reports.study.load import Run, Stored, read_run
+from tympan.studies.alpha import AlphaResult, Weights
+from tympan.studies.files import write_text
+
+_BASES = (
+    ("membrane", "membrane circles", "circles of the same film solved by the same finite elements"),
+    ("cone", "cones, Eq. (5)", "straight cones, the paper's formula, as it stands"),
+    ("cone_scaled", "scaled cones", "the same cones, their force multiplied to match the membrane on the first circle"),
+    ("from_fields", "from the fields", "shares of the plate's edge force within 45° of each axis; no fit"),
+)
+_UNITS = {
+    "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V", "sensor_zero": "m",
+    "lag_voltage": "V", "masses": "kg", "voltages": "V", "weight_offset": "m", "plate_pressure": "Pa",
+    "gas_pressure": "Pa", "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
+}
+
+
+@dataclass(frozen=True)
+class AlphaRow:
+    """One line of the α table, as text."""
+
+    basis: str
+    meaning: str
+    alpha: tuple[str, ...]
+    fit_error: str
+    held_out_error: str
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One line of the settings, as text: ``where`` it belongs, its name, value and unit."""
+
+    where: str
+    name: str
+    value: str
+
+
+def build(folder: Path) -> Path:
+    """Draw the figures of the study stored in ``folder`` and write folder/report.html; answers that file.
+
+    Raises
+    ------
+    InputError
+        When something the study stores is missing or damaged.
+    MissingLibrary
+        When this computer cannot draw in three dimensions.
+    """
+    run = read_run(folder)
+    figure4.draw_run(run, folder)
+    curves.draw_run(run, folder)
+    file = folder / "report.html"
+    write_text(file, page(run, embedded(folder / "fig4.png"), embedded(folder / "curves.svg")))
+    return file
+
+
+def page(run: Run, fig4: str, curves_: str) -> str:
+    """The page as text; the figures as data URIs."""
+    return template("study/report.html").render(
+        css=text("page.css"), run=run, summary=words.summary(run), warnings=words.warnings(run), fig4=fig4,
+        curves=curves_, hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
+        design=figure4.plan(run.specimens, run.stress_range),
+        results=[(item, result_row(item)) for item in run.specimens],
+        alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
+        circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
+                 for item in run.alphas if len(item.circles) == 1], settings=list(settings(run.record)))
+
+
+def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
+    """A page's template, with filters of its own."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+                                     lstrip_blocks=True)
+    environment.filters |= filters
+    return environment.from_string(text(name))
+
+
+def text(name: str) -> str:
+    """A file beside this one."""
+    return resources.files("tympan.reports").joinpath(name).read_text(encoding="utf-8")
+
+
+def embedded(file: Path) -> str:
+    """A picture's file as a data URI."""
+    kind = {".png": "image/png", ".svg": "image/svg+xml"}[file.suffix]
+    return f"data:{kind};base64,{b64encode(file.read_bytes()).decode()}"
+
+
+def result_row(specimen: Stored) -> tuple[str, ...]:
+    """The columns of the table of results after the name, as text, in its units."""
+    result = specimen.result
+    scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),
+              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3), (result.max_field_V_per_m, 1e-6),
+              (result.breakdown_margin, 1.0), (result.slack_share, 100.0))
+    numbers = [digits(None if value is None else value * factor, 4) for value, factor in scaled]
+    return (*numbers, f"{result.dofs}", digits(result.wall_s, 2))
+
+
+def alpha_rows(item: AlphaResult) -> list[AlphaRow]:
+    """The four ways of finding α for one specimen."""
+    found: dict[str, Weights] = {str(basis): weights for basis, weights in item.by_basis.items()}
+    found["from_fields"] = item.from_fields
+    return [AlphaRow(name, meaning, tuple(f"{weight:.4f}" for weight in found[key].alpha),
+                     percent(found[key].fit_error), percent(found[key].held_out_error))
+            for key, name, meaning in _BASES]
+
+
+def settings(record: Mapping[str, Any]) -> Iterator[Setting]:
+    """What the study was run with, flat, one setting each."""
+    for where, key in (("Rig", "rig"), ("Computation", "settings"), ("Loads for α", "alpha_settings"),
+                       ("Libraries", "libraries")):
+        yield from (Setting(where, name, value) for name, value in _flat(record[key]))
+    yield Setting("Libraries", "Python", record["python"])
+
+
+def _flat(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _flat(item, (*path, str(key)))
+        return
+    if isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        yield from _flat({str(number): item for number, item in enumerate(value, 1)}, path)
+        return
+    shown = (", ".join(map(_shown, value)) or "none") if isinstance(value, list) else _shown(value)
+    unit = _UNITS.get(path[-1], "") if path else ""
+    yield ", ".join(part.replace("_", " ") for part in path), f"{shown} {unit}".strip()
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,128 @@
+"""What a map is drawn of: α and stroke of ellipses with circular plates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+
+import numpy as np
+
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.film.library import MATERIALS
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse
+from tympan.geometry.specimen import Plate, Specimen
+from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
+from tympan.studies.case import Settings, build_model
+from tympan.studies.paper.actuators import paper_film
+
+#: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the loads.
+SHORT = 45e-3
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where on the map: long over short semi-axis, plate radius over short semi-axis; and the film's material."""
+
+    aspect: float
+    ratio: float
+    material: str = "vhb-4910"
+
+    @property
+    def specimen(self) -> Specimen:
+        """An ellipse with the paper's film and short semi-axis."""
+        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.ratio:.4g}", Ellipse((self.aspect * SHORT, SHORT)),
+                        Plate(Circle(self.ratio * SHORT)), paper_film(self.material))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """α₁ of two membrane circles with the semi-axes and the force error it leaves; the stroke [m]; what went wrong."""
+
+    place: Place
+    alpha: float
+    error: float
+    stroke: float
+    trouble: str = ""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, grid of places, and random ones.
+
+    The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random materials of the
+    library, ``outside`` ones have aspects up to ``far[0]`` and ratios up to ``far[1]``.
+    """
+
+    loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
+    mass: float = 17.9e-3
+    voltage: float = 3.5e3
+    aspects: tuple[float, ...] = (1.1, 1.2, 1.35, 1.5, 1.7, 1.95, 2.2, 2.5)
+    ratios: tuple[float, ...] = (0.1, 0.15, 0.22, 0.3, 0.4, 0.5, 0.6)
+    inside: int = 30
+    outside: int = 24
+    far: tuple[float, float] = (5.0, 0.8)
+    seed: int = 2026
+
+    def grid(self) -> list[Place]:
+        """The places the formula is found from."""
+        return [Place(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
+
+    def inner(self) -> list[Place]:
+        """Places it is tested on, within its range."""
+        rng = np.random.default_rng(self.seed)
+        names = sorted(MATERIALS)
+        return [Place(rng.uniform(self.aspects[0], self.aspects[-1]), rng.uniform(self.ratios[0], self.ratios[-1]),
+                      names[rng.integers(len(names))]) for _ in range(self.inside)]
+
+    def outer(self) -> list[Place]:
+        """Places beyond its range: longer, with a larger plate, or both."""
+        rng = np.random.default_rng(self.seed + 1)
+        places: list[Place] = []
+        while len(places) < self.outside:
+            place = Place(rng.uniform(self.aspects[0], self.far[0]), rng.uniform(self.ratios[0], self.far[1]))
+            if place.aspect > self.aspects[-1] or place.ratio > self.ratios[-1]:
+                places.append(place)
+        return places
+
+
+def readings(places: Sequence[Place], map_settings: MapSettings, workers: int = 1,
+             progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
+    """At every place, in their order; a place without an equilibrium is a reading of nan with what went wrong."""
+    found = []
+    for result in _run([_Task(place, map_settings) for place in places], workers):
+        progress(result.place.specimen.name)
+        found.append(result)
+    return found
+
+
+@dataclass(frozen=True)
+class _Task:
+    place: Place
+    settings: MapSettings
+
+    def run(self) -> Reading:
+        specimen = self.place.specimen
+        loads = AlphaSettings(self.settings.loads, LoadGrid((), ()))
+        try:
+            weights = alpha(specimen, Settings(), loads).by_basis["membrane"]
+        except InputError as error:
+            return Reading(self.place, np.nan, np.nan, np.nan, str(error))
+        model, force = build_model(specimen, Settings()), Rig().force(self.settings.mass, 0.0)
+        resting = equilibrium(model, force, 0.0)
+        charged = equilibrium(model, force, self.settings.voltage, start=resting.solution)
+        if charged.status != "equilibrium":
+            return Reading(self.place, weights.alpha[0], weights.fit_error, np.nan, charged.advice)
+        stroke = charged.state.plate.heave - resting.state.plate.heave
+        return Reading(self.place, weights.alpha[0], weights.fit_error, stroke)
+
+
+def _run(tasks: Sequence[_Task], workers: int) -> Iterator[Reading]:
+    if workers < 2:
+        yield from map(_Task.run, tasks)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_Task.run, tasks)

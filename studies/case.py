@@ -1,0 +1,288 @@
+"""One specimen at one load and one voltage: from CAD to numbers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium
+from tympan.fem.film.admissibility import failures
+from tympan.fem.film.tension_state import Tension
+from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import (
+    Fields,
+    LostTension,
+    cell_fields,
+    cell_fields_of,
+    lost_tension,
+    lost_tension_of,
+)
+from tympan.fem.results.film_integrals import totals
+from tympan.fem.rig import DIRECTIONS, Rig, checked_load
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.specimen import Material, Specimen
+
+#: Below this margin to breakdown a result warns; strengths scatter by more.
+LEAST_MARGIN = 1.2
+
+#: Elements, times states, that are summarised at once: more would leave the cache, or take much memory.
+_TOGETHER = 400
+
+_ALONE = Loading()
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How cases are computed: mesh, path, and whether mirror symmetry may be used."""
+
+    mesh: MeshSettings = field(default_factory=MeshSettings)
+    path: PathSettings = field(default_factory=PathSettings)
+    symmetry: bool = True
+
+
+@dataclass(frozen=True)
+class Case:
+    """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s].
+
+    ``direction`` is 1 where the voltage was reached from below, -1 from above, 0 where that is not known.
+    """
+
+    specimen: Specimen
+    mass: float
+    voltage: float
+    rig: Rig = field(default_factory=Rig)
+    elapsed: float = 0.0
+    direction: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse negative loads and directions that are none."""
+        checked_load(self.mass, self.voltage)
+        if self.direction not in DIRECTIONS.values():
+            raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction", given=self.direction)
+
+    @property
+    def film_voltage(self) -> float:
+        """What the film responds to [V]."""
+        return self.rig.film_voltage(self.voltage, self.direction)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseResult:
+    """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
+
+    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the smallest strength over
+    field, None without voltage or a strength law, and its place on the mounted film.
+    ``slack_area_m2`` is the mounted area that carries tension in one direction or none, ``slack_share`` its share.
+    """
+
+    specimen: str
+    mass_kg: float
+    voltage_V: float
+    status: Status
+    deflection_m: float | None = None
+    reading_m: float | None = None
+    reaction_N: float | None = None
+    capacitance_F: float | None = None
+    max_stretch: float | None = None
+    max_true_stress_Pa: float | None = None
+    max_field_V_per_m: float | None = None
+    breakdown_margin: float | None = None
+    breakdown_x_m: float | None = None
+    breakdown_y_m: float | None = None
+    slack_area_m2: float | None = None
+    slack_share: float | None = None
+    tilt_rad: float | None = None
+    energy_J: float | None = None
+    dofs: int
+    wall_s: float
+    warnings: tuple[str, ...]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {item.name: getattr(self, item.name) for item in fields(self)} | {"warnings": list(self.warnings)}
+
+
+def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
+    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
+
+    The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
+
+    Raises
+    ------
+    InputError
+        When no mesh without folded elements is found.
+    """
+    planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
+    return meshed(specimen, settings, planes).with_loading(loading)
+
+
+@lru_cache(maxsize=32)
+def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
+    """The model on a mesh that uses these mirror planes, nothing acting on it."""
+    for refine in (1.0, 2.0, 4.0):
+        part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
+        if not folded(part):
+            return Model(specimen, part, planes) if settings.symmetry else Model(specimen, unfold(part, planes).mesh)
+    raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is too little room",
+                     key="frame, plate, electrode", given=specimen.name)
+
+
+def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
+    """The model of a case and its equilibrium, or why there is none."""
+    rig = case.rig
+    model = build_model(case.specimen, settings, rig.loading)
+    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
+                          rig.gas_pressure, settings=settings.path)
+    return model, outcome
+
+
+def solve(case: Case, settings: Settings) -> CaseResult:
+    """Solve one case."""
+    began = time.perf_counter()
+    model, outcome = find(case, settings)
+    return summarise(case, model, outcome, time.perf_counter() - began)
+
+
+def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseResult:
+    """The numbers of a case that was solved."""
+    return replace(next(summaries([case], model, [outcome]))[0], wall_s=wall)
+
+
+def summaries(cases: Iterable[Case], model: Model, outcomes: Iterable[Outcome]) -> Iterator[tuple[CaseResult, Outcome]]:
+    """The numbers of cases of one model, without the time they took, beside their outcomes; several at once."""
+    pairs = zip(cases, outcomes, strict=True)
+    last: Outcome | None = None
+    excuse: tuple[str, ...] = ()
+    while batch := list(islice(pairs, max(1, _TOGETHER // model.mesh.nelements))):
+        seen = iter(_seen(model, [outcome.state for _, outcome in batch if outcome.status == "equilibrium"]))
+        for case, outcome in batch:
+            result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+                                status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
+            if outcome.status == "equilibrium":
+                yield _of_equilibrium(result, case, outcome.state, next(seen)), outcome
+                continue
+            if outcome is not last:  # all voltages above a limit share its outcome
+                last, excuse = outcome, (why(outcome), *_last_state(model, outcome))
+            yield replace(result, warnings=excuse), outcome
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a state is summarised from."""
+
+    fields: Fields
+    lost: LostTension
+    reaction: float
+    capacitance: float
+    energy: float
+    warnings: tuple[str, ...]
+
+
+def _seen(model: Model, states: Sequence[State]) -> list[_Seen]:
+    if not states:
+        return []
+    sums = totals(model, states)
+    fields = cell_fields_of(model, states, ELEMENTS[model.mesh.order].doflocs.T)
+    lost = lost_tension_of(model, states)
+    material = model.specimen.membrane.material
+    return [_Seen(found, without, float(sums.reaction[number]), float(sums.capacitance[number]),
+                  float(sums.energy[number]), tuple(field_warnings(found, without, material)))
+            for number, (found, without) in enumerate(zip(fields, lost, strict=True))]
+
+
+def _of_equilibrium(result: CaseResult, case: Case, state: State, seen: _Seen) -> CaseResult:
+    fields, lost, weakest = seen.fields, seen.lost, _weakest(seen.fields)
+    return replace(
+        result,
+        deflection_m=state.plate.heave,
+        reading_m=case.rig.reading(state.plate.heave, case.elapsed),
+        reaction_N=seen.reaction,
+        capacitance_F=seen.capacitance,
+        max_stretch=float(fields.stretch_1.max()),
+        max_true_stress_Pa=float(fields.stress_1.max()),
+        max_field_V_per_m=float(fields.electric_field.max()),
+        breakdown_margin=None if weakest is None else float(1 / fields.breakdown_share[weakest]),
+        breakdown_x_m=None if weakest is None else float(fields.position[weakest, 0]),
+        breakdown_y_m=None if weakest is None else float(fields.position[weakest, 1]),
+        slack_area_m2=lost.wrinkled + lost.slack,
+        slack_share=lost.share,
+        tilt_rad=state.plate.tilt,
+        energy_J=seen.energy,
+        warnings=seen.warnings,
+    )
+
+
+def node_fields(model: Model, state: State) -> Fields:
+    """Fields at the nodes of every element of the model's mesh."""
+    return cell_fields(model, state, ELEMENTS[model.mesh.order].doflocs.T)
+
+
+def state_warnings(model: Model, state: State) -> list[str]:
+    """What a reader of a state must know before trusting it."""
+    return field_warnings(node_fields(model, state), lost_tension(model, state), model.specimen.membrane.material)
+
+
+def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
+    """What a reader of these fields must know before trusting them."""
+    warnings = [*_tension_warnings(fields, lost), *_breakdown_warnings(fields)]
+    warnings += map(str, failures(material, fields.position, fields.stretch_1, fields.stretch_2))
+    return warnings
+
+
+def _tension_warnings(fields: Fields, lost: LostTension) -> list[str]:
+    loose = fields[fields.tension != Tension.TAUT]
+    if not len(loose.tension):
+        return []
+    x, y, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+    area = (lost.wrinkled + lost.slack) * 1e4
+    over = f" over {area:.3g} cm² of the mounted film ({lost.share:.2%})" if area else ""
+    over += f", {lost.slack * 1e4:.3g} cm² of them slack in all directions" if lost.slack else ""
+    return [f"the film loses tension and wrinkles{over}, most at x {x:.1f} mm, y {y:.1f} mm"]
+
+
+def _weakest(fields: Fields) -> int | None:
+    """The point nearest to breakdown, or None where there is no field or no strength law."""
+    return int(np.argmax(fields.breakdown_share)) if fields.breakdown_share.any() else None
+
+
+def _breakdown_warnings(fields: Fields) -> list[str]:
+    weakest = _weakest(fields)
+    if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
+        return []
+    margin, (x, y, _) = 1 / fields.breakdown_share[weakest], fields.position[weakest] * 1e3
+    field, strength = (values[weakest] / 1e6 for values in (fields.electric_field, fields.breakdown_strength))
+    what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
+    return [f"the film {what} at x {x:.1f} mm, y {y:.1f} mm: field {field:.3g} of {strength:.3g} MV/m"]
+
+
+def _last_state(model: Model, outcome: Outcome) -> list[str]:
+    """Warnings about the limit point, or the last state before the failure, said to be that."""
+    if outcome.critical is not None:
+        return [f"before it gets there, {words}" for words in state_warnings(model, outcome.critical.state)]
+    return [f"at the last equilibrium before that, {words}" for words in state_warnings(model, outcome.state)]
+
+
+def why(outcome: Outcome) -> str:
+    """Why there is no result: the limit that was found, or the solver's advice."""
+    if outcome.limit is None:
+        return outcome.advice
+    if outcome.limited == "voltage":  # the limit and its spread are those of U²
+        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it" + _within(outcome.spread / 2)
+    if outcome.limited == "pressure":
+        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure" + _within(outcome.spread)
+    return f"the film pulls in at {outcome.limit:.4g} N on the plate" + _within(outcome.spread)
+
+
+def _within(spread: float) -> str:
+    """How far to trust a limit that the mesh does not resolve."""
+    return f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling differ)" if spread else ""

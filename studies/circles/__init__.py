@@ -1,0 +1,1 @@
+"""One circular actuator of the lumped model: how its film is shaped."""

@@ -1,0 +1,186 @@
+"""The paper's lumped model: a film that is a straight cone, Eqs. (2)–(5), and mixtures of such circles, Eq. (5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tympan.fem.film.density import maxwell
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Outline
+from tympan.geometry.specimen import Specimen
+
+_RINGS = 12
+_ALIKE = 1e-9  # relative difference at which semi-axes are one circle's
+
+
+def radii_of(frame: Outline) -> tuple[float, ...]:
+    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one where they are equal.
+
+    Examples
+    --------
+    >>> from tympan.geometry.outlines import Circle, Ellipse
+    >>> radii_of(Ellipse((60e-3, 45e-3))), radii_of(Circle(45e-3))
+    ((0.045, 0.06), (0.045,))
+    """
+    short, long = sorted(frame.semi_axes)
+    return (short, long) if long > short * (1 + _ALIKE) else (short,)
+
+
+def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
+    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], and its two derivatives by y."""
+    slope = steepness * deflection
+    stretch = np.sqrt(1 + slope * slope)
+    return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
+
+
+def sloped_film(material: Any, prestretch: float, steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+    """Energy per volume [J/m³] of such a film over that of the flat one, and its two derivatives by y [m].
+
+    ``prestretch`` is equibiaxial; across the slope the film keeps it.
+    """
+    stretch, phi, bend = sloped_stretch(steepness, deflection)
+    held = 0 * stretch + prestretch
+    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
+    flat = material.derivatives(held, held)[0]
+    return w - flat, prestretch * w1 * phi, prestretch * (w1 * bend + prestretch * w11 * phi * phi)
+
+
+@dataclass(frozen=True)
+class ConeCircle:
+    """A circular actuator of outer radius ``radius`` [m] whose film is a straight cone.
+
+    Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ = radius − r, with r
+    the plate's mean radius and λ_p the mean prestretch. The material is the specimen's own.
+
+    ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r) of a weightless
+    membrane that is hardly deflected (1): its slope at a distance ρ from the axis is
+    y ((1 − c)/l₀ + c/(ρ ln(radius/r))).
+    """
+
+    specimen: Specimen
+    radius: float
+    profile: float = 0.0
+
+    @cached_property
+    def plate_radius(self) -> float:
+        """R [m], of the circle with the plate's semi-axes' product."""
+        return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
+
+    @cached_property
+    def steepness(self) -> float:
+        """Slope of the film at the plate's edge over the deflection [1/m]; 1/l₀ for the straight cone."""
+        return float(self._steepness(np.array(self.plate_radius)))
+
+    @cached_property
+    def volume(self) -> float:
+        """2π r z₀ l₀ [m³]: the film whose energy per volume, by the deflection, gives the force of Eq. (5).
+
+        In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress times d ln λ_r: for
+        any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is not the whole film's volume.
+        """
+        film = self.specimen.membrane
+        return 2 * np.pi * self.plate_radius * film.thickness / film.area_prestretch / self.steepness
+
+    def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """Stretch from the mounted film at the plate's edge, √s of Eq. (3), and its two derivatives by y (φ, φ').
+
+        ``deflection`` [m] is any array, complex ones included.
+        """
+        return sloped_stretch(self.steepness, deflection)
+
+    def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
+        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] of a material, at deflections [m].
+
+        ``material`` is the film's own or any other with derivatives W, W₁, …, such as
+        :class:`tympan.fem.film.density.Maxwell`.
+        """
+        prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
+        energy, force, stiffness = sloped_film(material, prestretch, self.steepness, deflection)
+        return self.volume * energy, self.volume * force, self.volume * stiffness
+
+    def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the film's own material."""
+        return self.pull(self.specimen.membrane.material, deflection)
+
+    def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
+        """The same of the voltage, per V² across the film; energy and force are negative."""
+        return self.pull(maxwell(self.specimen, 1.0), deflection)
+
+    def force(self, deflection: float, voltage: float) -> float:
+        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
+
+        As in the paper it is what the film there pulls with, not the derivative of the film's energy.
+        """
+        parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
+        return float(sum(self.pull(part, deflection)[1] for part in parts))
+
+    def capacitance(self, deflection: float) -> float:
+        """ε₀ε_r dA/z over the film [F] at a deflection [m]."""
+        film = self.specimen.membrane
+        nodes, weights = np.polynomial.legendre.leggauss(_RINGS)
+        half = (self.radius - self.plate_radius) / 2
+        at = self.plate_radius + half * (1 + nodes)
+        prestretch = np.sqrt(film.area_prestretch)
+        radial = prestretch * np.hypot(1.0, deflection * self._steepness(at))
+        energy = maxwell(self.specimen, 1.0).derivatives(radial, prestretch)[0]
+        volume = 2 * np.pi * at * weights * half * film.thickness / film.area_prestretch
+        return float(-2 * volume @ energy)
+
+    def _steepness(self, at: np.ndarray) -> np.ndarray:
+        """Slope over deflection [1/m] at distances from the axis [m]."""
+        c, inner = self.profile, self.plate_radius
+        return np.asarray((1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner)))
+
+
+@dataclass(frozen=True)
+class Lumped(Specimen):
+    """An actuator as the lumped model has it: circles of its semi-axes, the shortest first, with weights α.
+
+    ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness, the plate's offset
+    and the direction of the prestretch do not enter.
+
+    Examples
+    --------
+    >>> from tympan.fem.film.laws import NeoHooke
+    >>> from tympan.geometry.outlines import Circle, Ellipse
+    >>> from tympan.geometry.specimen import Film, Plate
+    >>> film = Film(1e-3, (5**0.5, 5**0.5), NeoHooke(25e3), 4.7)
+    >>> oval = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3)), film)
+    >>> [circle.radius for circle in Lumped.of(oval, (0.7, 0.3)).circles]
+    [0.045, 0.06]
+    """
+
+    weights: tuple[float, ...] = (1.0,)
+    profile: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no mixture."""
+        super().__post_init__()
+        count = len(radii_of(self.frame))
+        if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
+            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each semi-axis",
+                             key="weights", given=self.weights)
+
+    @classmethod
+    def of(cls, specimen: Specimen, weights: tuple[float, ...] = (1.0,)) -> Lumped:
+        """A specimen seen so; an ellipse needs its two weights."""
+        return cls(**{item.name: getattr(specimen, item.name) for item in fields(Specimen)}, weights=weights)
+
+    @property
+    def circles(self) -> tuple[ConeCircle, ...]:
+        """The circles it is mixed of."""
+        return tuple(ConeCircle(self, radius, self.profile) for radius in radii_of(self.frame))
+
+    def force(self, deflection: float, voltage: float) -> float:
+        """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
+        parts = (circle.force(deflection, voltage) for circle in self.circles)
+        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+
+    def capacitance(self, deflection: float) -> float:
+        """Σ α_j C_j [F] at a deflection [m]."""
+        parts = (circle.capacitance(deflection) for circle in self.circles)
+        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))

@@ -1,0 +1,1 @@
+"""Measured data: datasets, their columns, readings and noise."""

@@ -1,0 +1,102 @@
+"""Noise from repeated readings: their pooled standard deviation, with degrees of freedom and interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.readings import StaticReadings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """A standard deviation, its degrees of freedom ν, and the limits s √(ν/χ²) of its 95 % interval.
+
+    The interval holds for normal, independent readings: one that drifts between its repeats widens the scatter.
+    """
+
+    sigma: float
+    freedom: int
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, squares: float, freedom: int) -> Scatter:
+        """From the sum of squared distances from the groups' means.
+
+        Examples
+        --------
+        >>> scatter = Scatter.of(10.0, 10)
+        >>> scatter.sigma, round(scatter.low, 4), round(scatter.high, 4)
+        (1.0, 0.6987, 1.7549)
+        """
+        upper, lower = chi2.ppf([0.975, 0.025], freedom)
+        return cls(float(np.sqrt(squares / freedom)), freedom, float(np.sqrt(squares / upper)),
+                   float(np.sqrt(squares / lower)))
+
+
+def repeat_groups(readings: StaticReadings) -> NDArray[np.int64]:
+    """Number of the group of each reading: those of a group share specimen, mass, voltage, direction and run."""
+    shared = (readings.specimen, readings.mass, readings.voltage, readings.direction, readings.run)
+    numbers: dict[tuple[object, ...], int] = {}
+    keys = zip(*(column.tolist() for column in shared), strict=True)
+    return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
+
+
+def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0) -> Scatter | None:
+    """Scatter of values about their groups' means in units of ``sigma``; None when nothing repeats.
+
+    Parameters
+    ----------
+    values, groups
+        Shape (n,): readings, and the number of each one's group.
+    sigma
+        Standard deviation of each reading, up to a common factor; it also weights the means.
+    """
+    weight = np.broadcast_to(1 / np.square(sigma), values.shape)
+    _, group, count = np.unique(groups, return_inverse=True, return_counts=True)
+    freedom = int((count - 1).sum())
+    if freedom == 0:
+        return None
+    centred = values - values.mean()
+    mean = np.bincount(group, weight * centred) / np.bincount(group, weight)
+    alone = count[group] == 1
+    return Scatter.of(float((weight * (centred - mean[group]) ** 2)[~alone].sum()), freedom)
+
+
+def repeat_noise(dataset: Dataset) -> Scatter | None:
+    """Standard deviation of one displacement reading [m] from the repeats among those without their own sigma.
+
+    None where nothing repeats, and where repeats agree to the last digit, which is rounding and no measure of noise.
+    """
+    readings = dataset.static
+    if readings is None:
+        return None
+    plain = np.isnan(readings.sigma)
+    found = pooled(readings.displacement[plain], repeat_groups(readings)[plain]) if plain.any() else None
+    return found if found is None or found.sigma > 1e-12 * np.abs(readings.displacement).max() else None
+
+
+def stated_ratio(dataset: Dataset) -> Scatter | None:
+    """Scatter of repeats over the standard deviation stated for them, in the rows or for the dataset; ideally 1."""
+    if dataset.static is None:
+        return None
+    sigma = np.where(np.isnan(dataset.static.sigma), dataset.noise or np.nan, dataset.static.sigma)
+    known = np.isfinite(sigma)
+    return pooled(dataset.static.displacement[known], repeat_groups(dataset.static)[known], sigma[known]
+                  ) if known.any() else None
+
+
+def reading_sigma(dataset: Dataset) -> Array:
+    """Standard deviation of each static reading [m]: its own, else the dataset's, else that of repeats, else nan."""
+    if dataset.static is None:
+        return np.empty(0)
+    estimated = repeat_noise(dataset) if dataset.noise is None else None
+    rest = dataset.noise if estimated is None else estimated.sigma
+    return np.where(np.isnan(dataset.static.sigma), np.nan if rest is None else rest, dataset.static.sigma)

@@ -1,0 +1,152 @@
+"""What a dataset's files of readings hold: their columns (design §4), and the readings in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule
+from tympan.studies.data.columns import Column, Label, Number, Sheet
+
+Array = NDArray[np.float64]
+Texts = NDArray[np.str_]
+Lines = NDArray[np.int64]
+
+_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
+_MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
+
+#: The column every file but coupon.csv has.
+SPECIMEN = Label("specimen")
+_LOAD: tuple[Column, ...] = (SPECIMEN, Number("mass", "g", "mass", _MASS))
+_SIGMA = Number("sigma", "mm", "length", POSITIVE, required=False)
+
+#: The columns of static.csv; ``run`` (which mounting or ramp a reading belongs to) is beyond design §4.
+STATIC: tuple[Column, ...] = (
+    *_LOAD,
+    Number("voltage", "kV", "voltage", _VOLTAGE),
+    Number("displacement", "mm", "length"),
+    Label("run", required=False),
+    Label("repeat", required=False),
+    Number("order", required=False),
+    Number("elapsed", "s", "time", required=False),
+    Label("direction", ("up", "down"), required=False),
+    _SIGMA,
+    Number("capacitance", "pF", "capacitance", POSITIVE, required=False),
+    Number("film_voltage", "kV", "voltage", _VOLTAGE, required=False),
+    Number("tilt", "mrad", "angle", FINITE, required=False),
+)
+#: The columns of range.csv; ``sigma``, of the range, is beyond design §4.
+RANGE: tuple[Column, ...] = (
+    *_LOAD,
+    Number("voltage_min", "kV", "voltage", _VOLTAGE),
+    Number("voltage_max", "kV", "voltage", _VOLTAGE),
+    Number("range", "mm", "length", NON_NEGATIVE),
+    _SIGMA,
+)
+#: The columns of transient.csv.
+TRANSIENT: tuple[Column, ...] = (
+    *_LOAD,
+    Label("run"),
+    Number("t", "s", "time"),
+    Number("voltage", "kV", "voltage", _VOLTAGE),
+    Number("displacement", "mm", "length"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class StaticReadings:
+    """Readings at rest, one entry per row of static.csv, SI; nan or "" where a file does not say.
+
+    ``sigma`` is the standard deviation of a reading of the displacement [m], ``film_voltage`` that of a probe on the
+    film [V], ``tilt`` the plate's [rad]; ``direction`` is "up" or "down", the way the voltage got there.
+    """
+
+    specimen: Texts
+    mass: Array
+    voltage: Array
+    displacement: Array
+    run: Texts
+    repeat: Texts
+    order: Array
+    elapsed: Array
+    direction: Texts
+    sigma: Array
+    capacitance: Array
+    film_voltage: Array
+    tilt: Array
+    line: Lines
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What was measured besides the displacement."""
+        further = ("capacitance", "film_voltage", "tilt")
+        return tuple(name for name in further if np.isfinite(getattr(self, name)).any())
+
+
+@dataclass(frozen=True, eq=False)
+class Ranges:
+    """Ranges of motion, one entry per row of range.csv, SI: largest minus smallest displacement between two voltages.
+
+    ``sigma`` is the standard deviation of a range [m], nan where the file does not say.
+    """
+
+    specimen: Texts
+    mass: Array
+    voltage_min: Array
+    voltage_max: Array
+    range: Array
+    sigma: Array
+    line: Lines
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+
+@dataclass(frozen=True, eq=False)
+class Transients:
+    """Readings in time, one entry per row of transient.csv, SI, in the file's order."""
+
+    specimen: Texts
+    mass: Array
+    run: Texts
+    time: Array
+    voltage: Array
+    displacement: Array
+    line: Lines
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+
+def static_from_sheet(sheet: Sheet) -> StaticReadings:
+    """The readings of a static.csv."""
+    return StaticReadings(**_columns(sheet, STATIC), line=sheet.line)
+
+
+def ranges_from_sheet(sheet: Sheet) -> Ranges:
+    """The readings of a range.csv; the two voltages of a row must ascend."""
+    for row in np.flatnonzero(sheet["voltage_max"] <= sheet["voltage_min"]):
+        raise sheet.error(int(row), "voltage_max", "must be above voltage_min")
+    return Ranges(**_columns(sheet, RANGE), line=sheet.line)
+
+
+def transients_from_sheet(sheet: Sheet) -> Transients:
+    """The readings of a transient.csv; a time stands once in a run."""
+    columns = _columns(sheet, TRANSIENT)
+    seen: dict[tuple[object, ...], int] = {}
+    for row, key in enumerate(zip(*(columns[name].tolist() for name in ("specimen", "mass", "run", "t")), strict=True)):
+        if key in seen:
+            raise sheet.error(row, "t", f"must be there once in a run: it stands in line {sheet.line[seen[key]]} too")
+        seen[key] = row
+    return Transients(time=columns.pop("t"), **columns, line=sheet.line)
+
+
+def _columns(sheet: Sheet, names: Iterable[Column]) -> dict[str, Any]:
+    return {column.name: sheet[column.name] for column in names}

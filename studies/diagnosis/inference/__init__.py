@@ -1,0 +1,1 @@
+"""From readings to probabilities: fits, tests of what is left, evidence, verdict."""

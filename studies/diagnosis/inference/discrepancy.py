@@ -1,0 +1,44 @@
+"""The evidence that something is wrong which no effect of the library makes: smooth discrepancies of any kind."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.inference.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.inference.residual_tests import Pattern, orthonormal
+
+Array = NDArray[np.float64]
+
+#: Sizes a discrepancy may have over the noise, each as probable as the other.
+_SIZES = np.geomspace(0.3, 100.0, 12)
+
+
+def unknown_evidence(nominal: Fit, groups: tuple[Pattern, ...], sigma: Array) -> float:
+    """Logarithm of the probability of the readings if the nominal model is off by some smooth pattern.
+
+    A pattern's columns have independent normal coefficients that make it a typical size, the same for one pattern of
+    the table at a time or for all; the nominal model is taken as linear about its fit.
+
+    Parameters
+    ----------
+    sigma
+        Noise of the readings, shape (rows,).
+    """
+    found = []
+    for group in groups:
+        basis = orthonormal(group.columns / sigma[:, None])
+        scale = (len(sigma) / max(basis.shape[1], 1)) ** 0.5
+        found += [_evidence(nominal, size * scale * basis) for size in _SIZES]
+    top = max(found)
+    return float(top + np.log(np.mean(np.exp(np.array(found) - top))))
+
+
+def _evidence(nominal: Fit, columns: Array) -> float:
+    """The same for given columns with standard normal coefficients."""
+    residual = nominal.residual + nominal.jacobian @ nominal.unknowns
+    spread = np.concatenate([NUISANCE * nominal.jacobian, columns], axis=1)
+    inner = np.eye(spread.shape[1]) + spread.T @ spread
+    along = spread.T @ residual
+    left = residual @ residual - along @ np.linalg.solve(inner, along)
+    return float(-0.5 * left - 0.5 * np.linalg.slogdet(inner)[1])

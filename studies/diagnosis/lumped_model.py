@@ -1,0 +1,76 @@
+"""Force laws of the paper's lumped model, so that it goes through the same diagnosis as the finite elements.
+
+``Simulation(setup, lumped_laws(setup, grids))`` with a setup of :func:`lumped` specimens is all a diagnosis needs. The
+rig acts as it does on finite elements; of the effects that change films only those act that the lumped model knows of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles.cone import Lumped
+from tympan.studies.diagnosis.reduced.axes import Film, edited, film_axes
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, fitted, grid_of, samples
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+
+def lumped(setup: Setup, weights: Mapping[str, tuple[float, ...]] = {}) -> Setup:
+    """A setup seen by the lumped model.
+
+    Parameters
+    ----------
+    weights
+        α of each specimen that is not round (as from :func:`tympan.studies.alpha.alpha`), by name, shortest semi-axis
+        first.
+
+    Raises
+    ------
+    InputError
+        Where weights are missing or no mixture.
+    """
+    return replace(setup, specimens=tuple(Lumped.of(one, weights.get(one.name, (1.0,))) for one in setup.specimens))
+
+
+def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
+    """The force law of every specimen of a lumped setup, with the axes of the effects it shows.
+
+    Raises
+    ------
+    InputError
+        For what the lumped model has no place for: gas pressure, a film's weight, a weight beside the plate's centre.
+    """
+    return tuple(_law(setup, one.name, grid) for one, grid in zip(setup.specimens, grids, strict=True))
+
+
+def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
+    film = Film.of(setup, name)
+    if film.heavy or not grid.odd or film.loading.arm != (0.0, 0.0):
+        raise InputError("must be without gas pressure, weight of its own and offset weights in the lumped model",
+                         key="specimen", given=name)
+    nominal = at_nodes(film.specimen, grid)
+    every = film_axes(setup, name)
+    moved = [at_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid) for axis in every]
+    axes = tuple(axis for axis, nodes in zip(every, moved, strict=True) if not np.array_equal(nodes, nominal))
+    where = samples(axes)
+    nodes = [at_nodes(edited(setup, name, [axes[index] for index in sample.axes],
+                             [axes[index].size(at) for index, at in zip(sample.axes, sample.at, strict=True)]).specimen,
+                      grid_of(grid, sample)) for sample in where]
+    return fitted(grid, axes, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes])
+
+
+def at_nodes(specimen: Specimen, grid: Grid) -> Array:
+    """Force [N] and capacitance [F] at the nodes of a grid, shape (2, heaves, charges)."""
+    if not isinstance(specimen, Lumped):
+        raise InputError("must be a specimen of the lumped model", key="specimen", given=specimen.name)
+    heaves, charges = grid.nodes
+    force = [[specimen.force(heave, charge**0.5) for charge in charges] for heave in heaves]
+    capacitance = [[specimen.capacitance(heave)] * len(charges) for heave in heaves]
+    return np.array([force, capacitance])

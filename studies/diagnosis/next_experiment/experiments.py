@@ -1,0 +1,177 @@
+"""The menu of next experiments: what could be read besides what has been, and how well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.inference.fit import Fit
+from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+_HOUR = 3600.0
+_FORCE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What was read, and the nominal model's fit to it."""
+
+    simulation: Simulation
+    table: Table
+    nominal: Fit
+
+    @cached_property
+    def states(self) -> States:
+        """The states whose displacement was read, each once."""
+        used = np.unique(np.r_[self.table.state, self.table.since[self.table.since >= 0]])
+        states = self.table.states[used]
+        states = states[np.isnan(states.heave)]
+        keys = np.stack([states.specimen, states.mass, states.voltage, states.elapsed, states.direction], 1)
+        return states[np.sort(np.unique(np.nan_to_num(keys), axis=0, return_index=True)[1])]
+
+    @cached_property
+    def ramps(self) -> Array:
+        """Specimen and mass of each ramp, shape (ramps, 2)."""
+        return np.unique(np.stack([self.states.specimen.astype(float), self.states.mass], 1), axis=0)
+
+    @cached_property
+    def sigma(self) -> float:
+        """Typical noise of a displacement [m]."""
+        lengths = np.isin(self.table.kind, ("displacement", "range"))
+        return float(np.median(self.table.sigma[lengths])) if lengths.any() else float("nan")
+
+    def shown(self, table: Table) -> Array:
+        """What the nominal model expects."""
+        return self.simulation.predict((), self.nominal.unknowns, table)
+
+    def within_reach(self, table: Table) -> NDArray[np.bool_]:
+        """Rows in states that the force laws cover, by the nominal model."""
+        stiffness, permittivity = np.exp(self.nominal.unknowns[:2])
+        grids = [law.grid for law in self.simulation.laws]
+        heave, charge = (np.array(values)[table.states.specimen] for values in
+                         ([grid.heave for grid in grids], [grid.charge for grid in grids]))
+        reached = self.simulation.heaves((), self.nominal.unknowns, table.states)
+        inside = (reached <= heave) & (permittivity / stiffness * table.states.voltage**2 <= charge)
+        return np.asarray(inside[table.state])
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Readings that could be made.
+
+    ``what`` are the words for it, which may hold the largest {mass} and {voltage} of the rows and the {time} of the
+    first; ``rows`` makes them, with their noise and no values yet, or None where the experiment makes no sense.
+    """
+
+    what: str
+    rows: Callable[[Bench], Table | None]
+
+    def words(self, table: Table) -> str:
+        """What to do, for those of the rows that remain."""
+        return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g", voltage=f"{table.voltage.max() / 1e3:.3g} kV",
+                                time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
+
+
+def repeated(bench: Bench) -> Table:
+    """All readings once more."""
+    return rows(bench.states, "displacement", bench.sigma)
+
+
+def between(bench: Bench) -> Table | None:
+    """Readings at voltages halfway between those there are."""
+    halves = []
+    for specimen, mass in bench.ramps:
+        voltage = np.unique(bench.states.voltage[(bench.states.specimen == specimen) & (bench.states.mass == mass)])
+        halves += [(specimen, mass, half) for half in (voltage[1:] + voltage[:-1]) / 2]
+    found = np.array(halves).reshape(-1, 3)
+    return rows(_new_run(bench, *found.T), "displacement", bench.sigma) if len(found) else None
+
+
+def other_mass(bench: Bench, factor: float) -> Table:
+    """Every specimen under ``factor`` times the largest mass, at the voltages it has been at."""
+    specimen, voltage = np.unique(np.stack([bench.states.specimen.astype(float), bench.states.voltage], 1), axis=0).T
+    mass = np.full(len(specimen), factor * bench.states.mass.max())
+    return rows(_new_run(bench, specimen, mass, voltage), "displacement", bench.sigma)
+
+
+def higher_voltages(bench: Bench, factor: float, count: int = 5) -> Table | None:
+    """Every ramp continued to ``factor`` times the largest voltage in so many steps."""
+    top = float(bench.states.voltage.max())
+    if top <= 0:
+        return None
+    voltage = top * (1 + (factor - 1) * np.arange(1, count + 1) / count)
+    specimen, mass = np.repeat(bench.ramps, count, axis=0).T
+    return rows(_new_run(bench, specimen, mass, np.tile(voltage, len(bench.ramps))), "displacement", bench.sigma)
+
+
+def backwards(bench: Bench) -> Table | None:
+    """The run in reverse right after it, where it is known when or on which way readings were made."""
+    states = bench.states
+    if not (np.ptp(states.elapsed) > 0 or np.any(states.direction != 0)):
+        return None
+    back = replace(states, elapsed=2 * states.elapsed.max() - states.elapsed, direction=-states.direction)
+    return rows(back, "displacement", bench.sigma)
+
+
+def later(bench: Bench, runs: float) -> Table | None:
+    """All readings again after a pause of so many times the run, an hour at least, where times are known."""
+    states = bench.states
+    length = float(np.ptp(states.elapsed))
+    if not length > 0:
+        return None
+    pause = max(runs * length, _HOUR)
+    return rows(replace(states, elapsed=states.elapsed + length + pause), "displacement", bench.sigma)
+
+
+def capacitance(bench: Bench, share: float) -> Table:
+    """The capacitance of the film in every state, to a share."""
+    table = rows(bench.states, "capacitance", 1.0)
+    return table.with_sigma(share * np.abs(bench.shown(table)))
+
+
+def film_voltage(bench: Bench, share: float) -> Table | None:
+    """The voltage on the film in every state with any, to a share."""
+    states = bench.states[bench.states.voltage > 0]
+    return rows(states, "film_voltage", share * states.voltage) if len(states) else None
+
+
+def blocked_force(bench: Bench, share: float) -> Table:
+    """The plates held where the masses bring them without voltage, and the force on them, to a share or 1 mN."""
+    states = bench.states
+    unloaded = replace(states, voltage=np.zeros(len(states)))
+    held = replace(states, heave=bench.simulation.heaves((), bench.nominal.unknowns, unloaded))
+    table = rows(held, "force", 1.0)
+    return table.with_sigma(np.maximum(share * np.abs(bench.shown(table)), _FORCE))
+
+
+_HANG, _RAISE = "hang {mass} on every specimen and read up to {voltage}", "raise the voltage further, up to {voltage}"
+
+#: What is on offer, with less effort first. Another shape is not: its film's force law would have to be computed.
+MENU = (
+    Experiment("make all readings once more", repeated),
+    Experiment("read at the voltages halfway between those read so far", between),
+    Experiment("make the same readings in reverse order right after the run", backwards),
+    Experiment("wait, and make all readings again from {time} after the run began", partial(later, runs=4.0)),
+    *(Experiment(_HANG, partial(other_mass, factor=factor)) for factor in (0.5, 1.5, 2.0)),
+    *(Experiment(_RAISE, partial(higher_voltages, factor=factor)) for factor in (1.15, 1.4)),
+    Experiment("measure the film's capacitance in every state, to 1 %", partial(capacitance, share=0.01)),
+    Experiment("measure the voltage on the film itself with a high-voltage probe, to 1 %",
+               partial(film_voltage, share=0.01)),
+    Experiment("hold the plates where the masses bring them without voltage and measure the force on them up to "
+               "{voltage}, to 1 % or 1 mN", partial(blocked_force, share=0.01)),
+)
+
+
+def _new_run(bench: Bench, specimen: Array, mass: Array, voltage: Array) -> States:
+    """States in a run of its own, in this order, as fast as the readings so far."""
+    pace = float(np.ptp(np.nan_to_num(bench.states.elapsed))) / max(len(bench.states) - 1, 1)
+    direction = np.full(len(specimen), float(np.any(bench.states.direction != 0)))
+    elapsed = pace * np.arange(float(len(specimen)))
+    return States.of(specimen.astype(np.int64), mass, voltage, elapsed, direction)

@@ -1,0 +1,1 @@
+"""The films' reduced model: the force at a held plate, and the readings it makes."""

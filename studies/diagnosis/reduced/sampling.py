@@ -1,0 +1,221 @@
+"""Force laws from finite elements: films solved with the plate held, at the nodes of a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.equilibrium.constraints import Heave, capacitance_of
+from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.ramp import PathSettings, held
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Settings, build_model
+from tympan.studies.diagnosis.reduced.axes import Axis, Film, edited, film_axes
+from tympan.studies.diagnosis.reduced.force_law import (
+    ForceLaw,
+    Grid,
+    Sample,
+    fitted,
+    grid_of,
+    samples,
+)
+from tympan.studies.effects import Setup
+
+Array = NDArray[np.float64]
+
+#: The mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
+COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
+#: The mesh they are checked on.
+FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
+
+_CHUNK = 12
+
+#: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
+_BOLD = PathSettings(shortest=0.1)
+
+_FEWEST = 2
+
+
+class NotSampled(ArithmeticError):
+    """The film has no equilibrium, or none was found, at a node; ``charge`` is the U² there [V²]."""
+
+    def __init__(self, charge: float) -> None:
+        super().__init__(charge)
+        self.charge = charge
+
+    def __str__(self) -> str:
+        return f"the film could not be solved with its plate held at {self.charge**0.5:.4g} V"
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, charges); states and model."""
+
+    force: Array
+    capacitance: Array
+    states: list[list[State]]
+    model: Model
+
+
+def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = None, strict: bool = False
+             ) -> Nodes:
+    """Solve a film at the nodes of a grid, starting from the states of a similar one where the meshes agree.
+
+    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict`` refuses that.
+
+    Raises
+    ------
+    NotSampled
+        Where there is no solution.
+    """
+    model = _model(film, settings, near)
+    heaves, charges = grid.nodes
+    force, capacitance = np.full((2, len(heaves), len(charges)), np.nan)
+    states: list[list[State]] = []
+    for i, heave in enumerate(heaves):
+        states.append([])
+        for j, charge in enumerate(charges):
+            guess = _guess(model.reference.shape, near, states, i, j)
+            found = _solved(model, guess, heave, charge, film.gas_pressure)
+            if found is None:
+                if j < _FEWEST or strict:
+                    raise NotSampled(charge)
+                break
+            force[i, j], capacitance[i, j] = found.state.force, capacitance_of(model, found.state)
+            states[-1].append(found.state)
+    return Nodes(force, capacitance, states, model)
+
+
+def _model(film: Film, settings: Settings, near: Nodes | None) -> Model:
+    """The film's model: on the mesh of a similar film that has the same outlines."""
+    if near is not None and outlines(film.specimen) == outlines(near.model.specimen):
+        return near.model.with_specimen(film.specimen).with_loading(film.loading)
+    return build_model(film.specimen, settings, film.loading)
+
+
+def outlines(specimen: Specimen) -> tuple[object, ...]:
+    """All a specimen's mesh depends on."""
+    electrode = specimen.electrode
+    return specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate, electrode.outline
+
+
+def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int, j: int) -> State | None:
+    """A state to start from: that of a similar film, or the neighbours' extrapolation along the charge."""
+    if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
+        return near.states[i][j]
+    row = states[i]
+    if j > 1:
+        return replace(row[-1], positions=2 * row[-1].positions - row[-2].positions)
+    return row[-1] if row else states[i - 1][0] if i else None
+
+
+def _solved(model: Model, guess: State | None, heave: float, charge: float, pressure: float) -> Solution | None:
+    """The film with its plate held."""
+    guess = State.mounted(model) if guess is None else guess
+    found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",), (Heave(heave),))
+    if found.converged:
+        return found
+    start = newton(model, State.mounted(model).under(pressure=pressure), ("force",), (Heave(0.0),))
+    outcome = held(model, heave, charge**0.5, start, _BOLD)
+    return outcome.solution if outcome.status == "equilibrium" else None
+
+
+@dataclass(frozen=True)
+class Task:
+    """Some samples of one specimen's film, to be solved together."""
+
+    setup: Setup
+    name: str
+    grid: Grid
+    axes: tuple[Axis, ...]
+    samples: tuple[Sample, ...]
+    settings: Settings = COARSE
+
+    def run(self) -> list[tuple[Array, Array]]:
+        """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
+        known: dict[tuple[object, ...], Nodes] = {}
+        found = []
+        for sample in sorted(self.samples, key=lambda sample: len(sample.axes)):
+            axes = [self.axes[index] for index in sample.axes]
+            sizes = [axis.size(at) for axis, at in zip(axes, sample.at, strict=True)]
+            grid = grid_of(self.grid, sample)
+            nominal = (grid, outlines(self.setup.specimen(self.name)))
+            if nominal not in known:
+                known[nominal] = at_nodes(Film.of(self.setup, self.name), grid, self.settings)
+            film = edited(self.setup, self.name, axes, sizes)
+            own = grid, outlines(film.specimen)
+            nodes = at_nodes(film, grid, self.settings, known.get(own, known[nominal])) if axes else known[nominal]
+            known.setdefault(own, nodes)
+            found.append((sample, (nodes.force, nodes.capacitance)))
+        results = dict(found)
+        return [results[sample] for sample in self.samples]
+
+
+def nominal_law(setup: Setup, name: str, heave: float, charge: float) -> ForceLaw:
+    """The force law of a film without effects, up to a heave [m] and a U² [V²], less where it cannot be solved."""
+    film = Film.of(setup, name)
+    while True:
+        grid = Grid(heave, charge, odd=not film.heavy and film.loading.arm == (0.0, 0.0))
+        try:
+            nodes = at_nodes(film, grid, COARSE, strict=True)
+        except NotSampled as error:
+            charge = min(0.9 * charge, error.charge)
+            if charge < 1.0:
+                raise
+        else:
+            return fitted(grid, (), [Sample((), ())], [nodes.force], [nodes.capacitance])
+
+
+def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
+               progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
+    """The force law of every specimen, with the axes of every effect in the library.
+
+    Raises
+    ------
+    NotSampled
+        Where a film has no solution within its grid.
+    """
+    names = [specimen.name for specimen in setup.specimens]
+    axes = [film_axes(setup, name) for name in names]
+    tasks: list[Task] = []
+    owners: list[int] = []
+    for number, (name, grid, own) in enumerate(zip(names, grids, axes, strict=True)):
+        every = sorted(samples(own), key=lambda sample: (len(sample.axes) > 1, _mesh_of(own, sample)))
+        chunks = [tuple(every[k : k + _CHUNK]) for k in range(0, len(every), _CHUNK)]
+        tasks += [Task(setup, name, grid, own, chunk) for chunk in chunks]
+        owners += [number] * len(chunks)
+    results = list(_run(tasks, workers, progress))
+    laws = []
+    for number, (grid, own) in enumerate(zip(grids, axes, strict=True)):
+        where = [sample for task, owner in zip(tasks, owners, strict=True) if owner == number
+                 for sample in task.samples]
+        nodes = [pair for result, owner in zip(results, owners, strict=True) if owner == number for pair in result]
+        laws.append(fitted(grid, own, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes]))
+    return tuple(laws)
+
+
+def _mesh_of(axes: tuple[Axis, ...], sample: Sample) -> tuple[tuple[str, float], ...]:
+    """What of a sample may need a mesh of its own, so that samples on one mesh are solved by one process."""
+    return tuple((axes[index].effect, at) for index, at in zip(sample.axes, sample.at, strict=True))
+
+
+def _run(tasks: Sequence[Task], workers: int, progress: Callable[[int, int], None]
+         ) -> Iterable[list[tuple[Array, Array]]]:
+    """Results in the order of the tasks."""
+    if workers < 2 or len(tasks) < 2:
+        for done, task in enumerate(tasks):
+            progress(done, len(tasks))
+            yield task.run()
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for done, result in enumerate(pool.map(Task.run, tasks)):
+            progress(done, len(tasks))
+            yield result

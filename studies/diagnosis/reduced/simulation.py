@@ -1,0 +1,275 @@
+"""What a rig's sensors would show, for given stiffness, permittivity and effects, by the films' force laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.geometry.outlines import area
+from tympan.studies.diagnosis.reading_table import States, Table
+from tympan.studies.diagnosis.reduced.axes import changes_rig
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Surface
+from tympan.studies.effects import REGISTRY, Effect, Setup, Use
+
+Array = NDArray[np.float64]
+
+#: Newton iterations for heaves, and the change at which they end, relative to the law's largest heave.
+_ITERATIONS, _SMALL = 25, 1e-9
+
+#: How far beyond its largest heave and U² a force law is trusted, as shares.
+_BEYOND = 0.15
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect, and the specimen it happens to, if it is on one."""
+
+    effect: str
+    which: str | None = None
+
+    @property
+    def of_registry(self) -> Effect:
+        """The effect."""
+        return REGISTRY[self.effect]
+
+    def __str__(self) -> str:
+        return self.effect if self.which is None else f"{self.effect} of {self.which}"
+
+
+#: Effects that are there together; none for the nominal model.
+Hypothesis = tuple[Cause, ...]
+
+
+def sizes_of(hypothesis: Hypothesis) -> int:
+    """How many numbers its effects have."""
+    return sum(len(cause.of_registry.parameters) for cause in hypothesis)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """Predictions for a setup.
+
+    Unknowns are the logarithms of a factor on all films' stiffness and of one on their permittivity, then the sizes of
+    the hypothesis' effects in the order of their parameters.
+    """
+
+    setup: Setup
+    laws: tuple[ForceLaw, ...]
+
+    def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
+        """The effects with their values."""
+        found, rest = [], list(unknowns[2:])
+        for cause in hypothesis:
+            parameters = cause.of_registry.parameters
+            sizes, rest = rest[: len(parameters)], rest[len(parameters) :]
+            values = tuple(item.value(size) for item, size in zip(parameters, sizes, strict=True))
+            found.append(Use(cause.effect, values, cause.which))
+        return tuple(found)
+
+    def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States, start: Array | None = None) -> Array:
+        """Heave of each state [m]; nan where there is no equilibrium or none that the force laws reach."""
+        view = _View(self, hypothesis, unknowns, states)
+        heave = view.first_guess() if start is None else np.where(np.isfinite(start), start, view.first_guess())
+        free = np.isnan(states.heave)
+        heave = np.where(free, heave, states.heave)
+        done = ~free
+        reach = view.reach
+        for _ in range(_ITERATIONS):
+            force, stiffness = view.balance(heave)
+            with np.errstate(all="ignore"):
+                step = np.where(done, 0.0, -force / stiffness)
+            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach, (1 + _BEYOND) * reach)
+            if np.all(np.abs(step) < _SMALL * reach):
+                break
+        force, stiffness = view.balance(heave)
+        with np.errstate(all="ignore"):
+            lost = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
+                           | (heave >= (1 + _BEYOND) * reach))
+        return np.where(lost | view.beyond, np.nan, heave)
+
+    def values(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array) -> Array:
+        """What each row of a table shows when the states have these heaves [m]."""
+        return _View(self, hypothesis, unknowns, table.states).shown(table, heave)
+
+    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: Table) -> Array:
+        """What each row of a table shows."""
+        return self.values(hypothesis, unknowns, table, self.heaves(hypothesis, unknowns, table.states))
+
+    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array, bounds: Array) -> Array:
+        """Derivatives of the rows by the unknowns, shape (rows, unknowns).
+
+        By the implicit function theorem: differences are taken of the balance of forces at fixed heaves only.
+        """
+        here = _View(self, hypothesis, unknowns, table.states)
+        force, stiffness = here.balance(heave)
+        value = here.shown(table, heave)
+        tiny = 1e-6 * np.mean(here.reach)
+        by_heave = (here.shown(table, heave + tiny) - here.shown(table, heave - tiny)) / (2 * tiny)
+        free = np.isnan(table.states.heave)
+        columns = []
+        for number, step in enumerate(_steps(hypothesis)):
+            step = -step if unknowns[number] + step > bounds[1, number] else step
+            moved = unknowns.copy()
+            moved[number] += step
+            there = _View(self, hypothesis, moved, table.states)
+            shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
+            columns.append(((there.shown(table, heave) - value) + _through(table, by_heave, shift, here)) / step)
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def rig_effects(self) -> frozenset[str]:
+        """Effects that edit the rig."""
+        return frozenset(name for name, effect in REGISTRY.items() if changes_rig(self.setup, effect))
+
+
+def _steps(hypothesis: Hypothesis) -> list[float]:
+    """Steps of the unknowns for differences."""
+    return [1e-6, 1e-6] + [1e-6 * item.deviation for cause in hypothesis for item in cause.of_registry.parameters]
+
+
+def _through(table: Table, by_heave: Array, shift: Array, view: _View) -> Array:
+    """Change of the rows by shifts of the states' heaves; ``by_heave`` is right for rows of one state."""
+    change = by_heave * shift[table.state]
+    ranges = table.since >= 0
+    if ranges.any():
+        gain = 1 + view.rig.sensor_gain
+        change[ranges] = gain * (shift[table.state[ranges]] - shift[table.since[ranges]])
+    return change
+
+
+class _View:
+    """The setup at given unknowns, seen from some states."""
+
+    def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, states: States) -> None:
+        self.states = states
+        self.stiffness = float(np.exp(unknowns[0]))
+        self.permittivity = float(np.exp(unknowns[1]))
+        self.rig = _rig(simulation, hypothesis, unknowns)
+        self.surfaces = [_surface(simulation, number, hypothesis, unknowns, self.stiffness)
+                         for number in range(len(simulation.laws))]
+        self.groups = states.of_specimen
+        # A probe shows what the supply gives, without the film's lag.
+        self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
+        seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
+        self.charge = self.permittivity / self.stiffness * seen**2
+        areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
+                          for specimen in simulation.setup.specimens])
+        self.load: Array = self.rig.force(states.mass, areas[states.specimen])
+        self.reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
+        top = np.array([law.grid.charge for law in simulation.laws])[states.specimen]
+        self.beyond = self.charge > (1 + _BEYOND) * top
+
+    @cached_property
+    def by_heave(self) -> list[Array]:
+        """Of each specimen, its states' forces as polynomials of the heave."""
+        return [surface.by_heave(self.charge[rows]) for rows, surface in zip(self.groups, self.surfaces, strict=False)]
+
+    def film(self, heave: Array) -> tuple[Array, Array]:
+        """Force of the films [N] and its derivative by the heave [N/m]."""
+        force, rate = np.empty((2, len(heave)))
+        for rows, surface, by_heave in zip(self.groups, self.surfaces, self.by_heave, strict=False):
+            if len(rows):
+                force[rows], rate[rows] = surface.force(heave[rows], by_heave)
+        return self.stiffness * force, self.stiffness * rate
+
+    def balance(self, heave: Array) -> tuple[Array, Array]:
+        """Force that is missing [N], and the stiffness of film and rig [N/m]."""
+        force, rate = self.film(heave)
+        force = force + self.rig.spring * heave
+        rate = rate + self.rig.spring
+        if self.rig.biases:
+            more = np.array([[bias.derivatives(one)[1:] for one in heave.tolist()] for bias in self.rig.biases]).sum(0)
+            force, rate = force + more[:, 0], rate + more[:, 1]
+        return force - self.load, rate
+
+    def first_guess(self) -> Array:
+        """Heaves by the stiffness of the flat film."""
+        rest = np.full(len(self.states), 0.02) * self.reach
+        force, rate = self.balance(rest)
+        with np.errstate(all="ignore"):
+            guess = rest - np.where(rate > 0, force / rate, 0.0)
+        return np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach)
+
+    def shown(self, table: Table, heave: Array) -> Array:
+        """What the rows show."""
+        rig, states = self.rig, self.states
+        shown = np.empty(len(table))
+        for kind, rows in table.rows_of.items():
+            at = table.state[rows]
+            if kind == "displacement":
+                shown[rows] = rig.reading(heave[at], states.elapsed[at])
+            elif kind == "range":
+                shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
+            elif kind == "capacitance":
+                shown[rows] = self._capacitance(heave)[at]
+            elif kind == "film_voltage":
+                shown[rows] = self.supplied[at]
+            else:
+                shown[rows] = (self.balance(heave)[0] + self.load)[at]
+        return shown
+
+    def _capacitance(self, heave: Array) -> Array:
+        found = np.empty(len(heave))
+        for rows, surface in zip(self.groups, self.surfaces, strict=False):
+            if len(rows):
+                found[rows] = surface.capacitance(heave[rows], self.charge[rows])
+        return self.permittivity * found
+
+
+def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
+    """The rig with its effects."""
+    setup = Setup((), simulation.setup.rig)
+    for cause in sorted(hypothesis, key=lambda cause: list(REGISTRY).index(cause.effect)):
+        first = 2 + sizes_of(hypothesis[: hypothesis.index(cause)])
+        if cause.effect in simulation.rig_effects:
+            setup = cause.of_registry.at(setup, unknowns[first : first + len(cause.of_registry.parameters)].tolist())
+    return setup.rig
+
+
+def _surface(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array, stiffness: float) -> Surface:
+    """The force law of a specimen with the effects that change its film."""
+    law, name = simulation.laws[number], simulation.setup.specimens[number].name
+    coordinates = np.zeros(len(law.axes))
+    first = 2
+    for cause in hypothesis:
+        count = len(cause.of_registry.parameters)
+        if cause.which in (None, name):
+            for place, axis in enumerate(law.axes):
+                if axis.effect == cause.effect:
+                    coordinates[place] = axis.coordinate(float(unknowns[first + axis.index]), stiffness)
+        first += count
+    return law.at(coordinates)
+
+
+def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
+    """Smallest and largest unknowns, shape (2, n): the priors' limits, within what the force laws reach."""
+    low, high = [-np.log(20.0)] * 2, [np.log(20.0)] * 2
+    for cause in hypothesis:
+        for index, item in enumerate(cause.of_registry.parameters):
+            least, most = item.limits
+            for law in simulation.laws:
+                for axis in law.axes:
+                    if (axis.effect, axis.index) == (cause.effect, index):
+                        least, most = max(least, -axis.span), min(most, axis.span)
+            low.append(max(least, 0.0) if item.sign == "even" and _folded(simulation, cause.effect, index) else least)
+            high.append(most)
+    return np.array([low, high])
+
+
+def _folded(simulation: Simulation, effect: str, index: int) -> bool:
+    """Whether the sign of a parameter changes nothing on any specimen."""
+    axes = [axis for law in simulation.laws for axis in law.axes if (axis.effect, axis.index) == (effect, index)]
+    return all(axis.folded for axis in axes)
+
+
+def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
+    """Each cause alone, then every two together; not two specimens' share of the same effect."""
+    singles: list[Hypothesis] = [(cause,) for cause in causes]
+    pairs: list[Hypothesis] = [(one, two) for k, one in enumerate(causes) for two in causes[k + 1 :]
+                               if one.effect != two.effect]
+    return (*singles, *pairs)

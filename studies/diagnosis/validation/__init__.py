@@ -1,0 +1,1 @@
+"""What an extended model gains on readings it has not seen."""

@@ -1,0 +1,80 @@
+"""A Gaussian process on what a model leaves: how well smooth curves predict without knowing any cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.reading_table import Table
+
+Array = NDArray[np.float64]
+
+#: Lengths in U² over its largest and in mass over its largest, likeness of specimens, and sizes over the residuals'.
+_CHARGES, _MASSES, _LIKE, _SIZES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0), (0.0, 0.5, 0.9, 0.99), (0.3, 1.0, 3.0, 10.0)
+
+#: More rows than this are thinned evenly before the process is trained.
+MOST_ROWS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Process:
+    """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen, which are given.
+
+    A row that is a difference of two states is the difference of the process at both. ``like`` is the correlation of
+    two specimens, whichever they are; ``size`` the standard deviation [unit of the readings].
+    """
+
+    train: Table
+    residual: Array
+    lengths: tuple[float, float]
+    like: float
+    size: float
+
+    @classmethod
+    def trained(cls, table: Table, residual: Array) -> Process:
+        """The most probable lengths, likeness and size on a grid, for residuals of a table's rows, shape (rows,)."""
+        if len(table) > MOST_ROWS:
+            kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
+            table, residual = table[kept], residual[kept]
+        typical = max(float(np.sqrt(np.mean(residual**2))), float(table.sigma.min()))
+        best, found = -np.inf, cls(table, residual, (1.0, 1.0), 0.5, typical)
+        for charge, mass, like in product(_CHARGES, _MASSES, _LIKE):
+            one = cls(table, residual, (charge, mass), like, typical)
+            values, vectors = np.linalg.eigh(one.covariance(table, table) / np.outer(table.sigma, table.sigma))
+            along = vectors.T @ (residual / table.sigma)
+            for share in _SIZES:
+                spread = 1 + share**2 * np.maximum(values, 0.0)
+                likelihood = -0.5 * float(np.sum(along**2 / spread + np.log(spread)))
+                if likelihood > best:
+                    best, found = likelihood, cls(table, residual, (charge, mass), like, share * typical)
+        return found
+
+    def covariance(self, one: Table, other: Table) -> Array:
+        """Covariance of the rows of two tables without noise, shape (rows of one, rows of the other)."""
+        charge, mass = (max(float(np.abs(values).max()), 1e-12) for values in
+                        (self.train.states.voltage**2, self.train.states.mass))
+        total = np.zeros((len(one), len(other)))
+        for left, sign in _ends(one):
+            for right, opposite in _ends(other):
+                a, b = one.states[left], other.states[right]
+                far = ((a.voltage[:, None] ** 2 - b.voltage**2) / charge / self.lengths[0]) ** 2
+                far += ((a.mass[:, None] - b.mass) / mass / self.lengths[1]) ** 2
+                alike = np.where(a.specimen[:, None] == b.specimen, 1.0, self.like)
+                total += np.outer(sign, opposite) * alike * np.exp(-0.5 * far)
+        return self.size**2 * total
+
+    def predicted(self, table: Table) -> Array:
+        """The most probable residuals of a table's rows, shape (rows,)."""
+        own = self.covariance(self.train, self.train) + np.diag(self.train.sigma**2)
+        return np.asarray(self.covariance(table, self.train) @ np.linalg.solve(own, self.residual))
+
+
+def _ends(table: Table) -> list[tuple[NDArray[np.int64], Array]]:
+    """The states of the rows with their signs: the one read and, for a range, the one it is counted from."""
+    ends = [(table.state, np.ones(len(table)))]
+    if np.any(table.since >= 0):
+        ends.append((np.maximum(table.since, 0), -(table.since >= 0).astype(float)))
+    return ends

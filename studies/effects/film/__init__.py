@@ -1,0 +1,1 @@
+"""Effects in the film and its electrodes."""

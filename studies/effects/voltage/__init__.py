@@ -1,0 +1,1 @@
+"""Effects between supply and film."""

@@ -1,0 +1,1 @@
+"""Estimating numbers from data: search, profiles, what is identifiable."""

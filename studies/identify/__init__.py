@@ -1,0 +1,1 @@
+"""The lumped model's constants from readings at rest and in time."""

@@ -1,0 +1,121 @@
+"""Responses in time as a dataset has them: what was read, and the voltage behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.studies.lumped.signals import Pieces
+
+Array = NDArray[np.float64]
+_ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
+_FLAT = 1e-9  # of the largest change: what is no change
+_LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded voltage
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage.
+
+    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of them [m].
+    """
+
+    specimen: int
+    mass: float
+    run: str
+    time: Array
+    displacement: Array
+    drive: Pieces
+    interval: float
+    first: float
+
+    @property
+    def begins(self) -> float:
+        """When the voltage first changes [s]; at the start, where it never does."""
+        points, volts = self.drive.time, self.drive.voltage
+        changed = np.flatnonzero(volts != volts[0])
+        return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
+
+    def calm(self, wait: float) -> Record:
+        """What was not read within so long after a jump of the voltage [s]."""
+        points, volts = self.drive.time, self.drive.voltage
+        jumps = points[1:][(np.diff(points) == 0) & (np.diff(volts) != 0)]
+        since = self.time[:, None] - jumps
+        kept = ~((since >= 0) & (since < wait)).any(axis=1)
+        return replace(self, time=self.time[kept], displacement=self.displacement[kept])
+
+    def until(self, time: float) -> Record:
+        """What was read up to a time [s]."""
+        kept = self.time <= time
+        points, volts = self.drive.time, self.drive.voltage
+        inside = points < time
+        last = float(volts[-1]) if time >= points[-1] else float(np.interp(time, points, volts))
+        drive = Pieces(np.append(points[inside], min(time, points[-1])), np.append(volts[inside], last))
+        return replace(self, time=self.time[kept], displacement=self.displacement[kept], drive=drive)
+
+
+def drive_of(time: Array, voltage: Array) -> Pieces:
+    """The voltage behind samples of it: straight lines between them, and jumps.
+
+    A change between two samples is a jump, at the later one, where it is more than 2 % of the voltage's range and the
+    voltage changes by less than a tenth of it between the samples before and between those after; so a lone step is
+    one, and ramps and sines have none. Between jumps a voltage within 2 % of its range is level, at its mean.
+
+    Examples
+    --------
+    >>> drive = drive_of(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 5.0, 5.0]))
+    >>> drive.time.tolist(), drive.voltage.tolist()
+    ([0.0, 2.0, 2.0, 3.0], [0.0, 0.0, 5.0, 5.0])
+    """
+    change = np.diff(voltage)
+    size = np.abs(change)
+    beside = np.maximum(np.append(0.0, size[:-1]), np.append(size[1:], 0.0))
+    jump = (size > _LEVEL * np.ptp(voltage)) & (beside < _ALONE * size)
+    after = np.flatnonzero(jump) + 1
+    level = voltage.copy()
+    for part in np.split(np.arange(len(time)), after):
+        if np.ptp(voltage[part]) <= _LEVEL * np.ptp(voltage):
+            level[part] = voltage[part].mean()
+    points, volts = np.insert(time, after, time[after]), np.insert(level, after, level[after - 1])
+    keep = np.ones(len(points), bool)
+    width = np.diff(points)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.diff(volts) / width
+    most = max(float(np.abs(slope[width > 0]).max(initial=0.0)), 1e-300)
+    with np.errstate(invalid="ignore"):
+        bent = np.abs(np.diff(slope)) > _FLAT * most
+    keep[1:-1] = bent | (width[1:] == 0) | (width[:-1] == 0)
+    return Pieces(points[keep], volts[keep])
+
+
+def records_of(dataset: Any) -> tuple[Record, ...]:
+    """The responses of a dataset, one for each specimen, mass and run.
+
+    Raises
+    ------
+    InputError
+        When it has no transient.csv, or a run of it too few readings.
+    """
+    table = dataset.transients
+    if table is None:
+        raise InputError("has no transient.csv: the viscous constants need responses in time", key=dataset.name)
+    names = [specimen.name for specimen in dataset.specimens]
+    kinds = np.array([names.index(name) for name in table.specimen.tolist()])
+    keys = list(zip(kinds.tolist(), table.mass.tolist(), table.run.tolist(), strict=True))
+    places: dict[tuple[int, float, str], list[int]] = {}
+    for row, key in enumerate(keys):
+        places.setdefault(key, []).append(row)
+    found = []
+    for (number, mass, run), rows in places.items():
+        order = np.array(rows)[np.argsort(table.time[rows], kind="stable")]
+        if len(order) < 5:
+            raise InputError("must have at least five readings", key=f"transient.csv, {names[number]}, run {run}",
+                             given=len(order))
+        time = table.time[order]
+        found.append(Record(number, mass, run, time, table.displacement[order], drive_of(time, table.voltage[order]),
+                            float(np.median(np.diff(time))), float(table.displacement[order[0]])))
+    return tuple(found)

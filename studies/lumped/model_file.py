@@ -1,0 +1,148 @@
+"""A lumped model as a file to take away: TOML with plain SI numbers whose keys name the units; it reads back equal."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tympan.fem.film.breakdown import read_strength
+from tympan.fem.film.library import read_material
+from tympan.fem.toml_writer import specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import specimen_from_table
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.geometry.toml_writer import toml
+from tympan.geometry.units import DIMENSIONS, quantity
+from tympan.studies.files import write_text
+from tympan.studies.lumped.actuator import Correction, Viscous
+from tympan.studies.lumped.membrane import LumpedModel
+
+_HEAD = """\
+# The lumped model of an actuator, built by tympan from its field model. SI; keys name the units.
+# With y the deflection, u the voltage, r the radius of the circle with the plate's area, and for every circle j, of
+# radius R_j:  V_j k_j^2 = 2 pi z0/ln(R_j/r),  k_j^2 = (1/r^2 - 1/R_j^2)/(2 ln(R_j/r)^3),  l_j = lp sqrt(1 + (k_j y)^2),
+#   film energy   E = stiffness sum_j alpha_j V_j (W(l_j, lp) - W(lp, lp))
+#   capacitance   C = flat_capacitance + permittivity sum_j alpha_j V_j eps0 eps_r (l_j^2 - lp^2) lp^2/T^2
+#   rest          m g = dE/dy - u^2/2 dC/dy
+# T virgin thickness, lp = sqrt(prestretch_x prestretch_y), z0 = T/lp^2, W the material's law (per virgin volume). With
+# permittivity_exponent n the bracket in C is lp^(2n) ((l_j lp)^(2 - n) - lp^(4 - 2n)). In motion each circle adds
+# alpha_j v_j phi_j/x_j (k1 (x_j - 1 - e_j) + eta2 phi_j dy/dt), e_j' = k1/eta1 (x_j - 1 - e_j), to the force, with the
+# paper's cone: x_j = sqrt(1 + (y/L_j)^2), phi_j = dx_j/dy, L_j = R_j - r, v_j = 2 pi r z0 L_j.
+# Up to highest_voltage the field model was compared; the lumped one knows nothing of pull-in, which comes above it.
+
+"""
+
+#: Suffixes of keys that hold quantities, and what these are; the longest ending counts.
+_SUFFIXES = {"_m": "length", "_kg": "mass", "_Pa": "stress", "_kg_per_m3": "density", "_V_per_m": "field",
+             "_rad": "angle"}
+
+_QUANTITY = re.compile(r"[-+]?(?:\d|inf)[^ ]* (\S.*)")
+_WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
+
+
+def model_to_toml(model: LumpedModel) -> str:
+    """The file's text.
+
+    Raises
+    ------
+    InputError
+        When the specimen's material cannot be written.
+    """
+    viscous, correction = model.viscous, model.correction
+    content = {
+        "stiffness": correction.stiffness, "permittivity": correction.permittivity,
+        "flat_capacitance_F": model.flat_capacitance, "highest_voltage_V": model.highest_voltage,
+        "viscous": {"k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2},
+        "circle": [{"radius_m": radius, "alpha": weight}
+                   for radius, weight in zip(model.radii, model.weights, strict=True)],
+        "specimen": _plain(tomllib.loads(specimen_to_toml(model.specimen))),
+    }
+    return _HEAD + toml(content)
+
+
+def write_model(file: Path, model: LumpedModel) -> None:
+    """Write it."""
+    write_text(file, model_to_toml(model))
+
+
+def read_model(file: Path | str) -> LumpedModel:
+    """The model of a file.
+
+    Raises
+    ------
+    InputError
+        Naming file, key, what was given and what is allowed.
+    """
+    table = Table.read(file)
+    inner = table.table("specimen")
+    specimen = specimen_from_table(Table(file, _with_units(inner.data), "specimen"), read_material, read_strength)
+    circles = table.tables("circle")
+    if not circles:
+        raise table.error("circle", "must be at least one circle")
+    pairs = [(one.number("radius_m", rule=POSITIVE), one.number("alpha", rule=_WEIGHT)) for one in circles]
+    inside = sum(specimen.plate.outline.semi_axes) / 2
+    if min(pairs)[0] <= inside:
+        raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m", min(pairs)[0])
+    viscous = table.table("viscous")
+    branch = Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE), viscous.number("eta1_Pa_s", rule=POSITIVE),
+                     viscous.number("eta2_Pa_s", rule=NON_NEGATIVE))
+    correction = Correction(table.number("stiffness", rule=POSITIVE), table.number("permittivity", rule=NON_NEGATIVE))
+    flat = table.number("flat_capacitance_F", rule=NON_NEGATIVE)
+    highest = table.number("highest_voltage_V", rule=POSITIVE)
+    for one in (*circles, viscous, table):
+        one.done()
+    radii, weights = zip(*pairs, strict=True)
+    if abs(sum(weights) - 1) > 1e-9:
+        raise table.error("circle", "alpha of all circles must add up to 1", sum(weights))
+    return LumpedModel(specimen, radii, weights, correction, flat, highest, branch)
+
+
+def _plain(content: Any) -> Any:
+    """Quantities with their unit as plain SI numbers under keys that name it."""
+    if not isinstance(content, Mapping):
+        return [_plain(one) for one in content] if isinstance(content, list) else content
+    return dict(_named(key, value) if key != "name" else (key, value) for key, value in content.items())
+
+
+def _named(key: str, value: Any) -> tuple[str, Any]:
+    for suffix, dimension in _SUFFIXES.items():
+        numbers = _numbers(value, dimension)
+        if numbers is not None:
+            return key + suffix, numbers
+    return key, _plain(value)
+
+
+def _numbers(value: Any, dimension: str) -> Any:
+    """A quantity, or nested lists of them, as numbers; None where it is something else."""
+    if isinstance(value, list) and value:
+        found = [_numbers(one, dimension) for one in value]
+        return None if any(one is None for one in found) else found
+    if not isinstance(value, str) or not _QUANTITY.fullmatch(value):
+        return None
+    try:
+        return quantity(value, dimension)
+    except InputError:
+        return None
+
+
+def _with_units(content: Any) -> Any:
+    """The inverse of :func:`_plain`."""
+    if not isinstance(content, Mapping):
+        return [_with_units(one) for one in content] if isinstance(content, list) else content
+    return dict(_unnamed(key, value) for key, value in content.items())
+
+
+def _unnamed(key: str, value: Any) -> tuple[str, Any]:
+    for suffix in sorted(_SUFFIXES, key=len, reverse=True):
+        if key.endswith(suffix):
+            return key.removesuffix(suffix), _texts(value, DIMENSIONS[_SUFFIXES[suffix]][0])
+    return key, _with_units(value)
+
+
+def _texts(value: Any, unit: str) -> Any:
+    if isinstance(value, list):
+        return [_texts(one, unit) for one in value]
+    return value if isinstance(value, str) else f"{value!r} {unit}"

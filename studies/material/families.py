@@ -1,0 +1,101 @@
+"""Laws as families of curves to fit: which constants stress is linear in, which shape it, and their bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
+from tympan.fem.film.laws.invariants import first_invariant
+from tympan.geometry.specimen import Material
+
+Array = NDArray[Any]
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Family:
+    """A law with free constants: ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
+
+    ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest I₁ − 3
+    of the readings.
+    """
+
+    name: str
+    linear: tuple[str, ...]
+    make: Callable[[Any, Any], Material]
+    shape: tuple[str, ...] = ()
+    bounds: Callable[[float], Bounds] = lambda excess: (0.0, 0.0)
+    starts: Callable[[float], Bounds] = lambda excess: (0.0, 0.0)
+    alike: bool = False  #: terms may change places; they are sorted by their shape constant
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """All names, linear ones first."""
+        return self.linear + self.shape
+
+    def material(self, values: Array) -> Material:
+        """The law with these constants."""
+        split = len(self.linear)
+        return self.make(_plain(values[:split]), _plain(values[split:]))
+
+    def columns(self, l1: Array, l2: Array, shape: Array) -> Array:
+        """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear); complex-safe in ``shape``."""
+        unit = np.eye(len(self.linear))
+        return np.stack([np.broadcast_to(self.make(_plain(row), _plain(shape)).derivatives(l1, l2)[1], l1.shape)
+                         for row in unit], axis=-1)
+
+    def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
+        """Nominal stress by every constant, by the complex step in the shape constants."""
+        split, step = len(self.linear), 1e-30
+        parts = [self.columns(l1, l2, values[split:])]
+        for index in range(len(self.shape)):
+            moved = values[split:] + 1j * step * (np.arange(len(self.shape)) == index)
+            parts.append((self.columns(l1, l2, moved) @ values[:split]).imag[:, None] / step)
+        return np.concatenate(parts, axis=1)
+
+    def stress(self, l1: Array, l2: Array, values: Array) -> Array:
+        """Nominal stress [Pa]."""
+        split = len(self.linear)
+        return self.columns(l1, l2, values[split:]) @ values[:split]
+
+    def ordered(self, values: Array) -> Array:
+        """The same law with its terms in order."""
+        if not self.alike:
+            return values
+        order = np.argsort(values[len(self.linear):])
+        return np.concatenate([values[:len(self.linear)][order], values[len(self.linear):][order]])
+
+
+def largest_excess(l1: Array, l2: Array) -> float:
+    """Largest I₁ − 3."""
+    return float(np.max(first_invariant(l1, l2)[0]))
+
+
+def _plain(values: Array) -> tuple[Any, ...]:
+    return tuple(value.item() for value in np.asarray(values))
+
+
+def _ogden(terms: int) -> Family:
+    numbers = range(1, terms + 1)
+    return Family(f"ogden_{terms}", tuple(f"mu_{n}" for n in numbers),
+                  lambda c, s: Ogden(c, tuple(power or 1e-9 for power in s)), tuple(f"alpha_{n}" for n in numbers),
+                  lambda excess: (-20.0, 20.0), lambda excess: (-5.0, 8.0), alike=True)
+
+
+#: By the name that ``tympan material fit --law`` takes.
+FAMILIES = {family.name: family for family in (
+    Family("neo_hooke", ("mu",), lambda c, _: NeoHooke(*c)),
+    Family("mooney_rivlin", ("c10", "c01"), lambda c, _: MooneyRivlin(*c)),
+    Family("yeoh", ("c10", "c20", "c30"), lambda c, _: Yeoh(c)),
+    Family("gent", ("mu",), lambda c, s: Gent(*c, *s), ("j_lim",),
+           lambda excess: (1.0001 * excess, 1e4), lambda excess: (1.05 * excess, 10 * excess + 10)),
+    Family("arruda_boyce", ("mu",), lambda c, s: ArrudaBoyce(*c, *s), ("lambda_lock",),
+           lambda excess: (1.0001 * (excess / 3 + 1) ** 0.5, 100.0),
+           lambda excess: (1.05 * (excess / 3 + 1) ** 0.5, 3 * (excess / 3 + 1) ** 0.5)),
+    _ogden(1), _ogden(2), _ogden(3),
+)}

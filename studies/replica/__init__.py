@@ -1,0 +1,1 @@
+"""The paper's figures computed again, and what is wrong in it."""

@@ -1,0 +1,90 @@
+"""Settling times of Section 4.2: by which criterion ours come nearest to the paper's, which names none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.paper.published import SETTLING
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Swings:
+    """Half the way [m] between neighbouring extremes, the time midway [s], and how far the response went at last [m].
+
+    The crossing of a threshold is interpolated between them on a logarithmic scale, as an oscillation dies.
+    """
+
+    time: Array
+    height: Array
+    travel: float
+
+    @classmethod
+    def of(cls, time: Array, deflection: Array) -> Swings:
+        """Of a sampled response to a step, the extremes refined by the parabola through three samples."""
+        turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
+        before, at, after = (deflection[turning + shift] for shift in (-1, 0, 1))
+        bend = before - 2 * at + after
+        shift = np.where(bend != 0, (before - after) / np.where(bend != 0, 2 * bend, 1.0), 0.0)
+        heights = at - (before - after) * shift / 4
+        places = time[turning] + shift * (time[1] - time[0])
+        return cls((places[1:] + places[:-1]) / 2 - time[0], np.abs(np.diff(heights)) / 2,
+                   float(abs(deflection[-1] - deflection[0])))
+
+    def settled(self, threshold: float) -> float:
+        """When the oscillation last exceeds a threshold [m]; nan where it never does."""
+        large = np.flatnonzero(self.height > threshold)
+        if not len(large):
+            return float("nan")
+        last = int(large[-1])
+        if last + 1 == len(self.height):
+            return float(self.time[last])
+        (one, other), (left, right) = self.height[last:last + 2], self.time[last:last + 2]
+        return float(left + (right - left) * np.log(one / threshold) / np.log(one / other))
+
+
+@dataclass(frozen=True, eq=False)
+class Criterion:
+    """A kind of criterion at one threshold: settling times [s], shape (masses, actuators)."""
+
+    kind: str
+    threshold: float
+    times: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference from the paper's [s]."""
+        return float(np.sqrt(np.mean((self.times - SETTLING) ** 2)))
+
+    def json(self) -> dict[str, Any]:
+        """As stored."""
+        return {"kind": self.kind, "threshold": self.threshold, "times_s": self.times.tolist(), "rms_s": self.rms}
+
+
+#: Kinds of criteria: what the threshold is a share of; a plain length in metres.
+KINDS = {
+    "largest swing": lambda swings: float(swings.height.max()),
+    "whole change": lambda swings: swings.travel,
+    "length": lambda swings: 1.0,
+}
+#: Thresholds as shares that are in use.
+USUAL = (0.05, 0.02, 0.01)
+
+
+def at(swings: list[list[Swings]], kind: str, threshold: float) -> Criterion:
+    """Settling times by one criterion, for responses by mass and actuator."""
+    times = [[one.settled(threshold * KINDS[kind](one)) for one in row] for row in swings]
+    return Criterion(kind, threshold, np.array(times))
+
+
+def nearest(swings: list[list[Swings]], kind: str) -> Criterion:
+    """The threshold of a kind whose six times are nearest to the paper's, among those that give all six."""
+    largest = min(one.height.max() / KINDS[kind](one) for row in swings for one in row)
+    smallest = max(one.height.min() / KINDS[kind](one) for row in swings for one in row)
+    found = (at(swings, kind, threshold) for threshold in np.geomspace(largest, smallest, 402)[1:-1])
+    return min(found, key=lambda one: one.rms)

@@ -1,0 +1,93 @@
+"""Finished tasks on disk: one checked file each, so that whatever was finished stays finished."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from tympan.geometry.errors import InputError
+from tympan.studies.files import write_atomically, write_text
+from tympan.studies.sweep.task import Result, Row, Task
+
+#: What a killed sweep may leave: files that were not renamed yet.
+_TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """The folder of a sweep.
+
+    A task's file is ``tasks/xx/ID.json``, xx the id's first digits: the SHA-256 of all that follows the first line,
+    then the id, the time it took and the rows. Files are written under another name and renamed.
+    """
+
+    folder: Path
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nobody else works in the folder meanwhile; the system lifts that when the process dies, however it does.
+
+        Raises
+        ------
+        InputError
+            When another sweep runs there, or the folder cannot be written.
+        """
+        with ExitStack() as held:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                fcntl.flock(held.enter_context((self.folder / ".lock").open("w")), fcntl.LOCK_EX | fcntl.LOCK_NB)
+                for pattern in _TEMPORARY:
+                    for left in self.folder.glob(pattern):
+                        left.unlink()
+            except BlockingIOError:
+                raise InputError("is in use by another sweep", file=self.folder) from None
+            except OSError as error:
+                raise InputError(f"cannot be written: {error.strerror or error}", file=self.folder) from None
+            yield
+
+    def put(self, task: Task, result: Result) -> None:
+        """Keep a result; its fields first, so that a task with a file has them all."""
+        for number, content in result.fields.items():
+            write_atomically(self.vtu(number), partial(_fill, content))
+        body = json.dumps({"task": task.id, "wall_s": result.wall_s, "fields": sorted(result.fields),
+                           "rows": result.rows}, ensure_ascii=False)
+        write_text(self._file(task), f"{_digest(body)}\n{body}\n")
+
+    def get(self, task: Task) -> list[Row] | None:
+        """The rows of a finished task; None if it is not finished, or its file is damaged or lacks its fields."""
+        try:
+            digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror or error}", file=self._file(task)) from None
+        except ValueError:  # also bytes that are no text
+            return None
+        if digest != _digest(body):
+            return None
+        content = json.loads(body)
+        if content["task"] != task.id or not all(self.vtu(number).exists() for number in content["fields"]):
+            return None
+        rows: list[Row] = content["rows"]
+        return rows
+
+    def vtu(self, number: str) -> Path:
+        """Where the fields of a case are."""
+        return self.folder / "fields" / f"{number}.vtu"
+
+    def _file(self, task: Task) -> Path:
+        return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"
+
+
+def _fill(content: bytes, file: Path) -> None:
+    file.write_bytes(content)
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,189 @@
+"""Which values a sweep gives to which keys: grids, lists and samples of the ranges in SWEEP.toml."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.units import DIMENSIONS, quantity
+
+#: Raw TOML values by dotted key: what one specimen of a sweep differs in.
+Choice = dict[str, Any]
+
+Array = NDArray[np.float64]
+
+#: More specimens than this are a slip of the pen.
+MOST = 1_000_000
+
+_COUNT: Rule = (lambda x: 1 <= x <= MOST and x == int(x), f"must be a whole number from 1 to {MOST}")
+_SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number, not negative")
+
+
+def choices(table: Table) -> list[Choice]:
+    """Every combination of the grid, each with every row of the list and every point of the sample."""
+    parts = [_grid(table.table("grid", {})), _list(table.table("list", {})), _sample(table.table("sample", {}))]
+    keys = [key for part in parts if part for key in part[0]]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise table.error(key, "must stand in one of [grid], [list] and [sample] only")
+        if any(other != key and other.startswith(f"{key}.") for other in keys):
+            raise table.error(key, "is varied as a whole and by its parts: only one of both")
+    if np.prod([float(len(part)) for part in parts]) > MOST:
+        raise table.error("grid", f"there must be at most {MOST} specimens", [len(part) for part in parts])
+    return [{**first, **second, **third} for first, second, third in product(*parts)]
+
+
+def with_choice(content: Mapping[str, Any], choice: Mapping[str, Any], table: Table) -> dict[str, Any]:
+    """A copy of nested tables with the values of a choice; an element of a list is named by its number."""
+    changed = copy.deepcopy(dict(content))
+    for key, value in choice.items():
+        _set(changed, key, copy.deepcopy(value), table)
+    return changed
+
+
+def read_quantity(value: Any) -> tuple[float, str] | None:
+    """SI value and SI unit ("" of a plain number), None of what is neither.
+
+    Examples
+    --------
+    >>> read_quantity("8 mm"), read_quantity(2), read_quantity("ellipse")
+    ((0.008, 'm'), (2.0, ''), None)
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value), ""
+    for dimension, (unit, _) in DIMENSIONS.items():
+        try:
+            return quantity(value, dimension), unit
+        except InputError:
+            continue
+    return None
+
+
+def _set(content: dict[str, Any], key: str, value: Any, table: Table) -> None:
+    *path, last = key.split(".")
+    inner: Any = content
+    for number, name in enumerate(path):
+        inner = inner[_index(inner, name, key, table)] if isinstance(inner, list) else inner.setdefault(name, {})
+        if not isinstance(inner, dict | list):
+            raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table", inner)
+    inner[_index(inner, last, key, table) if isinstance(inner, list) else last] = value
+
+
+def _index(items: list[Any], name: str, key: str, table: Table) -> int:
+    if not name.isdecimal() or int(name) >= len(items):
+        raise table.error(key, f"unknown key: a list has the elements 0 to {len(items) - 1}", name)
+    return int(name)
+
+
+def _values(table: Table, key: str) -> list[Any]:
+    values = table.value(key)
+    if not isinstance(values, list) or not values:
+        raise table.error(key, "must be a list of values, at least one", values)
+    return values
+
+
+def _flat(table: Table) -> Iterator[str]:
+    """The keys of a table, which must be dotted names in quotation marks."""
+    for key, value in table.data.items():
+        if isinstance(value, Mapping):
+            raise table.error(key, f'must be a list; write a dotted key in quotation marks, such as "{key}.…" = […]')
+        yield key
+
+
+def _grid(table: Table) -> list[Choice]:
+    keys = list(_flat(table))
+    return [dict(zip(keys, row, strict=True)) for row in product(*(_values(table, key) for key in keys))]
+
+
+def _list(table: Table) -> list[Choice]:
+    columns = {key: _values(table, key) for key in _flat(table)}
+    if not columns:
+        return [{}]
+    length = len(next(iter(columns.values())))
+    for key, values in columns.items():
+        if len(values) != length:
+            raise table.error(key, f"must be as long as the first list of [list], {length}", len(values))
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _sample(table: Table) -> list[Choice]:
+    if not table.data:
+        return [{}]
+    draw = table.choice("method", METHODS)
+    count = int(table.number("count", rule=_COUNT))
+    seed = int(table.number("seed", 0, _SEED))
+    ranges = table.table("ranges")
+    keys = list(_flat(ranges))
+    if not keys:
+        raise table.error("ranges", "must name at least one key", {})
+    limits = [_range(ranges, key) for key in keys]
+    table.done()
+    return [{key: _between(limit, share) for key, limit, share in zip(keys, limits, point, strict=True)}
+            for point in draw(len(keys), count, seed).tolist()]
+
+
+def _range(table: Table, key: str) -> tuple[float, float, str]:
+    """Low, high and SI unit."""
+    values = _values(table, key)
+    found = [read_quantity(value) for value in values]
+    first, *others = found
+    if len(found) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
+        raise table.error(key, 'must be two values of one kind, the smaller first, such as ["8 mm", "15 mm"]; '
+                          "one element of a list has its number in the key", values)
+    (low, unit), (high, _) = first, others[0]
+    if not -np.inf < low < high < np.inf:
+        raise table.error(key, "must be two finite values, the smaller first", values)
+    return low, high, unit
+
+
+def _between(limit: tuple[float, float, str], share: float) -> Any:
+    low, high, unit = limit
+    value = low + share * (high - low)
+    return f"{value!r} {unit}" if unit else value
+
+
+def _random(dimensions: int, count: int, seed: int) -> Array:
+    return np.random.default_rng(seed).random((count, dimensions))
+
+
+def _latin_hypercube(dimensions: int, count: int, seed: int) -> Array:
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.LatinHypercube(dimensions, seed=np.random.default_rng(seed)).random(count))
+
+
+def _sobol(dimensions: int, count: int, seed: int) -> Array:
+    """The first points of the scrambled sequence; a power of two of them is balanced."""
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random_base2(max(count - 1, 0).bit_length())
+    return np.asarray(points[:count])
+
+
+#: Points in the unit cube, shape (count, dimensions), of a number of dimensions, a count and a seed.
+METHODS: dict[str, Callable[[int, int, int], Array]] = {
+    "random": _random, "latin_hypercube": _latin_hypercube, "sobol": _sobol}
+
+
+def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Keys and single values: a list becomes its elements.
+
+    Examples
+    --------
+    >>> list(flattened({"frame.semi_axes": ["6 cm", "4 cm"], "frame.shape": "ellipse"}))
+    [('frame.semi_axes.0', '6 cm'), ('frame.semi_axes.1', '4 cm'), ('frame.shape', 'ellipse')]
+    """
+    for key, value in choice.items():
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            yield from flattened({f"{key}.{number}": item for number, item in enumerate(value)})
+        elif isinstance(value, Mapping):
+            yield from flattened({f"{key}.{name}": item for name, item in value.items()})
+        else:
+            yield key, value

@@ -1,0 +1,245 @@
+"""The command as people and programs use it: JSON, exit statuses, standard output, start-up."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from tympan.cli import main
+from tympan.studies.paper.actuators import FILES as ACTUATORS
+
+SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "reaction_N", "capacitance_F",
+              "max_stretch", "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "dofs", "wall_s", "warnings"}
+ALPHA_KEYS = {"specimen", "circles", "alpha", "basis", "fit_error", "held_out_error", "from_fields", "warnings"}
+SOFT = """
+name = "soft"
+[frame]
+shape = "circle"
+radius = "4.5 cm"
+[plate]
+shape = "circle"
+radius = "1 cm"
+[membrane]
+thickness = "1 mm"
+prestretch = [2.2360679775, 2.2360679775]
+relative_permittivity = 4.7
+[membrane.material]
+law = "ogden"
+mu = ["15 kPa"]
+alpha = [2]
+"""
+
+
+def printed(capsys: pytest.CaptureFixture[str]) -> dict:
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out.count("\n") == 1
+    return json.loads(out)
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+def test_solve_json(name: str, capsys) -> None:
+    assert main(["solve", str(ACTUATORS[name]), "--mass", "17.9 g", "--voltage", "3.5 kV", "--json"]) == 0
+    result = printed(capsys)
+    assert set(result) >= SOLVE_KEYS
+    assert result["status"] == "equilibrium"
+    assert result["specimen"] == name
+    assert 2e-3 < result["deflection_m"] < 4e-3
+    assert result["reaction_N"] == pytest.approx(17.9e-3 * 9.80665, rel=1e-6)
+    # A parallel plate of the mounted film: ε₀ ε_r A/t, a little more when stretched.
+    area = np.pi * (4.5e-2 * {"circular": 4.5e-2, "elliptical-small": 6e-2, "elliptical-large": 7.5e-2}[name] - 1e-4)
+    assert result["capacitance_F"] == pytest.approx(8.8541878e-12 * 4.7 * area / 0.2e-3, rel=0.01)
+    assert result["max_field_V_per_m"] == pytest.approx(3500 / 0.2e-3, rel=0.03)
+    assert result["warnings"] == []
+
+
+def test_solve_past_pull_in(tmp_path, capsys) -> None:
+    file = tmp_path / "soft.toml"
+    file.write_text(SOFT)
+    assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", "7 kV", "--json"]) == 0
+    result = printed(capsys)
+    assert result["status"] == "no_equilibrium"
+    assert result["deflection_m"] is None
+    assert any("pulls in at 6.8" in words for words in result["warnings"])
+
+
+@pytest.mark.parametrize("name", ACTUATORS)
+@pytest.mark.parametrize("basis", ["membrane", "cone"])
+def test_alpha_json(name: str, basis: str, capsys) -> None:
+    assert main(["alpha", str(ACTUATORS[name]), "--basis", basis, "--json"]) == 0
+    result = printed(capsys)
+    assert set(result) >= ALPHA_KEYS
+    assert result["basis"] == basis
+    assert sum(result["alpha"]) == pytest.approx(1)
+    assert len(result["alpha"]) == len(result["circles"]) == len(result["from_fields"]["alpha"])
+    assert len(result["circles"]) == (1 if name == "circular" else 2)
+
+
+def test_alpha_of_other_numbers_of_circles(capsys) -> None:
+    assert main(["alpha", str(ACTUATORS["elliptical-large"]), "--circles", "3", "--radii", "sectors", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert len(result["circles"]) == len(result["alpha"]) == len(result["ranges"]) == 3
+    assert result["radii"] == "sectors"
+
+
+def test_alpha_refuses_too_many_circles(capsys) -> None:
+    assert main(["alpha", str(ACTUATORS["circular"]), "--circles", "7"]) == 2
+    assert "--circles: given 7: must be from 1 to 6" in capsys.readouterr().err
+
+
+def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "-o", str(tmp_path / "new" / "folder")]) == 0
+    assert "deflection_m" in capsys.readouterr().out
+    folder = tmp_path / "new" / "folder"
+    assert sorted(file.name for file in folder.iterdir()) == ["circular.json", "circular.vtu"]
+    mesh = meshio.read(folder / "circular.vtu")
+    stored = json.loads((folder / "circular.json").read_text())
+    assert mesh.point_data["displacement"][:, 2].max() == pytest.approx(stored["deflection_m"], rel=1e-9)
+    assert mesh.point_data["stress_1"].max() == pytest.approx(stored["max_true_stress_Pa"], rel=1e-3)
+
+
+def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
+    file = tmp_path / "soft.toml"
+    file.write_text(SOFT)
+    for voltage, names in (("3 kV", ["soft.json", "soft.vtu"]), ("20 kV", ["soft.json"])):
+        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o", str(tmp_path / "out")]) == 0
+        assert sorted(item.name for item in (tmp_path / "out").iterdir()) == names
+    assert "no_equilibrium" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("prestretch", ["1, 1", "0.99, 0.99", "0.5, 0.5"])
+@pytest.mark.parametrize("mass", ["0 g", "0.001 g", "17.9 g"])
+def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: str) -> None:
+    file = tmp_path / "slack.toml"
+    file.write_text(SOFT.replace("2.2360679775, 2.2360679775", prestretch))
+    assert main(["solve", str(file), "--mass", mass, "--json"]) == 0
+    result = printed(capsys)
+    assert result["status"] in ("equilibrium", "not_converged")
+    if result["status"] == "equilibrium":
+        assert result["reaction_N"] == pytest.approx(result["mass_kg"] * 9.80665, rel=1e-6, abs=1e-9)
+
+
+def test_study_into_a_file_is_one_message(tmp_path, capsys) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert main(["study", "-o", str(blocked)]) == 2
+    assert "cannot be written: Not a directory" in capsys.readouterr().err
+
+
+def test_rig_reaches_the_solver(tmp_path, capsys) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('spring = "10 N/m"\n')
+    deflections = []
+    for extra in ([], ["--rig", str(rig)]):
+        assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json", *extra]) == 0
+        deflections.append(printed(capsys)["deflection_m"])
+    assert deflections[1] < 0.95 * deflections[0]
+
+
+def test_an_output_that_cannot_be_written_is_one_message(tmp_path, capsys) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "1 g", "-o", str(blocked)]) == 2
+    err = capsys.readouterr().err
+    assert "cannot be written" in err
+    assert err.count("\n") == 1
+
+
+def test_export_writes_parts_that_can_be_read_back(tmp_path, capsys) -> None:
+    import cadquery as cq
+
+    assert main(["export", str(ACTUATORS["elliptical-small"]), "-o", str(tmp_path)]) == 0
+    files = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert sorted(file.suffix for file in files) == [".dxf"] * 4 + [".step"] * 4 + [".svg"] * 4 + [".vtu"]
+    assert all(file.stat().st_size > 300 for file in files)
+    film = cq.importers.importStep(str(tmp_path / "elliptical-small-film.step"))
+    assert film.val().Area() == pytest.approx(np.pi * (60 * 45 - 100), rel=1e-6)
+    plate = cq.importers.importStep(str(tmp_path / "elliptical-small-plate.step"))
+    assert plate.val().Volume() == pytest.approx(np.pi * (100 - 1.6**2) * 2, rel=1e-6)
+
+
+def test_materials_lists_sources(capsys) -> None:
+    assert main(["materials"]) == 0
+    listed = capsys.readouterr().out
+    for source in ("Foo", "Koh", "Huang"):
+        assert source in listed
+    assert main(["materials", "--json"]) == 0
+    assert "vhb-4910" in printed(capsys)
+
+
+def test_help_is_quick_and_imports_nothing_heavy() -> None:
+    """CPU time of ``tympan --help`` after a first call, and sys.modules after building the parser."""
+    command = [sys.executable, "-m", "tympan", "--help"]
+    subprocess.run(command, capture_output=True, check=True)
+    before = os.times()
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    after = os.times()
+    assert "solve" in done.stdout
+    cpu = after.children_user - before.children_user + after.children_system - before.children_system
+    assert cpu < 0.5
+    code = "import sys, tympan.cli; tympan.cli._parser(); print('\\n'.join(sys.modules))"
+    listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(listed.stdout.split())
+    heavy = {"numpy", "scipy", "skfem", "meshio", "cadquery", "OCP", "gmsh", "vtk", "vtkmodules", "pyvista",
+             "matplotlib", "pint", "tqdm", "jinja2"}
+    assert not modules & heavy
+
+
+def test_usage_errors_end_with_status_2(capsys) -> None:
+    for arguments in ([], ["dance"], ["solve"]):
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        assert stop.value.code == 2
+    assert "usage: tympan" in capsys.readouterr().err
+
+
+def test_missing_system_library_is_named(monkeypatch, capsys) -> None:
+    """As on a machine without libGLU: gmsh's import raises what the loader says."""
+    from tympan.studies.case import meshed
+
+    meshed.cache_clear()
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+
+    def no_gmsh(name: str, *arguments: object, **options: object) -> object:
+        if name == "gmsh":
+            raise OSError("libGLU.so.1: cannot open shared object file: No such file or directory")
+        return real(name, *arguments, **options)
+
+    import builtins
+
+    real = builtins.__import__
+    monkeypatch.setattr(builtins, "__import__", no_gmsh)
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "1 g"]) == 1
+    assert "Debian package libglu1-mesa" in capsys.readouterr().err
+
+
+def test_interrupt_is_a_message_and_status_1(monkeypatch, capsys) -> None:
+    import tympan.studies.case
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tympan.studies.case, "find", interrupted)
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "1 g"]) == 1
+    assert capsys.readouterr().err == "tympan: interrupted\n"
+
+
+def test_time_is_reported_truly(capsys) -> None:
+    began = time.perf_counter()
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json"]) == 0
+    assert 0 < printed(capsys)["wall_s"] < time.perf_counter() - began
+
+
+def test_report_says_what_it_rebuilds(tmp_path, capsys) -> None:
+    assert main(["report", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"tympan: {tmp_path}: holds none of study.json, diagnosis.json, paper.json")
+    assert "study, tympan diagnose and tympan lumped paper" in message

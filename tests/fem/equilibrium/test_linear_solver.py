@@ -1,0 +1,189 @@
+"""Sparse factorisation, elimination order and assembly against dense linear algebra and plain sums."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from conftest import circular, model, skewed
+from scipy.sparse import block_array, bmat, coo_matrix, csc_matrix, eye_array
+from scipy.sparse.linalg import splu
+
+from tests.fem.equilibrium.test_model import deformed
+from tympan.fem.discretisation.pattern import Pattern
+from tympan.fem.linear_solver.direct import Analysis, analyse, analyses, factorise
+from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+
+SOLVERS = ("SuperLU", *(["Pardiso"] if find_spec("pypardiso") else []))
+
+
+@pytest.fixture(scope="module", params=(2, 4))
+def film(request: pytest.FixtureRequest) -> Model:
+    return model(circular(), symmetry=False, refine=1.6 / request.param, order=request.param)
+
+
+@pytest.fixture(scope="module")
+def tangent(film: Model) -> csc_matrix:
+    positions, plate = deformed(film)
+    return film.linearised(State(positions, plate, 2500.0**2)).inner
+
+
+def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) -> Analysis:
+    return next(a for a in analyses(matrix.indices, matrix.indptr, order) if type(a).__name__ == name)
+
+
+def order_of(film: Model) -> np.ndarray:
+    number = (np.cumsum(film.free) - 1).reshape(film.free.shape)
+    nodes = elimination_order(film.connectivity, film.reference[:, :2])
+    return number[nodes][film.free[nodes]]
+
+
+def counted(matrix: csc_matrix) -> int:
+    return int(np.count_nonzero(np.linalg.eigvalsh(matrix.toarray()) < 0))
+
+
+def shifted(matrix: csc_matrix, quantile: float) -> csc_matrix:
+    """Indefinite: that share of the eigenvalues made negative, zero well between two of them."""
+    values = np.linalg.eigvalsh(matrix.toarray())
+    k = int(quantile * len(values))
+    return csc_matrix(matrix - eye_array(len(values)) * (values[k - 1] + values[k]) / 2)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_solves_one_and_several_right_hand_sides(name: str, film: Model, tangent: csc_matrix) -> None:
+    factors = factorise(tangent, analysis_by(name, tangent, order_of(film)))
+    right = np.random.default_rng(0).normal(size=(tangent.shape[0], 3))
+    exact = np.linalg.solve(tangent.toarray(), right)
+    assert factors.solve(right) == pytest.approx(exact, rel=1e-8, abs=1e-10 * np.abs(exact).max())
+    assert factors.solve(right[:, 1]) == pytest.approx(exact[:, 1], rel=1e-8, abs=1e-10 * np.abs(exact).max())
+    assert factors.solve(right[:, :0]).shape == (tangent.shape[0], 0)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("quantile", [0.003, 0.5])
+def test_counts_negative_eigenvalues(name: str, quantile: float, film: Model, tangent: csc_matrix) -> None:
+    matrix = shifted(tangent, quantile)
+    assert factorise(matrix, analysis_by(name, matrix, order_of(film))).negative == counted(matrix) > 0
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("first", [True, False])
+def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool, tangent: csc_matrix) -> None:
+    """A saddle: as many negative eigenvalues as constraints, whose zero pivots come first or last."""
+    size = tangent.shape[0]
+    constraint = coo_matrix((np.full(60, tangent.diagonal().max()), (np.arange(60) * 7 % size, np.arange(60) // 2)),
+                            (size, 30))
+    zero = coo_matrix((np.zeros(30), (np.arange(30), np.arange(30))), (30, 30))
+    blocks = [[zero, constraint.T], [constraint, tangent]] if first else [[tangent, constraint], [constraint.T, zero]]
+    matrix = csc_matrix(block_array(blocks, format="csc"))
+    for order in (np.arange(size + 30), None):
+        factors = factorise(matrix, analysis_by(name, matrix, order))
+        right = np.ones(size + 30)
+        assert matrix @ factors.solve(right) == pytest.approx(right, rel=1e-6)
+        assert factors.negative == counted(matrix) == 30
+
+
+def test_counts_them_where_rows_were_exchanged(tangent: csc_matrix) -> None:
+    pair = csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]]) * tangent.diagonal().max())
+    matrix = csc_matrix(bmat([[pair, None], [None, shifted(tangent, 0.1)]]))
+    factors = SuperLU(matrix.indices, matrix.indptr, np.arange(matrix.shape[0])).factorise(matrix)
+    assert (factors.factors.perm_r != factors.factors.perm_c).any()
+    assert factors.negative == counted(matrix)
+
+
+def test_counts_them_where_pivots_are_tiny(tangent: csc_matrix) -> None:
+    """Without pivoting these lose all digits, and with them the signs of what follows."""
+    scale = tangent.diagonal().max()
+    rng = np.random.default_rng(3)
+    coupling = coo_matrix(rng.normal(size=(20, tangent.shape[0])) * scale * 0.1)
+    tiny = eye_array(20) * 1e-15 * scale
+    matrix = csc_matrix(bmat([[tiny, coupling], [coupling.T, shifted(tangent, 0.2)]]))
+    factors = SuperLU(matrix.indices, matrix.indptr, np.arange(matrix.shape[0])).factorise(matrix)
+    assert factors.negative == counted(matrix)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_factors_outlive_later_ones_of_the_same_analysis(name: str, tangent: csc_matrix) -> None:
+    analysis = analysis_by(name, tangent)
+    right = np.ones(tangent.shape[0])
+    first = factorise(tangent, analysis)
+    before = first.solve(right)
+    for factor in (2.0, -3.0, 5.0):
+        later = factorise(factor * tangent, analysis)
+        assert later.solve(right) == pytest.approx(before / factor, rel=1e-8)
+        assert later.negative == (tangent.shape[0] - first.negative if factor < 0 else first.negative)
+    assert (first.solve(right) == before).all()
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_singular_matrix_is_refused_or_blows_up(name: str) -> None:
+    matrix = csc_matrix(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 2.0]]))
+    try:
+        solution = factorise(matrix, analysis_by(name, matrix)).solve(np.array([1.0, 0.0, 0.0]))
+    except RuntimeError:
+        return
+    assert not np.abs(solution).max() < 1e10
+
+
+def test_small_systems_are_scipy_s() -> None:
+    unit = csc_matrix(eye_array(10))
+    assert isinstance(analyse(unit.indices, unit.indptr), SuperLU)
+
+
+def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
+    film = model(circular(), symmetry=False, refine=3.0, order=2)
+    order = order_of(film)
+    assert (np.sort(order) == np.arange(film.free.sum())).all()
+    positions, plate = deformed(film)
+    matrix = film.linearised(State(positions, plate)).inner
+    ours = SuperLU(matrix.indices, matrix.indptr, order).factorise(matrix)
+    theirs = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    assert isinstance(ours, SuperLUFactors)
+    assert ours.factors.nnz < theirs.nnz
+
+
+def test_fill_grows_little_faster_than_the_unknowns() -> None:
+    """n log n: doubling the elements each way quadruples the unknowns and adds less than another half to the fill."""
+    fills, sizes = [], []
+    for refine in (1.5, 3.0):
+        film = model(circular(), symmetry=False, refine=refine, order=2)
+        matrix = film.linearised(State.mounted(film)).inner
+        fills.append(SuperLU(matrix.indices, matrix.indptr, order_of(film)).factorise(matrix).factors.nnz)
+        sizes.append(matrix.shape[0])
+    assert fills[1] / fills[0] < 1.5 * sizes[1] / sizes[0]
+
+
+@pytest.mark.parametrize("symmetry", [True, False])
+def test_assembly_is_the_sum_of_the_elements(symmetry: bool) -> None:
+    """Also where symmetry leaves only some components of a node free."""
+    film = model(circular(), symmetry=symmetry, refine=0.7, order=3)
+    local = 3 * film.connectivity.shape[1]
+    elements = np.random.default_rng(0).normal(size=(len(film.connectivity), local, local))
+    elements += elements.transpose(0, 2, 1)
+    number = (3 * film.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
+    rows, columns = np.repeat(number, local, axis=1).ravel(), np.tile(number, local).ravel()
+    whole = coo_matrix((elements.ravel(), (rows, columns)), (film.free.size, film.free.size)).tocsc()
+    free = film.free.ravel()
+    inner = Pattern.of(film.connectivity, film.free).assemble(elements)
+    inner.check_format()
+    assert inner.has_sorted_indices
+    assert inner.toarray() == pytest.approx(whole[free][:, free].toarray(), rel=1e-13, abs=1e-13)
+
+
+def test_temporaries_of_the_tangents_do_not_grow_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any size of chunk gives the same tangents; the largest temporary is the chunk's."""
+    film = model(skewed(), order=4)
+    positions, _ = deformed(film)
+    f = film.deformation(positions)
+    from tympan.fem.discretisation import assembly
+    from tympan.fem.membrane.model import cauchy_green
+
+    density = film.density(2500.0**2)(cauchy_green(f))
+    whole = film._element_tangents(f, density.stress, density.tangent)
+    monkeypatch.setattr(assembly, "_CHUNK", 1)
+    single = film._element_tangents(f, density.stress, density.tangent)
+    assert single == pytest.approx(whole, rel=1e-12, abs=1e-13 * np.abs(whole).max())

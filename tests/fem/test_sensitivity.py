@@ -1,0 +1,146 @@
+"""Gradients of results: against differences of solved equilibria, and exact identities of similarity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import circular, elliptical, model, skewed
+
+from tympan.fem.derivatives.adjoint import Adjoint
+from tympan.fem.derivatives.parameters import LOADS, Parameters, film_names, numbers, shape_names
+from tympan.fem.derivatives.quantities import (
+    QUANTITIES,
+    Heave,
+    Local,
+    larger_stress,
+    larger_stretch,
+    quantity,
+)
+from tympan.fem.derivatives.sensitivity import (
+    gradient,
+    gradient_many,
+    heave_gradient,
+    morphed,
+    parameters,
+)
+from tympan.fem.equilibrium.newton import newton
+from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.tangent import Tangent
+from tympan.fem.membrane.loading import Loading, Magnet, Spring
+from tympan.fem.membrane.model import Model
+from tympan.geometry.errors import InputError
+
+FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
+LOADING = Loading((Spring(4.0, 1e-4), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)
+WANTED = QUANTITIES | {"stress at a point": Local(larger_stress, (20e-3, 10e-3))}
+NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_names(skewed()))
+
+
+@pytest.fixture(scope="module")
+def solved(skewed_model: Model):
+    film = skewed_model.with_loading(LOADING)
+    solution = equilibrium(film, FORCE, VOLTAGE, PRESSURE).solution
+    known = Parameters(film)
+    return film, solution, gradient_many(film, solution, WANTED, {name: known[name] for name in known.names})
+
+
+def test_every_number_of_the_model_is_a_parameter(solved) -> None:
+    film, _, _ = solved
+    assert sorted(parameters(film)) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
+    """Central differences of re-solved equilibria, order two: the error falls fourfold when the step halves."""
+    film, solution, exact = solved
+    value = Parameters(film)[name].value(film, solution.state) or 1e-3
+    errors = []
+    for step in (4e-3 * abs(value), 2e-3 * abs(value)):
+        ends = []
+        for change in (step, -step):
+            other, start = morphed(film, solution.state, name, change)
+            found = newton(other, start)
+            assert found.converged
+            ends.append([one.value(other, found.state) for one in WANTED.values()])
+        errors.append(np.subtract(*ends) / (2 * step) - [exact[label][name] for label in WANTED])
+    for label, before, after in zip(WANTED, *np.abs(errors), strict=True):
+        # Where stiffening and thinning nearly cancel, what cancels is the scale.
+        size = abs(WANTED[label].value(film, solution.state) / value)
+        scale = max(abs(exact[label][name]), 0.01 * size)
+        assert after < 2e-4 * scale, label
+        assert before / after > 3.5 or after < 1e-7 * size, label
+
+
+def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is factorised, and the adjoint solution solves the equilibrium's own tangent; without refinement not."""
+    film, solution, exact = solved
+    fresh = Tangent(film, film.linearised(solution.state), solution.state)
+    right = Heave().slope(film, solution.state)
+    truth, stale = fresh.respond(right)[0], solution.tangent.respond(right)[0]
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("a gradient must not factorise")
+
+    monkeypatch.setattr(Tangent, "__init__", refuse)
+    found = Adjoint.of(film, solution).solve(right)[0]
+    assert np.abs(found - truth).max() < 1e-9 * np.abs(truth).max()
+    assert np.abs(stale - truth).max() > 1e-6 * np.abs(truth).max()
+    assert heave_gradient(film, solution, ["force"])["force"] == pytest.approx(exact["heave"]["force"], rel=1e-12)
+
+
+def test_similarity_ties_the_derivatives_together() -> None:
+    """The heave over the size depends on F/(mu T b), eps U²/(mu T²) and a/b alone; logarithmic slopes cancel."""
+    film = model(circular())
+    outcome = equilibrium(film, FORCE, VOLTAGE)
+    values = {"force": FORCE, "voltage": VOLTAGE, "membrane.material.mu.0": 25e3, "membrane.thickness": 1e-3,
+              "membrane.relative_permittivity": 4.7, "frame.radius": 45e-3, "plate.outline.radius": 10e-3}
+    slope = heave_gradient(film, outcome, list(values))
+    heave = outcome.state.plate.heave
+    log = {name: slope[name] * value / heave for name, value in values.items()}
+    assert log["voltage"] == pytest.approx(2 * log["membrane.relative_permittivity"], rel=1e-9)
+    assert log["membrane.material.mu.0"] == pytest.approx(-log["force"] - log["voltage"] / 2, rel=1e-8)
+    assert log["membrane.thickness"] == pytest.approx(-log["force"] - log["voltage"], rel=1e-8)
+    assert log["frame.radius"] + log["plate.outline.radius"] == pytest.approx(1 - log["force"], abs=1e-8)
+
+
+def test_a_quarter_answers_like_the_whole() -> None:
+    quarter, whole = (model(elliptical(60e-3), symmetry=symmetry, refine=0.7, order=2) for symmetry in (True, False))
+    even = [name for name in parameters(quarter) if "offset" not in name and "arm" not in name]
+    labels = {name: one for name, one in QUANTITIES.items() if name != "tilt"}
+    answers = []
+    for film in (quarter, whole):
+        known, outcome = Parameters(film), equilibrium(film, FORCE, VOLTAGE)
+        answers.append(gradient_many(film, outcome, labels, {name: known[name] for name in known.names}))
+    for label, one in labels.items():
+        for name in even:
+            value = known[name].value(whole, outcome.state) or 1.0
+            size = float(abs(one.value(whole, outcome.state)) / abs(value))
+            assert answers[0][label][name] == pytest.approx(answers[1][label][name], rel=1e-6, abs=1e-8 * size), name
+    assert answers[0]["heave"]["plate.offset.0"] == answers[0]["heave"]["loading.arm.1"] == 0
+    assert abs(answers[1]["heave"]["plate.offset.0"]) < 1e-6 * abs(answers[1]["heave"]["frame.semi_axes.0"])
+
+
+def test_what_has_no_derivative_is_refused(solved) -> None:
+    film, solution, _ = solved
+    with pytest.raises(InputError, match=r"membrane\.material\.mu\.0"):
+        heave_gradient(film, solution.state, ["membrane.colour"])
+    with pytest.raises(InputError, match="heave, tilt"):
+        quantity("beauty")
+    quarter = model(elliptical(60e-3), refine=0.7, order=2)
+    outcome = equilibrium(quarter, FORCE, 0.0)
+    with pytest.raises(InputError, match="does not tilt"):
+        gradient(quarter, outcome, QUANTITIES["tilt"], ["force"])
+    with pytest.raises(InputError, match="zero all over"):
+        gradient(quarter, outcome, QUANTITIES["max_field"], ["force"])
+    with pytest.raises(InputError, match="mesh the whole film"):
+        gradient(quarter, outcome, Local(larger_stretch, (0.02, 0.0)), ["plate.offset.0"])
+    with pytest.raises(InputError, match="no equilibrium"):
+        gradient(quarter, replace(outcome, status="no_equilibrium"), Heave(), ["force"])
+
+
+def test_wrinkling_films_have_no_capacitance_gradient(solved) -> None:
+    film, solution, _ = solved
+    with pytest.raises(InputError, match="do not wrinkle"):
+        gradient(replace(film, wrinkles=True), solution.state, QUANTITIES["capacitance"], ["force"])

@@ -1,0 +1,201 @@
+"""Outlines from DXF and STEP files, parts for making, and what is refused of them, with its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import cadquery as cq
+import ezdxf
+import numpy as np
+import pytest
+from conftest import circular
+
+from tympan.cli import main
+from tympan.commands.export import SIZES
+from tympan.geometry.cad import membrane as cad
+from tympan.geometry.cad import parts
+from tympan.geometry.cad.parts import PartOptions
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import (
+    Circle,
+    Drawn,
+    Outline,
+    Polygon,
+    area,
+    check,
+    examples,
+    read_outline,
+)
+from tympan.geometry.outlines.drawings import dxf_pieces, edge_pieces
+from tympan.geometry.outlines.shapes.drawn import joined
+from tympan.geometry.outlines.shapes.spline import ClosedSpline
+from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.geometry.toml_reader import Table
+from tympan.geometry.units import quantity
+from tympan.studies.paper.actuators import FILES
+
+EXAMPLES = examples()
+PLATE = Plate(Circle(10e-3), (2e-3, 1e-3))
+
+
+def specimen(frame: Outline) -> Specimen:
+    film: Film = circular().membrane
+    return Specimen("film", frame, PLATE, film)
+
+
+def imported(folder: Path, **keys: str) -> Outline:
+    return read_outline(Table(folder / "specimen.toml", keys, "frame"))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_was_written_reads_back_as_the_same_outline(name: str, tmp_path: Path) -> None:
+    frame = EXAMPLES[name]
+    film = cad.membrane_part(specimen(frame))
+    cad.write_step([film], tmp_path / "film.step")
+    parts.write_dxf([film], tmp_path / "film.dxf")
+    size = max(frame.semi_axes)
+    points = frame.points(1500)
+    for keys in ({"shape": "step", "file": "film.step", "curve": "outer"},
+                 {"shape": "dxf", "file": "film.dxf", "layer": "outline"},
+                 {"shape": "dxf", "file": "film.dxf", "curve": "outer"}):
+        again = imported(tmp_path, **keys)
+        assert np.abs(again.curve.level(*points)).max() < 1e-9 * size
+        assert np.abs(frame.curve.level(*again.points(1500))).max() < 1e-9 * size
+        assert area(again) == pytest.approx(area(frame), rel=1e-9)
+    hole = imported(tmp_path, shape="dxf", file="film.dxf", layer="opening")
+    assert np.abs(hole.level(*Circle(10e-3).points(300))).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
+    made, options = specimen(EXAMPLES[name]), PartOptions()
+    holes = options.holes(made.frame)
+    assert len(holes) == max(4, np.ceil(made.frame.curve.length / options.spacing))
+    assert np.allclose(made.frame.curve.level(*holes.T), options.width / 2, rtol=2e-2)
+    for part, height in ((parts.frame_part, 4.0), (parts.clamp_part, 2.0)):
+        ring = part(made, options)
+        assert ring.isValid()
+        wires = parts.flat_wires([ring])
+        kinds = [kind for kind, _ in wires]
+        assert [kinds.count(kind) for kind in ("outline", "opening", "holes")] == [1, 1, len(holes)]
+        assert ring.BoundingBox().zlen == pytest.approx(height, abs=1e-5)
+        # OpenCASCADE's areas and volumes within splines err by up to 0.4 %, the curves themselves do not.
+        outline, opening = (joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)], None)
+                            for _, wire in wires[:2])
+        assert area(opening) == pytest.approx(area(made.frame), rel=1e-9)
+        # Steiner's formula, which holds around convex outlines.
+        steiner = area(made.frame) + made.frame.curve.length * options.width + np.pi * options.width**2
+        assert area(outline) == pytest.approx(steiner, rel=1e-7 if name != "polygon" else 5e-3)
+    plate = parts.plate_part(made, options)
+    assert plate.Volume() == pytest.approx(2 * np.pi * (10**2 - 1.6**2), rel=1e-6)
+    parts.write_svg([parts.frame_part(made, options)], tmp_path / "frame.svg")
+    text = (tmp_path / "frame.svg").read_text(encoding="utf-8")
+    assert text.count("<path") == len(holes) + 2
+    width = float(re.search(r'width="([\d.]+)mm"', text)[1])
+    assert width == pytest.approx(2e3 * (made.frame.semi_axes[0] + options.width) + 2, abs=0.01)
+    assert re.search(rf'viewBox="\S+ \S+ {width:.6f} ', text)
+
+
+@pytest.mark.parametrize(("outline", "words"), [
+    (Polygon(((0.0, 0.0), (0.1, 0.1), (0.1, 0.0), (0.0, 0.1))), "crosses itself at 0, 0 mm"),
+    (ClosedSpline(((0.05, 0.0), (-0.05, 0.03), (-0.05, -0.03), (0.05, 0.03), (0.06, -0.01))), "crosses itself at"),
+    (Polygon(((0.0, 0.0), (0.0, 0.1), (0.1, 0.1), (0.1, 0.0))), "runs clockwise.*at -50, -50 mm"),
+    (Polygon(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.09998, 0.1), (0.0, 0.1))), "0.02 mm long.* at 50, 50 mm"),
+    (Polygon(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)), 2e-5), "less than 0.001.* at"),
+    (Polygon(((-0.1, -0.1), (0.1, -0.1), (0.0, 5e-5), (0.1, 0.1), (-0.1, 0.1), (0.0, -5e-5))), "crosses itself|neck"),
+    (Polygon(((-0.1, -0.1), (0.1, -0.1), (1e-5, 0.0), (0.1, 0.1), (-0.1, 0.1), (-1e-5, 0.0))), "neck narrower .* at"),
+])
+def test_what_cannot_be_an_outline_is_refused_with_its_place(outline: Outline, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        check(outline, "frame")
+    assert caught.value.key == "frame"
+
+
+def test_a_plate_beyond_a_frame_that_bends_inwards_is_refused_with_its_place() -> None:
+    notched = Polygon(((-40e-3, -40e-3), (0.0, -5e-3), (40e-3, -40e-3), (40e-3, 40e-3), (-40e-3, 40e-3)))
+    with pytest.raises(InputError, match=r"beyond it at 0, -5 mm"):
+        Specimen("film", notched, Plate(Circle(12e-3)), circular().membrane)
+
+
+def test_fillets_that_do_not_fit_are_refused_with_their_side() -> None:
+    with pytest.raises(InputError, match="the side from 0, 0 mm is 10 mm long, the arcs at its ends need 12 mm"):
+        check(Polygon(((0.0, 0.0), (0.01, 0.0), (0.01, 0.05), (0.0, 0.05)), 6e-3), "frame")
+
+
+def _lines(*points: tuple[float, ...]) -> Callable[[ezdxf.layouts.Modelspace], None]:
+    def draw(space: ezdxf.layouts.Modelspace) -> None:
+        for start, end in pairwise(points):
+            space.add_line(start, end)
+
+    return draw
+
+
+@pytest.mark.parametrize(("draw", "words"), [
+    (_lines((0, 0), (50, 0), (50, 40), (0, 40)), "is open at (0, 40|50, 40|0, 0)"),
+    (_lines((0, 0), (50, 0), (50, 40), (0, 0), (0, 30)), "(branches|is open) at"),
+    (lambda space: [space.add_circle((0, 0), 30), space.add_circle((0, 0), 10)], "one closed curve, but has 2"),
+    (_lines((0, 0, 0), (50, 0, 5), (50, 40, 0), (0, 0, 0)), "must be flat: a LINE has a point at 50, 0, 5"),
+    (lambda space: space.add_text("nothing"), "no lines, arcs or splines"),
+    (lambda space: space.add_3dface([(0, 0), (1, 0), (1, 1)]), "has a 3DFACE"),
+])
+def test_drawings_that_are_no_outline_are_refused(draw: Callable, words: str, tmp_path: Path) -> None:
+    document = ezdxf.new(units=ezdxf.units.MM)
+    draw(document.modelspace())
+    document.saveas(tmp_path / "egg.dxf")
+    with pytest.raises(InputError, match=words) as caught:
+        imported(tmp_path, shape="dxf", file="egg.dxf")
+    assert caught.value.key == "frame.file"
+    assert str(caught.value.file).endswith("specimen.toml")
+
+
+def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
+    document = ezdxf.new(units=ezdxf.units.CM)
+    document.modelspace().add_lwpolyline([(3, 2, 1), (3, 6, 0), (-3, 6, 1), (-3, 2, 0)], format="xyb", close=True)
+    document.saveas(tmp_path / "stadium.dxf")
+    found = imported(tmp_path, shape="dxf", file="stadium.dxf")
+    assert found.semi_axes == pytest.approx((50e-3, 20e-3))
+    assert area(found) == pytest.approx(60e-3 * 40e-3 + np.pi * 20e-3**2, rel=1e-12)
+
+
+def test_step_files_that_are_no_outline_are_refused(tmp_path: Path) -> None:
+    cad.write_step([cq.Solid.makeBox(10, 10, 10)], tmp_path / "box.step")
+    cad.write_step([cq.Edge.makeLine(cq.Vector(0, 0, 0), cq.Vector(10, 0, 0))], tmp_path / "open.step")
+    (tmp_path / "none.step").write_text("no", encoding="utf-8")
+    for name, words in (("box", "must be flat"), ("open", "is open at 10, 0 mm"), ("none", "is no STEP file"),
+                        ("missing", "is no file")):
+        with pytest.raises(InputError, match=words):
+            imported(tmp_path, shape="step", file=f"{name}.step")
+
+
+def test_splines_of_other_degrees_come_close(tmp_path: Path) -> None:
+    document = ezdxf.new(units=ezdxf.units.MM)
+    space = document.modelspace()
+    space.add_rational_spline([(30, 0), (30, 30), (0, 30)], [1, 0.5**0.5, 1], degree=2)
+    space.add_arc((0, 0), 30, 90, 360)
+    document.saveas(tmp_path / "circle.dxf")
+    found = imported(tmp_path, shape="dxf", file="circle.dxf")
+    assert isinstance(found, Drawn)
+    assert np.abs(found.level(*Circle(30e-3).points(500))).max() < 1e-9 * 30e-3
+    assert len(dxf_pieces(tmp_path / "circle.dxf", "*")) == 2
+
+
+def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["export", str(FILES["circular"]), "-o", str(tmp_path), "--refine", "0.5"]
+    assert main([*command, "--screw", "3 mm", "--width", "12 mm", "--spacing", "30 mm", "--plate-height", "3 mm"]) == 0
+    plate = cq.importers.importStep(str(tmp_path / "circular-plate.step")).val()
+    assert plate.Volume() == pytest.approx(3 * np.pi * (10**2 - 1.5**2), rel=1e-6)
+    frame = cq.importers.importStep(str(tmp_path / "circular-frame.step")).val()
+    count = np.ceil(2 * np.pi * 45 / 30)
+    assert frame.Volume() == pytest.approx(4 * np.pi * (57**2 - 45**2 - count * 1.5**2), rel=1e-6)
+    capsys.readouterr()
+    assert main([*command, "--screw", "6 mm"]) == 2
+    assert capsys.readouterr().err == "tympan: --screw: given '6 mm': must be at most half the width of the ring\n"
+    assert main([*command, "--width", "-1 mm"]) == 2
+    assert "--width: given '-1 mm': must be from 10 um to 10 m" in capsys.readouterr().err
+
+
+def test_the_command_s_default_sizes_are_the_parts_own() -> None:
+    assert PartOptions(**{name: quantity(text, "length") for name, (text, _) in SIZES.items()}) == PartOptions()

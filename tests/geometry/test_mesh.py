@@ -1,0 +1,165 @@
+"""Meshes: exact areas, tags by place, mirror images, and gmsh left as it was found."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+
+import gmsh
+import numpy as np
+import pytest
+import skfem
+from conftest import circular, elliptical, skewed
+
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import cell_fields
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesh import ELEMENTS, facets_of, folded, from_meshio, unfold
+from tympan.geometry.mesher import MeshSettings, mesh_film
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Electrode, Plate
+from tympan.studies.case import Settings, build_model
+
+SPECIMENS = {
+    "circle": circular(),
+    "large ellipse": elliptical(75e-3),
+    "upright ellipse": replace(elliptical(30e-3)),
+    "off centre": replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (12e-3, 0.0))),
+    "skewed": skewed(),
+}
+
+
+def area(mesh: skfem.Mesh, cells: object = None) -> float:
+    basis = skfem.CellBasis(mesh, mesh.elem(), elements=cells, intorder=8)
+    return float(basis.dx.sum())
+
+
+@pytest.mark.parametrize("order", sorted(ELEMENTS))
+@pytest.mark.parametrize("name", SPECIMENS)
+def test_area_and_boundaries(name: str, order: int) -> None:
+    specimen = SPECIMENS[name]
+    planes = specimen.mirror_planes
+    part = from_meshio(mesh_film(specimen, MeshSettings(order), planes))
+    mesh = unfold(part, planes).mesh
+    exact = np.pi * (np.prod(specimen.frame.semi_axes) - 0.01**2)
+    tolerance = {1: 8e-2, 2: 1e-3, 3: 2e-4, 4: 2e-6}[order]
+    assert area(mesh) == pytest.approx(exact, rel=tolerance)
+    # One orientation inside every element: none folds over.
+    determinants = skfem.CellBasis(mesh, mesh.elem(), intorder=8).mapping.detDF(
+        skfem.CellBasis(mesh, mesh.elem(), intorder=8).X)
+    assert np.all(np.sign(determinants) == np.sign(determinants[:, :1]))
+    basis = skfem.CellBasis(mesh, mesh.elem(), intorder=2)
+    for boundary, level in (("frame", specimen.frame.level), ("plate", specimen.plate.level)):
+        x, y = basis.doflocs[:, basis.get_dofs(mesh.boundaries[boundary]).flatten()]
+        assert len(x) > 8
+        assert np.abs(level(x, y)).max() < 1e-8
+    outside = np.concatenate([mesh.boundaries["frame"], mesh.boundaries["plate"]])
+    assert np.array_equal(np.sort(outside), np.sort(mesh.boundary_facets()))
+    for axis, coordinate in (("axis_x", 1), ("axis_y", 0)):
+        nodes = basis.doflocs[:, basis.get_dofs(mesh.boundaries[axis]).flatten()]
+        assert np.abs(nodes[coordinate] - specimen.plate.offset[coordinate]).max() < 1e-9
+
+
+def test_electrode_margins_have_their_areas() -> None:
+    specimen = replace(circular(), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
+    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
+    assert 4 * area(mesh, mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2), rel=1e-6)
+    assert 4 * area(mesh, mesh.subdomains["bare"]) == pytest.approx(
+        np.pi * (45e-3**2 - 42e-3**2 + 12e-3**2 - 10e-3**2), rel=1e-6)
+
+
+@pytest.mark.parametrize(("frame", "plate"), [(17, 17), (16, 16), (25, 8), (34, 0), (0, 34), (3, 2), (0.5, 0.5)])
+def test_no_band_folds_its_elements(frame: float, plate: float) -> None:
+    """A flat film is stretched alike everywhere, however narrow the bands: folded elements would show."""
+    specimen = replace(circular(), electrode=Electrode(frame * 1e-3, plate * 1e-3))
+    model = build_model(specimen, Settings())
+    assert folded(model.mesh) == 0
+    stretch = cell_fields(model, State.mounted(model), ELEMENTS[4].doflocs.T).stretch_1
+    assert np.allclose(stretch, 5**0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("electrode", "radius", "words"), [
+    (Electrode(margin_frame=1e-6), 10e-3, "at least 1 %"), (Electrode(34.9e-3), 10e-3, "98 %"),
+    (Electrode(), 44.99e-3, "gap")])
+def test_slivers_are_refused(electrode: Electrode, radius: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        replace(circular(), plate=Plate(Circle(radius)), electrode=electrode)
+
+
+def test_folding_is_seen() -> None:
+    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    assert folded(mesh) == 0
+    inner = np.flatnonzero(np.hypot(*mesh.doflocs) < 12e-3)[0]
+    places = mesh.doflocs.copy()
+    places[:, inner] *= 2.0
+    assert folded(replace(mesh, doflocs=places)) > 0
+
+
+def test_mirrored_mesh_is_symmetric_and_knows_its_origin() -> None:
+    part = from_meshio(mesh_film(elliptical(60e-3), MeshSettings(), frozenset("xy")))
+    whole = unfold(part, frozenset("xy"))
+    assert whole.mesh.nelements == 4 * part.nelements
+    assert np.allclose(whole.mesh.doflocs, whole.signs * part.doflocs[:, whole.origin], atol=1e-15)
+    assert area(whole.mesh) == pytest.approx(4 * area(part), rel=1e-13)
+
+
+def test_half_meshes_for_plates_off_centre_along_one_axis() -> None:
+    specimen = SPECIMENS["off centre"]
+    assert specimen.mirror_planes == {"y"}
+    part = from_meshio(mesh_film(specimen, MeshSettings(), specimen.mirror_planes))
+    assert part.doflocs[1].min() > -1e-12
+
+
+def test_facets_are_found_by_their_ends() -> None:
+    mesh = from_meshio(mesh_film(circular(), MeshSettings(), frozenset("xy")))
+    numbers = np.array([5, 0, 17])
+    assert np.array_equal(facets_of(mesh, mesh.facets[::-1, numbers].T), numbers)
+
+
+def test_gmsh_is_finalised_and_its_options_do_not_leak() -> None:
+    first = mesh_film(circular(), MeshSettings(), frozenset("xy"))
+    assert not gmsh.isInitialized()
+    mesh_film(circular(), MeshSettings(order=2, around_plate=40), frozenset())
+    again = mesh_film(circular(), MeshSettings(), frozenset("xy"))
+    assert np.array_equal(first.points, again.points)
+
+
+def test_elements_shrink_towards_the_plate() -> None:
+    mesh = from_meshio(mesh_film(elliptical(75e-3), MeshSettings(), frozenset("xy")))
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    size = np.sqrt(skfem.CellBasis(mesh, mesh.elem(), intorder=4).dx.sum(axis=1))
+    near = np.hypot(*centres) < 0.016
+    assert size[near].mean() < 0.5 * size[~near].mean()
+
+
+def test_meshing_leaves_a_broken_pipe_an_error() -> None:
+    """gmsh makes it lethal; a server that meshes, in any thread, must outlive a client that hangs up."""
+    script = """
+import os, pickle, sys, threading
+from tympan.geometry.mesher import MeshSettings, mesh_film
+
+specimen = pickle.load(sys.stdin.buffer)
+def mesh():
+    mesh_film(specimen, MeshSettings(order=1), frozenset("xy"))
+
+def broken():
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        os.write(writer, b"x")
+    except BrokenPipeError:
+        print("alive", flush=True)
+
+thread = threading.Thread(target=mesh)
+thread.start()
+thread.join()
+broken()
+mesh()
+broken()
+"""
+    done = subprocess.run([sys.executable, "-c", script], input=pickle.dumps(circular()), capture_output=True,
+                          check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    assert (done.returncode, done.stdout) == (0, b"alive\n" * 2), done.stderr.decode()

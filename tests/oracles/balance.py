@@ -1,0 +1,150 @@
+"""Whether a reported equilibrium is one: forces and moments summed again, without the solver's own.
+
+Stresses come from a singular value decomposition of the deformation gradient and the law's first derivatives, gas
+pressure acts along the deformed film's normal, the weight at its arm: none of tympan.fem.film.density,
+tympan.fem.membrane.enclosed_volume, tympan.fem.membrane.loading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import default_rng
+from numpy.typing import NDArray
+from scipy.constants import epsilon_0
+
+from tympan.fem.equilibrium.tangent import Tangent
+from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import whole
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-30
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What is left over in the whole film, relative to the largest nodal force; moments over the frame's half extent.
+
+    ``nodes``: on the free nodes. ``force`` and ``moment``: on the plate, along the motions its guide allows.
+    ``slope``: of the potential along random motions of film and plate, over force times motion.
+    ``plate_stable``: in all motions of the plate, also those that a mirrored part of the film cannot make.
+    ``film_modes``: negative eigenvalues of the film with the plate held.
+    """
+
+    nodes: float
+    force: float
+    moment: float
+    slope: float
+    plate_stable: bool
+    film_modes: int
+
+    @property
+    def worst(self) -> float:
+        """The largest of the left-over forces and moments."""
+        return max(self.nodes, self.force, self.moment)
+
+
+def balance(part: Model, state_of_part: State) -> Balance:
+    """Forces and moments left over at a state, on the whole film also where a mirrored part was solved."""
+    model, state = whole(part, state_of_part)
+    forces = nodal_forces(model, state)
+    scale = float(np.abs(forces).max())
+    frame = model.boundary_nodes("frame")
+    free = np.ones(len(forces), dtype=bool)
+    free[np.concatenate([frame, model.plate_nodes])] = False
+    force, moment = plate_balance(model, state, forces[model.plate_nodes])
+    allowed = np.array([name in GUIDES[model.loading.guide] for name in FREEDOMS])
+    tangent = Tangent(model, model.linearised(state), state)
+    return Balance(float(np.abs(forces[free]).max()) / scale, float(np.abs(force[allowed[:3]]).max(initial=0)) / scale,
+                   float(np.abs(moment[allowed[3:]]).max(initial=0)) / scale / model.size,
+                   slope(model, state, forces), tangent.plate_stable, tangent.wrinkling)
+
+
+def nodal_forces(model: Model, state: State) -> Array:
+    """What it takes to hold the nodes against film, its weight and the gas on it [N], shape (nodes, 3)."""
+    deformation = model.deformation(state.positions)
+    density, shapes = model.specimen.membrane.density, model.shapes
+    piola = _nominal_stress(model, state, deformation)
+    elements = np.einsum("epij,eplj,ep->eli", piola, model.gradients, model.volumes)
+    elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes, shapes)
+    normal = np.cross(deformation[..., 0], deformation[..., 1])
+    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes, model.basis.dx)
+    result = np.zeros_like(state.positions)
+    np.add.at(result, model.connectivity, elements)
+    return result
+
+
+def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
+    """Derivative of the energy per virgin volume by F of the mounted film [Pa]."""
+    film, electrode = model.specimen.membrane, model.specimen.electrode
+    stretched = np.array(film.prestretch)
+
+    def film_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
+        _, w1, w2, *_ = film.material.derivatives(l1, l2)
+        j, n = l1 * l2, film.permittivity_exponent
+        permittivity = epsilon_0 * film.relative_permittivity * (j / film.area_prestretch) ** -n
+        maxwell = (1 - n / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.covered
+        return w1 - maxwell / l1, w2 - maxwell / l2
+
+    def electrode_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
+        stiffness, l3 = electrode.stiffness * model.covered, 1 / (l1 * l2)
+        return stiffness * (l1 - l3**2 / l1), stiffness * (l2 - l3**2 / l2)
+
+    def along_axes(f: Array, stress: Callable[[Array, Array], tuple[Array, Array]]) -> Array:
+        left, values, right = np.linalg.svd(f, full_matrices=False)
+        principal = np.stack(stress(values[..., 0], values[..., 1]), axis=-1)
+        return np.einsum("...ik,...k,...kj->...ij", left, principal, right)
+
+    return along_axes(deformation * stretched, film_stress) * stretched + along_axes(deformation, electrode_stress)
+
+
+def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]:
+    """Force [N] and moment about its centre [N m] left over on the plate, from what it takes to hold its edge."""
+    plate, loading = state.plate, model.loading
+    arms = (model.reference[model.plate_nodes] - model.centre) @ plate.rotation.T
+    weight = np.array([0.0, 0.0, state.force])
+    hung = plate.rotation @ np.array([*loading.arm, 0.0])
+    gas = state.pressure * model.plate_area * plate.rotation[:, 2]
+    push = np.array([0.0, 0.0, sum(_pull(bias, plate.heave) for bias in loading.biases)])
+    return weight + gas + push - rim.sum(axis=0), np.cross(hung, weight) - np.cross(arms, rim).sum(axis=0)
+
+
+def _pull(bias: object, heave: float) -> float:
+    """Force of a bias mechanism along the load [N]."""
+    if isinstance(bias, Spring):
+        return bias.stiffness * (bias.rest - heave)
+    assert isinstance(bias, Magnet)
+    return bias.force / (1 + (bias.gap - heave) / bias.decay) ** bias.power
+
+
+def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
+    """Largest slope of the potential along random motions, over the largest force times the motion's length.
+
+    By a complex step, which has no error of truncation: near a law's locking stretch, or across a gap far narrower
+    than the frame, a difference's would be larger than the forces left over.
+    """
+    random, largest = default_rng(5), 0.0
+    for _ in range(tries):
+        nodes = random.standard_normal(int(model.free.sum())) * model.size
+        motion = np.zeros(6)
+        motion[list(model.plate_freedoms)] = random.standard_normal(len(model.plate_freedoms))
+        motion[:3] *= model.size
+        length = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum() * model.size**2)
+        rise = complex(model.potential(displaced(model, state, nodes, motion, _STEP * 1j))).imag / _STEP
+        largest = max(largest, abs(rise) / float(length * np.abs(forces).max()))
+    return largest
+
+
+def displaced(model: Model, state: State, nodes: Array, motion: Array, step: complex) -> State:
+    """The state after a step along a motion of free nodal components and plate; the rotation to the first order."""
+    positions = state.positions + 0 * step
+    positions[model.free] += step * nodes
+    turn = np.eye(3) + step * np.cross(motion[3:], np.eye(3)).T
+    plate = PlateMotion(state.plate.translation + step * motion[:3], turn @ state.plate.rotation)
+    return replace(state, positions=model.place(positions, plate), plate=plate)

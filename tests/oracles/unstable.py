@@ -1,0 +1,60 @@
+"""Independent references around pull-in: the unstable branch beyond it, and the loss of hoop tension before it.
+
+Built on the Ritz expansion of :mod:`axisymmetric`; the project is not imported.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from tests.oracles.axisymmetric import Film, FloatArray, NoEquilibrium, _fold, _Ritz, solve_load
+
+
+def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> float:
+    """Voltage [V] beyond the fold at which the plate at ``heave`` [m] carries ``force`` [N].
+
+    Followed from the fold in the heave, with shape and ``U^2`` unknown, so it may be unstable, held or not.
+    """
+    ritz = _Ritz(film, degree)
+    fold = _fold(ritz, force)
+    if heave < fold.deflection:
+        raise ValueError(f"the fold is at {fold.deflection:.6g} m")
+    past, now = None, (fold.deflection, fold.c, fold.q)
+    steps = max(2, math.ceil((heave - fold.deflection) / 4e-5))
+    for target in np.linspace(fold.deflection, heave, steps + 1)[1:]:
+        share = 0.0 if past is None else (target - now[0]) / (now[0] - past[0])
+        guess = now if past is None else tuple(b + share * (b - a) for a, b in zip(past, now, strict=True))
+        past, now = now, (target, *_at(ritz, guess[1], float(target), guess[2], force))
+    return math.sqrt(now[2])
+
+
+def _at(ritz: _Ritz, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray, float]:
+    """Shape and ``q = U^2`` at a heave and a force, by Newton's method."""
+    unit = ritz.q_unit / ritz.film.outer
+    for _ in range(25):
+        parts = ritz.derivatives(c, heave, q)
+        if parts is None:
+            break
+        _, gradient, hessian, mixed = parts
+        matrix = np.column_stack([hessian[:, :-1], mixed * unit])
+        residual = gradient - force * np.eye(len(gradient))[-1]
+        step = np.linalg.solve(matrix, residual)
+        c, q = c - step[:-1], q - float(step[-1]) * unit
+        if np.max(np.abs(step)) < 1e-9 * ritz.film.outer:
+            return c, q
+    raise NoEquilibrium("the branch ends", force, heave, past_limit=False)
+
+
+def slack_voltage(film: Film, force: float, highest: float) -> float:
+    """Voltage [V] at which the hoop stress at the plate falls to zero, Maxwell stress included.
+
+    Beyond it a film that may wrinkle (``Film.relaxed``) has no stable equilibrium: at the natural width its energy is
+    not convex in the meridional stretch. ``highest``: a voltage below pull-in at which the stress is compressive.
+    """
+    def hoop(voltage: float) -> float:
+        return float(solve_load(film, force, voltage).total2(film.inner))
+
+    return float(brentq(hoop, 0.9 * highest, highest, xtol=1e-3))

@@ -1,0 +1,414 @@
+"""The report of a small study: its pictures, its numbers, and what it says when the study is damaged."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from matplotlib import colormaps
+from PIL import Image
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Ellipse
+from tympan.geometry.system import MissingLibrary
+from tympan.reports import look as style
+from tympan.reports import scene
+from tympan.reports.scales import Scale, column_widths, paper_scale, percent, scale
+from tympan.reports.study import curves, figure4
+from tympan.reports.study import page as html
+from tympan.reports.study import text as words
+from tympan.reports.study.load import Curve, Line, Run, read_run
+from tympan.studies.alpha import AlphaSettings, LoadGrid
+from tympan.studies.case import Settings
+from tympan.studies.study import Study, default_study, run
+
+NAME = 'a "small" study <b> & more'
+
+
+@pytest.fixture(scope="module")
+def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A circle and an ellipse whose long axis is y, coarsely solved, stored, not yet reported."""
+    folder = tmp_path_factory.mktemp("study")
+    published = default_study()
+    circle = published.specimens[0]
+    standing = replace(circle, name="standing", frame=Ellipse((0.045, 0.075)))
+    few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((20e-3,), (2.5e3,)))
+    run(Study(NAME, (circle, standing), (published.sources[0], "# </pre><script>alert(1)</script>"),
+              curves=LoadGrid((17.9e-3, 22.45e-3), (0.0, 3e3, 40e3)), alpha=few,
+              settings=Settings(MeshSettings(order=2, around_plate=8, growth=1, across=1))), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def stored(study_folder: Path) -> Run:
+    """The study as read back."""
+    return read_run(study_folder)
+
+
+@pytest.fixture(scope="module")
+def report(study_folder: Path) -> Path:
+    """The study's report, with its figures beside it."""
+    return html.build(study_folder)
+
+
+@pytest.fixture
+def copy(study_folder: Path, tmp_path: Path) -> Path:
+    """A copy of the study that a test may damage."""
+    return shutil.copytree(study_folder, tmp_path / "copy",
+                           ignore=shutil.ignore_patterns("*.html", "*.png", "*.pdf", "*.svg"))
+
+
+class Page(HTMLParser):
+    """What a page refers to and the text it shows."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[str] = []
+        self.tags: list[str] = []
+        self.shown = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Collect references."""
+        self.tags.append(tag)
+        self.references += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+
+    def handle_data(self, data: str) -> None:
+        """Collect text."""
+        self.shown += data
+
+
+@pytest.fixture(scope="module")
+def page(report: Path) -> Page:
+    """The report, parsed."""
+    return Page(report.read_text(encoding="utf-8"))
+
+
+def test_all_files_are_written_and_nothing_else(report: Path) -> None:
+    written = {path.name for path in report.parent.iterdir() if path.is_file()}
+    assert written == {"study.json", "alpha.json", "report.html", "fig4.png", "fig4.pdf", "fig4.svg", "curves.png",
+                       "curves.svg"}
+
+
+@pytest.mark.parametrize("name", ["fig4.png", "curves.png"])
+def test_png_is_fit_for_print_and_shows_something(report: Path, name: str) -> None:
+    with Image.open(report.with_name(name)) as image:
+        assert image.width / image.info["dpi"][0] * 25.4 == pytest.approx(style.WIDTH, abs=0.2)
+        assert image.info["dpi"][0] >= 299
+        colours = image.convert("RGB").quantize(64).getcolors()
+    assert colours is not None
+    assert len(colours) > 20
+
+
+def test_vector_figures_keep_text_and_curves_as_such(report: Path) -> None:
+    svg = report.with_name("fig4.svg").read_text(encoding="utf-8")
+    assert svg.count("<image") == 2 + 1  # the membranes and the colour bar
+    assert ">standing</text>" in svg
+    assert report.with_name("fig4.pdf").read_bytes().startswith(b"%PDF")
+    assert "<image" not in report.with_name("curves.svg").read_text(encoding="utf-8")
+
+
+def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
+    curves.draw(copy)
+    figure4.draw(copy, ("pdf",))
+    for name in ("curves.svg", "fig4.pdf"):
+        assert copy.joinpath(name).read_bytes() == report.with_name(name).read_bytes()
+
+
+def test_membranes_have_one_scale_and_their_true_width(stored: Run) -> None:
+    view = figure4.plan(stored.specimens, stored.stress_range).view
+    for specimen in stored.specimens:
+        picture = scene.picture(specimen, view)
+        left, right, bottom, top = picture.extent
+        height, width, _ = picture.pixels.shape
+        assert width / (right - left) == pytest.approx(view.resolution, rel=1e-12)
+        assert height / (top - bottom) == pytest.approx(view.resolution, rel=1e-12)
+        drawn = np.flatnonzero((picture.pixels < 250).any((0, 2)))
+        # The outline adds half its width on either side.
+        wide = (np.ptp(drawn) + 1 - view.line) / view.resolution
+        assert wide == pytest.approx(2 * max(specimen.semi_axes), abs=3 / view.resolution)
+
+
+def test_plate_sinks_in_the_picture(stored: Run) -> None:
+    view = figure4.plan(stored.specimens, stored.stress_range).view
+    for specimen in stored.specimens:
+        surface = scene.film_surface(specimen.film, view, turned=False)
+        frame, plate = scene.outlines(surface)
+        assert frame[:, 2] == pytest.approx(0, abs=1e-9)
+        assert plate[:, 2] == pytest.approx(-specimen.deflection, rel=1e-6)
+        # The last point is the first one again and would count twice.
+        up = [view.project(curve[:-1])[:, 1].mean() for curve in (plate, frame)]
+        assert up[1] - up[0] == pytest.approx(specimen.deflection * np.cos(np.radians(view.elevation)), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_colours_are_exactly_those_of_the_bar(stored: Run, share: float) -> None:
+    specimen = stored.specimens[0]
+    view = figure4.plan(stored.specimens, stored.stress_range).view
+    stress = view.scale.low + share * (view.scale.high - view.scale.low)
+    uniform = replace(specimen, film=replace(specimen.film, stress=np.full_like(specimen.film.stress, stress)))
+    pixels = scene.picture(uniform, view).pixels.reshape(-1, 3)
+    colours, counts = np.unique(pixels, axis=0, return_counts=True)
+    film = next(colour for colour in colours[np.argsort(-counts)] if colour.min() < 250)
+    assert film == pytest.approx(255 * np.array(colormaps[style.COLOURS](share)[:3]), abs=1.5)
+
+
+def loosened(run: Run, state: int) -> Run:
+    """The run with the films' right halves wrinkled (1) or slack (2), in the picture and on the last curves."""
+    changed = []
+    for item in run.specimens:
+        right = item.film.mounted[:, 0] > 1e-6
+        film = replace(item.film, tension=np.where(right, state, 0), least=np.where(right, -1.0, 1.0))
+        curve = replace(item.curves[-1], slack=np.array([0, 0.25, np.nan]), margin=np.array([np.nan, 0.9, np.nan]))
+        changed.append(replace(item, film=film, result=replace(item.result, slack_share=0.5, breakdown_margin=1.5),
+                               curves=(*item.curves[:-1], curve)))
+    return replace(run, specimens=tuple(changed))
+
+
+def test_zones_without_tension_are_hatched(stored: Run) -> None:
+    view = figure4.plan(stored.specimens, stored.stress_range).view
+    plain, wrinkled, slack = (scene.picture(run.specimens[0], view).pixels.astype(int)
+                              for run in (stored, loosened(stored, 1), loosened(stored, 2)))
+    middle = plain.shape[1] // 2
+    edge = int(3 * view.line)
+    assert np.array_equal(plain[:, :middle - edge], wrinkled[:, :middle - edge])
+    marked = [float((np.abs(plain - other)[:, middle + edge:] > 30).any(axis=2).mean()) for other in (wrinkled, slack)]
+    assert marked[0] > 0.1
+    assert marked[1] > 1.5 * marked[0]
+
+
+def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None:
+    loose = loosened(stored, 1)
+    design = figure4.plan(loose.specimens, loose.stress_range)
+    pictures = [scene.picture(item, design.view) for item in loose.specimens]
+    legends = [[text.get_text() for text in figure4.compose(run, design, pictures).texts] for run in (stored, loose)]
+    assert ["tension lost" in texts for texts in legends] == [False, True]
+    text = Page(html.page(loose, "", "")).shown
+    for words_ in ("Hatched", "Hollow"):
+        assert words_ not in page.shown
+        assert words_ in text
+    assert "Tension is lost in 50\u202f% of circular and 50\u202f% of standing" in text
+    assert "strength is at least 1.50 (circular) and 1.50 (standing) times its field" in text
+    assert "circular: under 22.45 g the film loses tension from 3 kV on, over up to 25\u202f% of it" in text
+    assert "standing: under 22.45 g the film would break down from 3 kV on" in text
+    hollow = [line for axes in curves.compose(loose).axes for line in axes.lines
+              if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
+    assert [line.get_xdata().tolist() for line in hollow] == [[3.0], [3.0]]
+
+
+def test_pictures_leave_no_plotter_open(stored: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened, plotter = [], pv.Plotter
+
+    def recorded(**options: object) -> pv.Plotter:
+        opened.append(plotter(**options))
+        return opened[-1]
+
+    monkeypatch.setattr(pv, "Plotter", recorded)
+    view = figure4.plan(stored.specimens, stored.stress_range).view
+    scene.picture(stored.specimens[0], view)
+    with pytest.raises(ValueError, match="nocolour"):
+        scene.picture(stored.specimens[0], replace(view, colours="nocolour"))
+    assert len(opened) == 2
+    assert all(one._closed for one in opened)
+
+
+def test_no_opengl_is_one_clear_message(stored: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Blind:
+        def __getattr__(self, name: str) -> object:
+            return lambda *_: False
+
+    monkeypatch.setattr(scene, "vtkRenderWindow", Blind)
+    with pytest.raises(MissingLibrary, match="libegl1"):
+        scene.picture(stored.specimens[0], figure4.plan(stored.specimens, stored.stress_range).view)
+
+
+def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None:
+    assert page.references
+    assert all(reference.startswith(("data:image/", "#")) for reference in page.references)
+    text = re.sub(r"data:image/[^\"]*", "", report.read_text(encoding="utf-8"))
+    for outside in ("http:", "https:", "url(", "@import", "<link", "<script"):
+        assert outside not in text
+
+
+def test_page_escapes_what_users_wrote(page: Page) -> None:
+    assert "script" not in page.tags
+    assert "b" not in page.tags
+    assert NAME in page.shown
+    assert "</pre><script>alert(1)</script>" in page.shown
+
+
+def test_page_has_the_numbers_of_alpha(page: Page, study_folder: Path) -> None:
+    record = json.loads(study_folder.joinpath("alpha.json").read_text(encoding="utf-8"))[1]
+    for weights in [*record["bases"].values(), record["from_fields"]]:
+        for number in weights["alpha"]:
+            assert f"{number:.4f}" in page.shown
+        assert percent(weights["fit_error"]) in page.shown
+        assert percent(weights["held_out_error"]) in page.shown
+    for warning in record["warnings"]:
+        assert warning in page.shown
+
+
+def test_page_has_results_and_settings(page: Page, study_folder: Path) -> None:
+    record = json.loads(study_folder.joinpath("study.json").read_text(encoding="utf-8"))
+    for specimen in record["specimens"]:
+        result = specimen["result"]
+        for number in (result["deflection_m"] * 1e3, result["capacitance_F"] * 1e9, result["max_true_stress_Pa"] / 1e3):
+            assert f"{number:.4g}"[:5] in page.shown
+        assert str(result["dofs"]) in page.shown
+        assert specimen["material"] in page.shown
+    assert record["libraries"]["scikit-fem"] in page.shown
+    assert "9.80665 m/s²" in page.shown
+    assert "around plate" in page.shown
+
+
+def test_pull_in_is_told_and_marked(stored: Run, page: Page) -> None:
+    curve = stored.specimens[0].curves[0]
+    assert curve.pull_in == (3.0, 40.0)
+    assert curves.label("circular", curve) == "circular: pull-in 3–40 kV"
+    assert "pulls in" in words.strokes(stored)
+    assert "under 17.9 g there is an equilibrium only up to between 3 and 40 kV" in page.shown
+
+
+def test_summary_compares_at_equal_load(stored: Run) -> None:
+    circle, ellipse = stored.specimens
+    ratio = ellipse.deflection / circle.deflection
+    assert words.reference(stored.specimens) is circle
+    assert f"standing sinks {percent(ratio - 1)} more" in words.summary(stored)
+    assert "higher on the short axis by" in words.summary(stored)
+    assert "same on both axes in circular" in words.summary(stored)
+
+
+def test_short_axis_is_told_by_the_frame(stored: Run) -> None:
+    circle, standing = stored.specimens
+    assert standing.short is standing.along_x
+    assert standing.long is standing.along_y
+    assert standing.short.sides[0].distance[-1] == pytest.approx(35)
+    assert standing.long.sides[0].distance[-1] == pytest.approx(65)
+    assert circle.alike
+    assert not standing.alike
+    scales = figure4.plan(stored.specimens, stored.stress_range).view.scale
+    assert [text.split(" ", 1)[1] for text, _, _ in figure4.end_values(standing, scales)] == [
+        "on the short axis", "on the long axis"]
+    assert len(figure4.end_values(circle, scales)) == 1
+
+
+def test_field_lines_and_result_agree(stored: Run) -> None:
+    for specimen in stored.specimens:
+        assert specimen.result.max_true_stress_Pa is not None
+        highest = float(specimen.film.stress.max())
+        assert highest == pytest.approx(specimen.result.max_true_stress_Pa / 1e3, rel=1e-3)
+        for line in (specimen.along_x, specimen.along_y, specimen.around_plate):
+            assert specimen.film.stress.min() * (1 - 1e-3) <= line.stress.min()
+            assert line.stress.max() <= highest * (1 + 1e-3)
+        assert specimen.around_plate.deflection == pytest.approx(specimen.deflection, rel=1e-9)
+        assert specimen.film.points[:, 2].max() == pytest.approx(specimen.deflection, rel=1e-9)
+
+
+def test_larger_long_axis_is_told(stored: Run) -> None:
+    standing = stored.specimens[1]
+    turned = replace(standing, along_x=standing.along_y, along_y=standing.along_x)
+    assert "higher on the long axis" in words.stress_at_plate([turned], 90.0)
+
+
+def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
+    distance = np.array([-30.0, -10.0, 10.0, 20.0])
+    line = Line(distance, 0 * distance, np.array([1.0, 3.0, 4.0, 2.0]))
+    right, left = line.sides
+    assert right.distance.tolist() == [0, 10]
+    assert left.stress.tolist() == [3, 1]
+    assert line.at_plate == 4
+
+
+def test_curve_without_any_equilibrium() -> None:
+    curve = Curve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
+    assert curves.label("a", curve) == "a: no equilibrium"
+    assert words.stroke("a", curve) == "unknown distance (a: no equilibrium)"
+
+
+@pytest.mark.parametrize(("low", "high"), [
+    (96.53, 98.68), (98.5, 98.5), (0.0, 0.0), (0.0, 41.0), (30.0, 31.0), (-3.0, 12.0), (96513.6999, 96513.7001),
+    (1e-3, 1.1e-3), (99.98, 100.02), (5.0, 433.0),
+])
+def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -> None:
+    made = scale(low, high)
+    assert made.low <= low <= high <= made.high
+    assert made.high > made.low
+    assert 3 <= len(made.ticks) <= 7
+    assert made.low <= made.ticks[0] < made.ticks[-1] <= made.high
+    assert made.ticks[0] - made.low < made.step
+    texts = [made.text(tick) for tick in made.ticks]
+    assert len(set(texts)) == len(texts)
+    assert [float(text.replace("−", "-")) for text in texts] == pytest.approx(made.ticks, rel=1e-12, abs=1e-12)
+    assert float(made.start.replace("−", "-")) == pytest.approx(made.low, rel=1e-12, abs=1e-12)
+
+
+def test_label_tells_where_the_scale_starts() -> None:
+    assert figure4.stress_label(scale(0, 41)) == "largest principal true stress (kPa)"
+    assert "scales start at 96.5, not 0" in figure4.stress_label(Scale(96.5, 98.0, (97.0, 98.0)))
+
+
+@pytest.mark.parametrize("films", [[90.0], [90, 120, 150], [20, 150, 30], [300, 10, 10]])
+def test_columns_fit_the_page(films: list[float]) -> None:
+    paper = paper_scale([films], 165, 5, 36, 85)
+    widths = column_widths(films, paper, 36)
+    assert sum(widths) + 5 * (len(films) - 1) <= 165 + 1e-9
+    assert max(films) * paper <= 85 + 1e-9
+    assert min(widths) >= 36
+    full = sum(widths) + 5 * (len(films) - 1) == pytest.approx(165)
+    assert full or max(films) * paper == pytest.approx(85)
+
+
+@pytest.mark.parametrize("name", ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
+                                  "curves/standing.csv"])
+def test_missing_file_is_named(copy: Path, name: str) -> None:
+    copy.joinpath(name).unlink()
+    with pytest.raises(InputError, match="is missing") as caught:
+        html.build(copy)
+    assert caught.value.file == copy / name
+    assert not copy.joinpath("report.html").exists()
+
+
+@pytest.mark.parametrize("name", ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
+                                  "curves/standing.csv"])
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.8])
+def test_truncated_file_is_named(copy: Path, name: str, part: float) -> None:
+    content = copy.joinpath(name).read_bytes()
+    copy.joinpath(name).write_bytes(content[:int(part * len(content)) + 3])
+    with pytest.raises(InputError) as caught:
+        read_run(copy)
+    assert caught.value.file == copy / name
+
+
+@pytest.mark.parametrize(("name", "old", "new", "key"), [
+    ("study.json", '"deflection_m": ', '"deflection_m": "x", "y": ', "specimens[0].result.deflection_m"),
+    ("study.json", '"semi_axes_m"', '"half_axes_m"', "specimens[0].semi_axes_m"),
+    ("study.json", '"name": "circular"', '"name": "../circular"', "specimens[0].name"),
+    ("study.json", '"rig"', '"rigg"', "rig"),
+    ("alpha.json", '"cone_scale"', '"scale"', "[0].cone_scale"),
+    ("alpha.json", '"fit_error": ', '"fit_error": null, "z": ', "[0].bases.membrane.fit_error"),
+    ("lines/circular.csv", "stress_1_kPa", "stress_kPa", "stress_1_kPa"),
+    ("lines/circular.csv", "\nx,-", "\nx,nan-", "distance_mm"),
+    ("lines/circular.csv", "\ny,", "\nw,", "line"),
+    ("curves/circular.csv", "17.9,0,", "17.9,zero,", "voltage_kV"),
+])
+def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: str) -> None:
+    file = copy / name
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_run(copy)
+    assert (caught.value.file, caught.value.key) == (file, key)
+
+
+def test_unknown_format_is_refused(study_folder: Path) -> None:
+    with pytest.raises(InputError, match="png, pdf, svg"):
+        figure4.draw(study_folder, ("gif",))

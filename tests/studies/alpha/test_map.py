@@ -1,0 +1,89 @@
+"""The map's formula: found from a coarse grid, it holds where it was not fitted and says where it does not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from tympan.reports.figures.map import draw
+from tympan.studies.alpha import LoadGrid
+from tympan.studies.alpha.formula import Formula
+from tympan.studies.alpha.map import Chart, chart
+from tympan.studies.alpha.map_readings import MapSettings, Place, readings
+
+COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5), ratios=(0.1, 0.3, 0.6),
+                     inside=6, outside=4)
+
+
+@pytest.fixture(scope="module")
+def made() -> Chart:
+    return chart(COARSE)
+
+
+def test_the_formula_holds_inside_and_not_outside(made: Chart) -> None:
+    worst = made.record()["worst_error"]
+    assert worst["grid"] < 2e-3
+    assert worst["inside"] < 3e-3
+    assert worst["outside"] > worst["grid"]
+    assert not any(one.trouble for one in (*made.grid, *made.inside))
+    assert all(made.formula.holds(one.place.aspect, one.place.ratio) for one in made.inside)
+    assert not any(made.formula.holds(one.place.aspect, one.place.ratio) for one in made.outside)
+
+
+def test_materials_of_the_test_are_others_than_the_fit_s(made: Chart) -> None:
+    assert {one.place.material for one in made.grid} == {"vhb-4910"}
+    assert len({one.place.material for one in made.inside}) > 2
+
+
+def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: Chart) -> None:
+    """The circle as stiff as the ellipse has, for small plates, the conformal radius of the ellipse.
+
+    w = √k sn(2K/π · asin(z/c)), of nome q = ((a − b)/(a + b))², maps the ellipse of foci ±c on the unit disc, so that
+    |dw/dz| at the centre is √k 2K/(π c).
+    """
+    aspect, ratio = 1.8, 0.02
+    nome = ((aspect - 1) / (aspect + 1)) ** 2
+    n = np.arange(1, 40)
+    theta_2 = 2 * nome**0.25 * (1 + (nome ** (n * (n + 1.0))).sum())
+    theta_3 = 1 + 2 * (nome ** (n**2.0)).sum()
+    modulus = (theta_2 / theta_3) ** 2
+    quarter = ellipk(modulus**2)
+    radius = np.pi * np.sqrt(aspect**2 - 1) / (2 * np.sqrt(modulus) * quarter)
+    assert ellipj(quarter, modulus**2)[0] == pytest.approx(1)
+    same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
+    expected = (same - long) / (short - long)
+    light = replace(COARSE, loads=LoadGrid((1e-5,), (0.0,)))
+    read, = readings([Place(aspect, ratio)], light)
+    assert read.alpha == pytest.approx(expected, abs=2e-3)
+    assert made.formula(np.array(aspect), np.array(ratio)) == pytest.approx(expected, abs=5e-3)
+
+
+def test_circle_and_strip_are_the_formula_s_ends() -> None:
+    formula = Formula((2.0, 0.0, 0.0, 0.0), (1.1, 2.5), (0.1, 0.6))
+    assert formula(np.array(1 + 1e-7), np.array(0.2)) == pytest.approx(0.5, abs=0.1)
+    far = formula(np.array(1e9), np.array(0.2))
+    same, short, long = (1 / np.log(size / 0.2) for size in (4 / np.pi, 1.0, 1e9))
+    assert far == pytest.approx((same - long) / (short - long), rel=1e-9)
+
+
+def test_workers_change_nothing() -> None:
+    places = COARSE.inner()[:2]
+    assert readings(places, COARSE) == readings(places, COARSE, workers=2)
+
+
+def test_a_place_without_equilibrium_is_a_reading() -> None:
+    read, = readings([Place(1.5, 0.3)], replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,))))
+    assert np.isnan(read.alpha)
+    assert "no equilibrium" in read.trouble
+
+
+def test_the_map_is_stored_and_drawn(made: Chart, tmp_path) -> None:
+    made.write(tmp_path)
+    record = json.loads((tmp_path / "alpha-map.json").read_text(encoding="utf-8"))
+    assert record["places"] == {"grid": 12, "inside": 6, "outside": 4}
+    assert len((tmp_path / "alpha-map.csv").read_text(encoding="utf-8").splitlines()) == 23
+    assert draw(made, tmp_path) == [tmp_path / "alpha-map.png"]

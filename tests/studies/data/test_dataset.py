@@ -1,0 +1,337 @@
+"""Datasets: every file read back, every message exact, the noise of repeats, and the command."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from dataclasses import fields
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from tests.support.datasets import HEAD, write_dataset
+from tympan.cli import main
+from tympan.geometry.errors import InputError
+from tympan.studies.data import coupon, readings
+from tympan.studies.data.checks import summary, warnings
+from tympan.studies.data.columns import Column, Number, read_sheet
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.data.noise import pooled, reading_sigma, repeat_noise, stated_ratio
+from tympan.studies.paper.actuators import actuators
+
+TOP = "specimen,mass_g,voltage_kV,displacement_mm\n"
+ROW = "A,17.9,3.5,2.4\n"
+#: The SI value of units a column's name may carry, written down here a second time.
+UNITS = {
+    "mass": {"g": 1e-3, "kg": 1, "mg": 1e-6}, "voltage": {"kV": 1e3, "V": 1, "MV": 1e6},
+    "length": {"mm": 1e-3, "m": 1, "um": 1e-6, "cm": 1e-2}, "time": {"s": 1, "ms": 1e-3, "min": 60, "h": 3600},
+    "capacitance": {"pF": 1e-12, "nF": 1e-9, "F": 1}, "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
+    "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
+}
+FILES = {"static": readings.STATIC, "range": readings.RANGE, "transient": readings.TRANSIENT, "coupon": coupon.COLUMNS}
+
+
+def values_for(column: Column, rows: int) -> st.SearchStrategy[list]:  # type: ignore[type-arg]
+    """SI values, or texts, of one column; None is a blank cell."""
+    if not isinstance(column, Number):
+        texts = st.sampled_from(column.choices or ("A", "B"))
+        return st.lists(texts if column.required else texts | st.none(), min_size=rows, max_size=rows)
+    numbers = st.floats(1e-9, 50, allow_subnormal=False)
+    return st.lists(numbers if column.required else numbers | st.none(), min_size=rows, max_size=rows)
+
+
+@st.composite
+def sheets(draw, columns: tuple[Column, ...]) -> tuple[str, dict[str, list]]:  # type: ignore[type-arg, no-untyped-def]
+    """A file's text, columns in any order and unit, and the SI values in it."""
+    rows = draw(st.integers(1, 5))
+    kept = draw(st.permutations([column for column in columns if column.required or draw(st.booleans())]))
+    meant, cells = {}, []
+    for column in kept:
+        values = meant[column.name] = draw(values_for(column, rows))
+        if isinstance(column, Number) and column.unit:
+            unit = draw(st.sampled_from(sorted(UNITS[column.dimension])))
+            factor = UNITS[column.dimension][unit]
+            cells.append([f"{column.name}_{unit}",
+                          *("" if value is None else repr(value / factor) for value in values)])
+        else:
+            cells.append([column.name, *("" if value is None else str(value) for value in values)])
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    mark = draw(st.sampled_from(["", "\ufeff"]))
+    return mark + end.join(",".join(row) for row in zip(*cells, strict=True)) + end, meant
+
+
+@pytest.mark.parametrize("name", FILES)
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_columns_in_any_order_and_unit_are_read_back(name: str, data: st.DataObject) -> None:
+    text, meant = data.draw(sheets(FILES[name]))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.csv"
+        file.write_bytes(text.encode())
+        sheet = read_sheet(file, FILES[name])
+    assert sheet.sha256 == hashlib.sha256(text.encode()).hexdigest()
+    for column in FILES[name]:
+        blank = np.nan if isinstance(column, Number) else ""
+        wanted = [blank if value is None else value for value in meant.get(column.name, [None] * len(sheet.line))]
+        if isinstance(column, Number):
+            assert sheet[column.name] == pytest.approx(np.array(wanted, float), rel=1e-14, abs=0, nan_ok=True)
+        else:
+            assert sheet[column.name].tolist() == wanted
+
+
+def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
+    """Distinct numbers everywhere, so that no two columns can change places."""
+    found = read_dataset(write_dataset(
+        tmp_path / "d",
+        HEAD + 'noise = "50 um"\nsource = "lab book 7"\n[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
+        static="tilt_mrad,film_voltage_kV,capacitance_pF,sigma_mm,direction,elapsed_s,order,repeat,run,displacement_mm,"
+               "voltage_kV,mass_g,specimen\n\n1,2,3,4,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,-1,0,2,A\n",
+        range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
+        transient="specimen,mass_g,run,t_min,voltage_kV,displacement_mm\nA,1,x,2,3,4\n",
+        coupon="mode,stretch,nominal_stress_kPa,run,t_s,specimen\nuniaxial,2,35,r,4,strip\n"))
+    assert (found.name, found.source, found.noise) == ("test", "lab book 7", pytest.approx(50e-6))
+    assert (found.rig.gravity, found.rig.spring) == (9.81, 5)
+    assert [specimen.name for specimen in found.specimens] == ["A", "B"]
+    static, ranges, transients, coupons = found.tables.values()
+    first = {field.name: getattr(static, field.name)[0] for field in fields(static)}
+    assert first == {
+        "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3, "displacement": pytest.approx(9e-3),
+        "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
+        "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
+        "tilt": pytest.approx(1e-3), "line": 3}
+    assert static.channels == ("capacitance", "film_voltage", "tilt")
+    assert static.line.tolist() == [3, 4]
+    assert [getattr(ranges, field.name)[0] for field in fields(ranges)][:5] == [
+        "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
+    assert [getattr(transients, field.name)[0] for field in fields(transients)] == [
+        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 2]
+    assert (coupons.stress[0], coupons.time[0], coupons.run[0], coupons.line[0]) == (35e3, 4, "r", 2)
+    for file in found.files:
+        assert file.sha256 == hashlib.sha256((tmp_path / "d" / file.name).read_bytes()).hexdigest()
+    assert [file.name for file in found.files] == ["dataset.toml", *found.tables]
+
+
+STATIC_MESSAGES = [
+    ("", "static.csv: is empty"),
+    (TOP, "static.csv: has no readings below"),
+    (b"specimen,\xff\n", "static.csv: is not UTF-8 text (byte 9): save it as CSV in UTF-8"),
+    ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1,64\n", "must be separated by commas, not semicolons"),
+    ("specimen\tmass_g\n", "must be separated by commas, not tabs"),
+    ("specimen,mass_g,voltage_kV\n", "static.csv: line 1: given 'specimen, mass_g, voltage_kV': the column "
+                                     "displacement_mm is missing"),
+    ("specimen,mass_g\n", "the columns voltage_kV, displacement_mm are missing"),
+    ("specimen,mass_g,volatge_kV,displacement_mm\n",
+     "line 1, column 3: given 'volatge_kV': unknown column: did you mean 'voltage_kV'? known are specimen, mass_g"),
+    ("Specimen,mass_g\n", "column 1: given 'Specimen': unknown column: did you mean 'specimen'?"),
+    ("specimen,mass,voltage_kV\n", "column 2: given 'mass': has no unit: write it into the name, such as mass_g"),
+    ("specimen,mass_mm\n", "column 2: given 'mass_mm': wrong dimension: must be a unit of mass, such as g"),
+    ("specimen,voltage_kVolts\n", "column 2: given 'voltage_kVolts': unknown unit: must be a unit of voltage"),
+    ("specimen,mass_g,mass_g\n", "column 3: given 'mass_g': is there twice"),
+    ("specimen,mass_g,mass_kg\n", "column 3: given 'mass_kg': one column of mass only"),
+    ("specimen,mass_g,\n", "line 1, column 3: given '': must have a name"),
+    (TOP + "C,17.9,0,1\n", "line 2, column 1 (specimen): given 'C': unknown specimen: those of dataset.toml are A, B"),
+    (TOP + ",17.9,0,1\n", "line 2, column 1 (specimen): given '': must not be blank"),
+    (TOP + ROW + "A,17.9,,1\n", "line 3, column 3 (voltage_kV): given '': must be a number"),
+    (TOP + "A,17.9,0,low\n", "line 2, column 4 (displacement_mm): given 'low': must be a number"),
+    (TOP + "A,17.9 g,0,1\n", "given '17.9 g': must be a number alone: its unit stands in the name of the column"),
+    (TOP + 'A,17.9,0,"1,64"\n', "given '1,64': must be a number with a decimal point, such as 1.64"),
+    (TOP + "A,17,9,0,1,64\n",
+     "line 2: given '6 cells': must have 4 cells, as the first line has; a decimal comma splits a number"),
+    (TOP + "A,17.9,0\n", "line 2: given '3 cells': must have 4 cells, as the first line has\n"),
+    (TOP + "A,17.9,0,nan\n", "column 4 (displacement_mm): given 'nan': must be finite"),
+    (TOP + "A,17.9,0,1e999\n", "given '1e999': must be finite"),
+    (TOP + "A,17.9,0,1_000\n", "given '1_000': must be a number"),
+    (TOP + "A,17.9,-3.5,1\n", "column 3 (voltage_kV): given '-3.5': must be from 0 to 1000 kV; the film's pull has no"),
+    (TOP + "A,17.9,3500,1\n", "given '3500': must be from 0 to 1000 kV"),
+    (TOP + "A,-17.9,0,1\n", "column 2 (mass_g): given '-17.9': must be from 0 to 100 kg"),
+    (TOP[:-1] + ",direction\nA,17.9,0,1,sideways\n", "given 'sideways': must be one of up, down, or blank"),
+    (TOP[:-1] + ",sigma_mm\nA,17.9,0,1,0\n", "column 5 (sigma_mm): given '0': must be positive"),
+    (TOP[:-1] + ",repeat\nA,1,0,1,1\nB,1,0,1,1\nA,1,0,1,1\n",
+     "line 4, column 5 (repeat): given '1': the row is the same as line 2 in every cell"),
+    (TOP + 'A,17.9,0,"1\n', "line 2: is not comma-separated text"),
+]
+MESSAGES = [
+    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,7,7,1\n"},
+     "range.csv: line 2, column 4 (voltage_max_kV): given '7': must be above voltage_min"),
+    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,0,7,-1\n"}, "given '-1': must not be neg"),
+    ({"range": "specimen,mass_g,voltage_min,voltage_max_kV\n"}, "given 'voltage_min': has no unit"),
+    ({"transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,2,0,0,1\nA,1,1,0.0,0,2\n"},
+     "transient.csv: line 4, column 4 (t_s): given '0.0': must be there once in a run: it stands in line 2 too"),
+    ({"coupon": "mode,stretch,nominal_stress_kPa\nbiaxial,2,3\n"}, "coupon.csv: line 2, column 1 (mode)"),
+    ({}, "must hold at least one of static.csv, range.csv, transient.csv, coupon.csv\n"),
+    ({"statics": TOP + ROW}, "one of static.csv, range.csv, transient.csv, coupon.csv; there: statics.csv\n"),
+    ({"head": HEAD + "colour = 1\n", "static": TOP + ROW}, "dataset.toml: colour: unknown key"),
+    ({"head": "", "static": TOP + ROW}, "dataset.toml: name: is missing"),
+    ({"head": HEAD + 'noise = "0 mm"\n', "static": TOP + ROW}, "dataset.toml: noise: given '0 mm': must be positive"),
+    ({"head": HEAD + 'noise = 0.05\n', "static": TOP + ROW}, "dataset.toml: noise: given 0.05: has no unit"),
+    ({"head": HEAD + 'gravity = "9.81 m/s^2"\n[rig]\n', "static": TOP + ROW}, "gravity: given '9.81 m/s^2': must"),
+    ({"specimens": (), "static": TOP + ROW}, "dataset.toml: specimen: is missing: write one [[specimen]] table"),
+    ({"specimens": ("A", "A"), "static": TOP + ROW}, "dataset.toml: specimen.0.name: given 'A': is there twice"),
+    ({"specimens": ("A", "/"), "static": TOP + ROW}, "dataset.toml: specimen.1.name: given '/'"),
+    ({"specimens": ("alpha", "beta"), "static": TOP + "alhpa,1,0,1\n"}, "unknown specimen: did you mean 'alpha'?"),
+]
+
+
+@pytest.mark.parametrize(("parts", "message"), [*(({"static": text}, words) for text, words in STATIC_MESSAGES),
+                                                *MESSAGES])
+def test_bad_data_end_with_one_message_and_status_2(tmp_path, capsys, parts, message: str) -> None:
+    folder = write_dataset(tmp_path / "d", **parts)
+    assert main(["data", str(folder)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert message in err
+
+
+def test_folders_that_cannot_be_read(tmp_path, capsys) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").touch()
+    for name, message in (("none", "must be a folder with dataset.toml"), ("file", "must be a folder"),
+                          ("empty", "dataset.toml: cannot be read: No such file")):
+        assert main(["data", str(tmp_path / name)]) == 2
+        assert message in capsys.readouterr().err
+    (write_dataset(tmp_path / "d") / "static.csv").mkdir()
+    with pytest.raises(InputError, match=r"static\.csv: cannot be read"):
+        read_dataset(tmp_path / "d")
+
+
+RAMP = TOP[:-1] + ",order,direction\n" + "".join(
+    f"{name},{mass},{volts},{2 + 0.2 * volts + 0.01 * order},{order},{way}\n" for name in "AB" for mass in (17.9, 22.45)
+    for order, (volts, way) in enumerate([(0, "up"), (3, "up"), (5, "up"), (3, "down"), (0, "down")]))
+UP = RAMP.replace("down", "up")
+NOISY = HEAD + 'noise = "50 um"\n'
+WARNINGS = [
+    ({"static": TOP + ROW, "statics": "x"}, "statics.csv is not read: did you mean static.csv?"),
+    ({"static": TOP + ROW, "notes": "x"}, "notes.csv is not read: known are static.csv"),
+    ({"static": TOP + ROW}, "no readings of B"),
+    ({"static": TOP + ROW}, "one specimen only"),
+    ({"static": TOP + ROW}, "one mass only"),
+    ({"static": TOP + ROW}, "one voltage only"),
+    ({"static": TOP + ROW + "B,17.9,0,1\n"}, "2 readings only"),
+    ({"static": TOP + ROW}, "neither order nor elapsed_s is recorded"),
+    ({"static": TOP + ROW}, "direction is not recorded"),
+    ({"static": TOP + ROW}, "nothing repeats and no noise is given"),
+    ({"static": TOP + ROW + ROW}, "1 rows are the same as an earlier one in every cell, first line 3 as line 2"),
+    ({"static": TOP + ROW + ROW}, "repeats agree to the last digit"),
+    ({"static": UP}, "only up ramps: creep looks like"),
+    ({"static": UP.replace("up", "down")}, "only down ramps"),
+    ({"static": TOP[:-1] + ",order\nA,1,5,3,2\nA,1,0,1,1\n"}, "only up ramps"),
+    ({"static": TOP[:-1] + ",order\nA,1,5,3,1\nA,1,0,1,2\n"}, "direction is not recorded"),
+    ({"static": TOP[:-1] + ",order\nA,1,5,3,1\nA,1,0,1,\n"}, "recorded for 1 of 2 readings only"),
+    ({"head": NOISY, "static": TOP + "A,17.9,0,1\nA,17.9,0,3\n"}, "repeats scatter by 28.3 times the stated noise"),
+    ({"static": TOP + "A,17.9,0.5,1640\n"}, "the largest displacement of A is 1640 mm"),
+    ({"static": TOP + "A,17.9,0.5,0.00164\n"}, "the largest displacement of A is 0.00164 mm"),
+    ({"static": TOP + "A,0.0179,0.5,1\n"}, "the largest mass of A is 0.0179 g"),
+    ({"static": TOP + "A,17900,0.5,1\n"}, "the largest mass of A is 1.79e+04 g"),
+    ({"static": TOP + "A,17.9,500,1\n"}, "the largest voltage of A is 500 kV"),
+    ({"static": TOP.replace("kV", "V") + "A,17.9,7,1\n"}, "the largest voltage of A is 0.007 kV"),
+    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,17.9,0,7,1640\n"}, "the largest range of A"),
+]
+
+
+@pytest.mark.parametrize(("parts", "message"), WARNINGS)
+def test_warnings(tmp_path, parts, message: str) -> None:
+    assert any(message in words for words in warnings(read_dataset(write_dataset(tmp_path / "d", **parts))))
+
+
+def test_a_good_dataset_has_no_warnings(tmp_path) -> None:
+    assert warnings(read_dataset(write_dataset(tmp_path / "d", NOISY, static=RAMP))) == []
+
+
+def test_noise_of_repeats_by_hand(tmp_path) -> None:
+    """Groups {1, 3} and {5, 6, 7} of mm: squares 2 + 2 on 3 degrees; χ² limits of 3 degrees from tables."""
+    text = TOP[:-1] + ",direction,run\n" + "".join(f"A,17.9,{row}\n" for row in (
+        "0,1,up,1", "0.0,3,up,1", "5,5,up,1", "5.00,6,up,1", "5,7,up,1", "5,99,down,1", "5,88,up,2"))
+    data = read_dataset(write_dataset(tmp_path / "d", static=text + "A,22.45,0,77,up,1\nB,17.9,0,66,up,1\n"))
+    noise = repeat_noise(data)
+    assert noise is not None
+    assert (noise.sigma, noise.freedom) == (pytest.approx(1e-3 * (4 / 3) ** 0.5), 3)
+    assert noise.low == pytest.approx(1e-3 * (4 / 9.348) ** 0.5, rel=1e-3)
+    assert noise.high == pytest.approx(1e-3 * (4 / 0.2158) ** 0.5, rel=1e-3)
+    assert reading_sigma(data) == pytest.approx(np.full(9, noise.sigma))
+
+
+def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
+    rows = "A,1,0,1,0.5\nA,1,0,2,0.5\nA,1,3,1,\nA,1,3,1.2,\n"
+    data = read_dataset(write_dataset(tmp_path / "d", static=TOP[:-1] + ",sigma_mm\n" + rows))
+    noise, ratio = repeat_noise(data), stated_ratio(data)
+    assert noise is not None
+    assert ratio is not None
+    assert (noise.sigma, noise.freedom) == (pytest.approx(0.2e-3 / 2**0.5), 1)
+    assert (ratio.sigma, ratio.freedom) == (pytest.approx(2**0.5), 1)
+    assert reading_sigma(data) == pytest.approx([0.5e-3, 0.5e-3, noise.sigma, noise.sigma])
+    stated = read_dataset(write_dataset(tmp_path / "d", NOISY, static=TOP[:-1] + ",sigma_mm\n" + rows))
+    assert reading_sigma(stated) == pytest.approx([0.5e-3, 0.5e-3, 50e-6, 50e-6])
+    unknown = read_dataset(write_dataset(tmp_path / "d", static=TOP + ROW))
+    assert repeat_noise(unknown) is None
+    assert np.isnan(reading_sigma(unknown)).all()
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
+    """Groups of 1 to 4 about distant means; limits one seed in a thousand would miss on either side."""
+    random, trials = np.random.default_rng(5), 2000
+    groups = np.repeat(np.arange(8), [1, 2, 3, 4, 1, 2, 2, 3])
+    sigma = random.uniform(0.5, 2, len(groups)) if uneven else 1.0
+    hits = 0
+    for _ in range(trials):
+        found = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups, sigma)
+        assert found is not None
+        assert found.freedom == 10
+        hits += found.low < 0.05 < found.high
+    assert binom.ppf(0.001, trials, 0.95) <= hits <= binom.ppf(0.999, trials, 0.95)
+
+
+def test_the_paper_s_table_2() -> None:
+    folder = Path(str(resources.files("tympan.studies.paper") / "table-2"))
+    data = read_dataset(folder)
+    assert data.ranges is not None
+    rows = list(zip(data.ranges.specimen.tolist(), data.ranges.mass.tolist(), data.ranges.range.tolist(), strict=True))
+    wanted = {17.9: (1.64, 1.86, 2.06), 22.45: (1.75, 2.16, 2.37)}
+    names = ("circular", "elliptical-small", "elliptical-large")
+    assert rows == [(name, pytest.approx(1e-3 * mass), pytest.approx(1e-3 * value)) for mass, values in wanted.items()
+                    for name, value in zip(names, values, strict=True)]
+    assert set(data.ranges.voltage_min) == {0}
+    assert set(data.ranges.voltage_max) == {7000}
+    assert {specimen.name: specimen for specimen in data.specimens} == {one.name: one for one in actuators()}
+    assert summary(data)["warnings"] == []
+
+
+def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
+    text = TOP[:-1] + ",repeat\n" + "".join(f"A,17.9,{volts},{2 + 0.1 * volts + 0.1 * turn},{turn}\n"
+                                            for volts in range(10) for turn in range(2))
+    folder = write_dataset(tmp_path / "d", static=text, transient=(
+        "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,1,1,0,1\nB,1,1,0,0,2\n"))
+    assert main(["data", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [file["readings"] for file in found["files"]] == [None, 20, 3]
+    assert found["masses_kg"] == pytest.approx([1e-3, 17.9e-3])
+    assert found["voltages_V"] == pytest.approx([1e3 * volts for volts in range(10)])
+    assert (found["runs"], found["repeated_states"]) == (2, 10)
+    assert found["noise"]["found_m"]["value"] == pytest.approx(1e-4 / 2**0.5)
+    assert found["noise"]["found_m"]["degrees_of_freedom"] == 10
+    assert main(["data", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "voltages   10 from 0 to 9 kV" in printed
+    assert "noise      from repeats: 70.71 um (95 %: 49.41 to 124.1, 10 degrees of freedom)" in printed
+    assert "static.csv     20 readings, SHA-256 " in printed
+    assert "warning: neither order nor elapsed_s" in printed
+
+
+def test_a_hundred_thousand_rows(tmp_path) -> None:
+    random = np.random.default_rng(0)
+    rows = "".join(f"A,17.9,{volts:.3f},{volts + noise:.6f}\n" for volts, noise in zip(
+        np.repeat(np.linspace(0, 7, 50_000), 2), 0.05 * random.standard_normal(100_000), strict=True))
+    data = read_dataset(write_dataset(tmp_path / "d", static=TOP + rows))
+    noise = repeat_noise(data)
+    assert data.static is not None
+    assert data.static.line[-1] == 100_001
+    assert noise is not None
+    assert noise.low < 50e-6 < noise.high
+    assert summary(data)["files"][1]["readings"] == 100_000

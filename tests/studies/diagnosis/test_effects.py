@@ -1,0 +1,297 @@
+"""What every registered effect must satisfy, and the exact aliases among effects."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT5, circular, elliptical, skewed
+from scipy.stats import kstest, truncnorm
+
+from tympan.cli import main
+from tympan.fem.derivatives.sensitivity import heave_gradient
+from tympan.fem.film.laws import NeoHooke, Stiffened
+from tympan.fem.film.library import load_specimen
+from tympan.fem.rig import Rig
+from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.case import Settings, find, solve
+from tympan.studies.effects import REGISTRY, Effect, Setup, Use, extended, listing
+
+MATERIAL = NeoHooke(20e3)
+NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
+
+#: Every number that an effect edits is there already, and no mirror plane.
+TAKEN = Setup(
+    (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)), circular(MATERIAL)),
+    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0))
+
+FINE = Settings()
+COARSE = Settings(MeshSettings(order=2).refined(0.7))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A reading to predict: mass [kg], voltage [V], time since the run began [s], on the way up (1) or down (-1)."""
+
+    mass: float
+    voltage: float
+    elapsed: float
+    direction: float
+
+
+READINGS = (Reading(17.9e-3, 5e3, 3600.0, 1.0), Reading(22.45e-3, 3e3, 1800.0, -1.0))
+
+#: Those of the lumped model are in test_lumped_diagnosis.py.
+EFFECTS = {name: effect for name, effect in REGISTRY.items() if not effect.lumped}
+
+each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+each_parameter = pytest.mark.parametrize(
+    ("effect", "number"),
+    [pytest.param(effect, number, id=f"{effect.name}-{item.name}")
+     for effect in EFFECTS.values() for number, item in enumerate(effect.parameters)])
+
+
+@cache
+def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
+    """What the sensor shows of every specimen, shape (specimens, readings) [m]."""
+    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed, load.direction), settings)
+                for load in READINGS]
+               for one in setup.specimens]
+    assert all(result.status == "equilibrium" for row in results for result in row)
+    return np.array([[result.reading_m for result in row] for row in results])
+
+
+def sizes(effect: Effect, number: int, size: float) -> list[float]:
+    """One parameter at a size, the others at none."""
+    return [size * (index == number) for index in range(len(effect.parameters))]
+
+
+def changed(effect: Effect, number: int, size: float, setup: Setup = NOMINAL) -> Setup:
+    """The setup with one parameter of an effect at a size, on the first specimen if on one."""
+    return effect.at(setup, sizes(effect, number, size), effect.choices(setup)[0])
+
+
+@each_effect
+def test_no_effect_changes_no_number(effect: Effect) -> None:
+    """Bit for bit, also where the setup has some of it already."""
+    for which in effect.choices(TAKEN):
+        none = effect.at(TAKEN, [0.0] * len(effect.parameters), which)
+        assert np.array_equal(readings(none, COARSE), readings(TAKEN, COARSE))
+
+
+@each_parameter
+def test_a_typical_size_is_seen(effect: Effect, number: int) -> None:
+    """By more than 0.1 µm somewhere, a hundred times what two meshes of one specimen differ by."""
+    size = max(effect.parameters[number].deviation, effect.parameters[number].least)
+    moved = np.abs(readings(changed(effect, number, size)) - readings(NOMINAL))
+    assert moved.max() > 0.1e-6
+    if effect.on_one:
+        assert moved[0].max() > 0.1e-6
+        assert (moved[1:] == 0).all()
+
+
+@each_parameter
+def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
+    """Central differences about a typical size agree at two steps: no jump, no kink, no noise of the mesh."""
+    item = effect.parameters[number]
+    middle = max(item.deviation, 2 * item.least)
+    slopes = []
+    for step in (middle / 2, middle / 4):
+        high, low = (readings(changed(effect, number, middle + sign * step)) for sign in (1, -1))
+        slopes.append((high - low) / (2 * step))
+    scale = np.abs(slopes[1]).max()
+    assert scale > 0
+    assert np.allclose(*slopes, rtol=0, atol=0.03 * scale)
+
+
+@each_parameter
+def test_readings_tend_to_those_without_it(effect: Effect, number: int) -> None:
+    item = effect.parameters[number]
+    near = max(1e-3 * item.deviation, item.least)
+    full, small = (np.abs(readings(changed(effect, number, size)) - readings(NOMINAL)).max()
+                   for size in (item.deviation, near))
+    assert small < 2 * near / item.deviation * full + 2e-9
+
+
+@each_parameter
+def test_sign_rule(effect: Effect, number: int) -> None:
+    item = effect.parameters[number]
+    size = max(item.deviation, item.least)
+    low, high = item.limits
+    if item.sign == "positive":
+        assert low == 0
+        with pytest.raises(InputError, match="must be from"):
+            effect.apply(NOMINAL, [-1.0] * len(effect.parameters), effect.choices(NOMINAL)[0])
+        return
+    assert low < 0 < high
+    up, down = (readings(changed(effect, number, sign * size)) for sign in (1, -1))
+    if item.sign == "even":
+        assert np.allclose(up, down, rtol=0, atol=1e-9)
+    else:
+        moved = up - readings(NOMINAL)
+        assert np.abs(down - up).max() > np.abs(moved).max()
+
+
+@each_effect
+def test_files_give_the_same_number(effect: Effect, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found in memory."""
+    values = [max(item.deviation, item.least) for item in effect.parameters]
+    setup = effect.at(TAKEN, values, effect.choices(TAKEN)[0])
+    specimen = setup.specimens[0]
+    films, rig = tmp_path / "specimen.toml", tmp_path / "rig.toml"
+    films.write_text(specimen_to_toml(specimen), encoding="utf-8")
+    rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
+    assert load_specimen(films) == specimen
+    assert Rig.read(rig) == setup.rig
+    command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV", "--elapsed", "30 min",
+               "--direction", "down"]
+    assert main([*command, "--json", "--refine", "0.5"]) == 0
+    printed = json.loads(capsys.readouterr().out)["reading_m"]
+    settings = Settings(MeshSettings().refined(0.5))
+    here = solve(setup.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
+    assert printed == here
+    assert here != solve(TAKEN.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
+
+
+@each_effect
+def test_edits_are_pure_and_refuse_what_is_out_of_range(effect: Effect) -> None:
+    which, before = effect.choices(NOMINAL)[0], repr(NOMINAL)
+    values = [item.width for item in effect.parameters]
+    assert effect.apply(NOMINAL, values, which) == effect.apply(NOMINAL, values, which) != NOMINAL
+    assert repr(NOMINAL) == before
+    with pytest.raises(InputError, match=effect.name):
+        effect.apply(NOMINAL, [float("nan")] * len(values), which)
+    with pytest.raises(InputError, match="specimen it happens to" if effect.on_one else "no single specimen"):
+        effect.apply(NOMINAL, values, None if effect.on_one else "circle")
+
+
+@each_parameter
+def test_priors(effect: Effect, number: int) -> None:
+    """Density and draws are those of the cut normal distribution, and the limits can be built."""
+    item = effect.parameters[number]
+    low, high = item.limits
+    assert item.log_prior(high * 1.001) == -np.inf
+    drawn = item.draw(np.random.default_rng(3), 400)
+    assert low <= drawn.min() <= drawn.max() <= high
+    known = truncnorm(low / item.deviation, high / item.deviation, scale=item.deviation)
+    assert kstest(drawn, known.cdf).pvalue > 1e-3
+    assert item.log_prior(0.7 * item.deviation) == pytest.approx(known.logpdf(0.7 * item.deviation), rel=1e-12)
+    assert item.size(item.value(item.deviation)) == pytest.approx(item.deviation, rel=1e-12)
+    for size in (low, high):
+        changed(effect, number, size)
+
+
+@pytest.mark.parametrize(("name", "path", "chain"), [
+    ("permittivity_stretch", "membrane.permittivity_exponent", 1.0),
+    ("electrode_stiffness", "electrode.stiffness", 1.0),
+    ("strain_stiffening", "membrane.material.exponent", 1.0),
+    ("unaccounted_mass", "force", 9.80665),
+    ("amplifier_gain", "voltage", 5e3),
+])
+def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> None:
+    """The effect's own difference against the exact derivative of the film it edits."""
+    effect = REGISTRY[name]
+    step = effect.parameters[0].deviation / 10
+    middle = changed(effect, 0, 2 * step)
+    high, low = (readings(changed(effect, 0, factor * step))[1, 0] for factor in (3, 1))
+    model, outcome = find(middle.case("ellipse 0.06", 17.9e-3, 5e3), FINE)
+    assert (high - low) / (2 * step) == pytest.approx(
+        chain * heave_gradient(model, outcome.state, [path])[path], rel=2e-3)
+
+
+def test_permittivity_amplifier_gain_and_a_divider_are_one() -> None:
+    gain = REGISTRY["amplifier_gain"].apply(NOMINAL, [0.07])
+    epsilon = NOMINAL.with_films(lambda film: replace(film, relative_permittivity=4.7 * 1.07**2))
+    assert np.allclose(readings(gain), readings(epsilon), rtol=1e-9)
+    assert not np.allclose(readings(gain), readings(NOMINAL), rtol=1e-3)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.15])
+def test_load_scale_thickness_and_modulus_are_one(factor: float) -> None:
+    """Readings depend on m g/(mu T R) and eps U^2/(mu T^2) alone."""
+    def film(thickness: float = 1.0, modulus: float = 1.0, permittivity: float = 1.0) -> Setup:
+        return NOMINAL.with_films(lambda one: replace(
+            one, thickness=1e-3 * thickness, material=NeoHooke(20e3 * modulus),
+            relative_permittivity=4.7 * permittivity))
+
+    heavier = replace(film(permittivity=factor), rig=Rig(gravity=9.80665 * factor))
+    softer, thinner = film(modulus=1 / factor), film(thickness=1 / factor, permittivity=1 / factor)
+    assert np.allclose(readings(heavier), readings(softer), rtol=1e-8)
+    assert np.allclose(readings(heavier), readings(thinner), rtol=1e-8)
+    assert not np.allclose(readings(heavier), readings(NOMINAL), rtol=1e-2)
+
+
+def test_eccentricity_enters_as_its_square_alone() -> None:
+    effect = REGISTRY["plate_eccentricity"]
+    one, two = (readings(effect.apply(NOMINAL, [along, across]))[0] - readings(NOMINAL)[0]
+                for along, across in ((1.5e-3, 0.0), (3e-3, 0.0)))
+    assert two / one == pytest.approx(4, rel=0.03)
+    turned = readings(effect.apply(NOMINAL, [1.8e-3, 2.4e-3]))[0] - readings(NOMINAL)[0]
+    assert turned == pytest.approx(two, rel=1e-3)
+
+
+def test_anisotropy_has_no_direction_on_a_circle_but_on_an_ellipse() -> None:
+    effect = REGISTRY["prestretch_anisotropy"]
+    along, across = (readings(effect.apply(NOMINAL, [share])) for share in (0.05, 1 / 1.05 - 1))
+    assert along[0] == pytest.approx(across[0], abs=2e-9)
+    assert np.abs(along[1] - across[1]).min() > 1e-6
+
+
+def test_sag_is_a_gain_that_depends_on_the_voltage() -> None:
+    sagging = REGISTRY["voltage_sag"].apply(NOMINAL, [20e3])
+    lower = REGISTRY["amplifier_gain"].apply(NOMINAL, [1 / (1 + (5 / 20) ** 2) - 1])
+    assert np.allclose(readings(sagging)[:, 0], readings(lower)[:, 0], rtol=1e-12)
+    assert np.abs(readings(sagging)[:, 1] - readings(lower)[:, 1]).min() > 1e-6
+    twice = REGISTRY["voltage_sag"].apply(sagging, [30e3]).rig
+    assert twice.film_voltage(6e3) == pytest.approx(6e3 / (1 + 0.3**2 + 0.2**2), rel=1e-14)
+
+
+def test_gains_multiply() -> None:
+    rig = Rig(amplifier_gain=0.1, sensor_gain=0.2, sensor_zero=1e-3)
+    both = extended(replace(NOMINAL, rig=rig), [Use("amplifier_gain", (-0.2,)), Use("sensor_gain", (0.05,))]).rig
+    assert both.film_voltage(1e3) == pytest.approx(1e3 * 1.1 * 0.8, rel=1e-14)
+    assert both.reading(2e-3) == pytest.approx(2e-3 * 1.2 * 1.05 + 1e-3, rel=1e-14)
+
+
+def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> None:
+    specimen = skewed()
+    setup = REGISTRY["strain_stiffening"].apply(Setup((specimen,), Rig()), [0.4])
+    film = setup.specimens[0].membrane
+    assert isinstance(film.material, Stiffened)
+    nominal, wrapped = (law.derivatives(*film.prestretch) for law in (specimen.membrane.material, film.material))
+    assert wrapped[1:3] == pytest.approx(nominal[1:3], rel=1e-13)
+    assert wrapped[3] > 1.05 * nominal[3]
+    law = Stiffened(NeoHooke(20e3), 0.4, 2 * 5 + 1 / 25)
+    assert law.derivatives(ROOT5, ROOT5)[1] == pytest.approx(NeoHooke(20e3).derivatives(ROOT5, ROOT5)[1], rel=1e-14)
+
+
+def test_several_effects_do_not_depend_on_their_order() -> None:
+    uses = [Use("prestretch_loss", (0.03,), "circle"), Use("voltage_sag", (20e3,)), Use("strain_stiffening", (0.3,)),
+            Use("amplifier_gain", (0.02,))]
+    one, other = extended(NOMINAL, uses), extended(NOMINAL, uses[::-1])
+    assert one == other
+    assert one.specimens[0].membrane.material == one.specimens[1].membrane.material
+    assert one.rig.film_voltage(5e3) == pytest.approx(1.02 * 5e3 / (1 + 1 / 16), rel=1e-14)
+    with pytest.raises(InputError, match="must be one of circle, ellipse"):
+        extended(NOMINAL, [Use("prestretch_loss", (0.03,), "square")])
+
+
+def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["effects", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told) == list(REGISTRY)
+    assert told["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
+    assert told["drift"]["needs_columns"] == ["elapsed_s"]
+    assert told["hysteresis"]["needs_columns"] == ["direction"]
+    assert told["unaccounted_mass"]["parameters"]["m_0"]["unit"] == "g"
+    assert main(["effects"]) == 0
+    printed = capsys.readouterr().out
+    assert all(effect.explanation in printed for effect in REGISTRY.values())
+    page = Path(__file__).parents[3] / "docs" / "effects.md"
+    assert page.read_text(encoding="utf-8") == listing.markdown(), "run tympan effects --markdown > docs/effects.md"

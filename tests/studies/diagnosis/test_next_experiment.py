@@ -1,0 +1,185 @@
+"""The next experiment: that its worth is what refits find, and that the right one is proposed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from tests.support.trials import design, every_cause, read, size_of
+from tympan.studies.diagnosis.inference.fit import Fit, fit
+from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+from tympan.studies.diagnosis.inference.posterior import Weighing
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Bench, Experiment
+from tympan.studies.diagnosis.next_experiment.proposals import expected, possible, propose, rivals
+from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+
+SIGMA = 20e-6
+CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what) for part in ("capacitance", "probe"))
+REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
+
+
+def judged_between(simulation: Simulation, table: Table, causes: list[Cause]) -> Judgement:
+    """A judgement whose rivals are these causes, alone, equally probable."""
+    nominal = fit(simulation, (), table)
+    fits = tuple(fit(simulation, (cause,), table, nominal.unknowns) for cause in causes)
+    share = np.full(len(causes), 1 / len(causes))
+    whole = judge(simulation, table, causes)
+    return replace(whole, table=table, nominal=nominal, weighing=Weighing(nominal, fits, share, 0.0, 0.0))
+
+
+def refitted(simulation: Simulation, one: Fit, old: Table, new: Table) -> float:
+    """Twice the growth of a fit's cost with new rows."""
+    return 2 * (fit(simulation, one.hypothesis, old.joined(new), one.unknowns).cost - one.cost)
+
+
+@pytest.mark.parametrize("experiment", MENU, ids=lambda one: one.what)
+def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: Experiment) -> None:
+    """Δχ² by one linear step is that of a full fit to old and new readings within a tenth, or a tenth of enough."""
+    causes = [Cause("parallel_spring"), Cause("electrode_margin"), Cause("drift")]
+    table = read(three_shapes, design(SIGMA), (causes[1],), [2e-3], seed=2)
+    judgement = judged_between(three_shapes, table, causes)
+    assert judgement.weighing is not None
+    fits = judgement.weighing.fits
+    new = possible(experiment, Bench(three_shapes, table, judgement.nominal), fits)
+    assert new is not None
+    distances = expected(three_shapes, fits, new)
+    for true, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
+        values = three_shapes.predict(fits[true].hypothesis, fits[true].unknowns, new)
+        full = refitted(three_shapes, fits[other], table, new.with_values(values))
+        assert distances[true, other] == pytest.approx(full, rel=0.1, abs=0.1 * TOLD)
+
+
+def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
+    """Readings in reverse or after a pause tell a drift from a spring far better than more readings of the kind."""
+    causes = [Cause("drift"), Cause("parallel_spring")]
+    table = read(three_shapes, design(SIGMA / 4), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
+    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
+                    (REPEAT, BETWEEN, BACKWARDS, LATER)).ranked
+    assert found[0].enough
+    assert found[0].what == BACKWARDS.what or found[0].what.startswith("wait")
+    assert found[0].mean > 3 * max(one.mean for one in found if one.what in (REPEAT.what, BETWEEN.what))
+
+
+@pytest.mark.parametrize(("true", "rival", "channel"), [
+    pytest.param("voltage_sag", "permittivity_stretch", PROBE, id="the film's voltage shows an amplifier"),
+    pytest.param("electrode_margin", "permittivity_stretch", CAPACITANCE, id="the capacitance shows the electrode")])
+def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simulation, true: str, rival: str,
+                                                            channel: Experiment) -> None:
+    causes = [Cause(true), Cause(rival)]
+    table = read(three_shapes, design(SIGMA), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
+    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes, (REPEAT, BETWEEN, channel))
+    assert found.ranked[0].what == channel.what
+    assert found.ranked[0].enough
+    assert set(found.ranked[0].effects) == {true, rival}
+    assert found.sentence.startswith(channel.what)
+
+
+def test_that_nothing_on_the_menu_helps_is_said(three_shapes: Simulation) -> None:
+    """Permittivity takes up an amplifier's gain entirely, and stiffness a sensor's almost."""
+    causes = [Cause("sensor_gain"), Cause("amplifier_gain")]
+    table = read(three_shapes, design(SIGMA), (causes[0],), [0.02], seed=7)
+    judgement = judged_between(three_shapes, table, causes)
+    found = propose(three_shapes, judgement, causes, (REPEAT, BETWEEN))
+    assert not any(one.enough for one in found.ranked)
+    assert found.sentence == "no experiment on this menu separates sensor_gain and amplifier_gain"
+
+
+def test_nothing_wrong_needs_no_experiment(three_shapes: Simulation) -> None:
+    table = read(three_shapes, design(SIGMA), (), [], seed=3)
+    judgement = judge(three_shapes, table, every_cause(three_shapes))
+    assert judgement.verdict == "nothing"
+    assert propose(three_shapes, judgement, every_cause(three_shapes)).ranked == ()
+
+
+def test_times_are_needed_to_wait(three_shapes: Simulation) -> None:
+    table = design(SIGMA)
+    untimed = replace(table, states=replace(table.states, elapsed=np.zeros(len(table.states))))
+    bench = Bench(three_shapes, untimed, fit(three_shapes, (), read(three_shapes, untimed, (), [], 1)))
+    assert BACKWARDS.rows(bench) is None
+    assert LATER.rows(bench) is None
+
+
+def test_new_readings_stay_below_pull_in(three_shapes: Simulation) -> None:
+    """Twice the mass at the highest voltage has no equilibrium within reach and is not proposed; half of it has."""
+    table = read(three_shapes, design(SIGMA), (), [], seed=1)
+    nominal = fit(three_shapes, (), table)
+    bench = Bench(three_shapes, table, nominal)
+    half, _, double = (one for one in MENU if one.what.startswith("hang"))
+    tops = []
+    for experiment in (half, double):
+        new = possible(experiment, bench, [nominal])
+        assert new is not None
+        assert np.isfinite(three_shapes.predict((), nominal.unknowns, new)).all()
+        tops.append(float(new.voltage.max()))
+    assert tops[0] == 6.5e3 > tops[1]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An experiment's true worth over the best one's, and whether the best tells anything apart."""
+
+    share: float
+    useful: bool
+
+
+def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray, new: Table,
+          others: list[tuple[Fit, float]]) -> float:
+    """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them, up to SEEN."""
+    values = simulation.predict(truth, unknowns, new)
+    told = np.isfinite(values)
+    new = new[told].with_values(values[told])
+    own = refitted(simulation, fit(simulation, truth, judgement.table), judgement.table, new)
+    found = [min(refitted(simulation, one, judgement.table, new) - own, SEEN) for one, _ in others]
+    return float(np.average(found, weights=[1e-9 + share for _, share in others]))
+
+
+def tried(simulation: Simulation, seed: int) -> Trial | None:
+    """A random cause of random size; None where nothing is found, or the truth is not among the rivals."""
+    generator = np.random.default_rng(seed)
+    causes = every_cause(simulation)
+    cause = causes[generator.integers(len(causes))]
+    unknowns = np.r_[0.05, -0.03, [one.draw(generator, 1)[0] for one in cause.of_registry.parameters]]
+    table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
+    if not np.isfinite(table.value).all():
+        return None
+    judgement = judge(simulation, table, causes)
+    if judgement.weighing is None:
+        return None
+    fits, shares = rivals(judgement.weighing, causes)
+    others = [(one, share) for one, share in zip(fits, shares.tolist(), strict=True) if cause not in one.hypothesis]
+    if len(others) == len(fits) or not others:
+        return None
+    bench = Bench(simulation, judgement.table, judgement.nominal)
+    found = {}
+    for experiment in MENU:
+        new = possible(experiment, bench, fits)
+        if new is not None:
+            found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new, others)
+    best, proposed = max(found.values()), found[propose(simulation, judgement, causes).ranked[0].what]
+    return Trial(proposed / max(best, 1e-9), best >= TOLD)
+
+
+def rate(simulation: Simulation, wanted: int, first: int) -> float:
+    """Share of trials, of those in which some experiment helps, where the proposed one has 90 % of the best worth."""
+    shares: list[float] = []
+    seed = first
+    while len(shares) < wanted:
+        trial = tried(simulation, seed)
+        if trial is not None and trial.useful:
+            shares.append(trial.share)
+        seed += 1
+    return float(np.mean(np.array(shares) >= 0.9))
+
+
+def test_the_proposed_experiment_is_about_the_best(three_shapes: Simulation) -> None:
+    """A few of the trials of the study below."""
+    assert rate(three_shapes, 8, 100) >= 0.75
+
+
+@pytest.mark.study
+def test_the_proposed_experiment_is_about_the_best_in_nine_of_ten(three_shapes: Simulation) -> None:
+    assert rate(three_shapes, 40, 1000) >= 0.9

@@ -1,0 +1,154 @@
+"""What a judgement rests on: evidence, tests against noise, classes; each against something computed another way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import kstest, multivariate_t
+
+from tests.support.trials import design, every_cause, read
+from tympan.studies.diagnosis.inference import residual_tests as structure
+from tympan.studies.diagnosis.inference.fit import NUISANCE, fit
+from tympan.studies.diagnosis.inference.identifiability import knowable
+from tympan.studies.diagnosis.inference.ratios import ratios
+from tympan.studies.diagnosis.inference.single_effects import attempts
+from tympan.studies.diagnosis.inference.verdict import interval, judge
+from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
+
+NAMES = ("circular", "elliptical-small", "elliptical-large")
+SIGMA = 20e-6
+
+
+def _brute_force(simulation: Simulation, cause: Cause, table: Table) -> float:
+    """The evidence by importance sampling over all unknowns, no parabola assumed."""
+    centre = fit(simulation, (cause,), table)
+    factor = np.linalg.cholesky(np.linalg.inv(centre.precision))
+    proposal = multivariate_t(centre.unknowns, 1.5 * factor @ factor.T, df=5, seed=7)
+    parameter = cause.of_registry.parameters[0]
+    logs = []
+    for unknowns in proposal.rvs(3000):
+        prior = parameter.log_prior(float(unknowns[2])) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
+        if prior > -np.inf:
+            residual = (table.value - simulation.predict((cause,), unknowns, table)) / table.sigma
+            likelihood = -0.5 * np.sum(residual**2) - np.log(2 * np.pi * NUISANCE.prod())
+            logs.append(likelihood + prior - proposal.logpdf(unknowns))
+        else:
+            logs.append(-np.inf)
+    return float(logsumexp(logs) - np.log(len(logs)))
+
+
+@pytest.mark.parametrize(("cause", "size"), [(Cause("prestretch_loss", "circular"), 0.006),
+                                             (Cause("electrode_margin"), 0.0), (Cause("sensor_zero"), 40e-6)])
+def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: float) -> None:
+    """Also where the most probable size is at its limit; relative to the nominal model's, the same grid aside."""
+    table = read(three_shapes, design(SIGMA, voltages=5), (cause,), [size], seed=4)
+    exact = _brute_force(three_shapes, cause, table)
+    assert fit(three_shapes, (cause,), table).evidence == pytest.approx(exact, abs=0.1)
+
+
+def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
+    table = read(three_shapes, design(SIGMA), (), [], seed=0)
+    nominal = fit(three_shapes, (), table)
+    groups = structure.patterns(table, NAMES, table.value)
+    tests = structure.Tests.of(table, nominal.jacobian, groups)
+    generator = np.random.default_rng(2)
+    found = []
+    for _ in range(120):
+        noise = generator.standard_normal(len(table))
+        left = noise - nominal.jacobian @ np.linalg.lstsq(nominal.jacobian, noise, rcond=None)[0]
+        found.append(tests(left, generator).p_value)
+    assert kstest(found, "uniform").pvalue > 0.01
+    line = 3.0 * (table.specimen - 1.0) * (table.voltage / 6.5e3) ** 2
+    assert tests(left + line, generator).p_value < 1e-3
+
+
+def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(three_shapes: Simulation) -> None:
+    table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
+    nominal = fit(three_shapes, (), table)
+    assert np.sqrt(nominal.chi_squared / len(table)) > 2
+    for stated in (1.0, 1 / 1.5, 1.5):
+        wrong = table.with_sigma(stated * table.sigma)
+        judged = judge(three_shapes, wrong, every_cause(three_shapes))
+        assert judged.table.sigma.mean() == pytest.approx(SIGMA, rel=0.2)
+        assert judged.named == (Cause("unaccounted_mass"),)
+
+
+def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> None:
+    """Permittivity, and so an amplifier's gain, is refitted; with one mass the stiffness takes up a load as well."""
+    table = design(SIGMA)
+    known = knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes))
+    assert Cause("amplifier_gain") in known.invisible
+    assert Cause("unaccounted_mass") not in known.invisible
+    one_mass = knowable(three_shapes, table[table.mass == table.mass[0]], np.zeros(2), every_cause(three_shapes))
+    assert Cause("unaccounted_mass") in one_mass.invisible
+
+
+def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Simulation) -> None:
+    """The size at which an effect should reach Δχ² = 25, put into exact readings, does: the refit done in full."""
+    table = design(SIGMA)
+    for one in knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
+        parameters = one.cause.of_registry.parameters
+        if one.seen is None or len(parameters) > 1 or one.cause.effect in ("voltage_sag", "strain_stiffening"):
+            continue
+        size = one.seen * parameters[0].value(parameters[0].size(parameters[0].width)) / one.prior
+        exact = table.with_values(three_shapes.predict((one.cause,), np.array([0.0, 0.0, size]), table))
+        assert fit(three_shapes, (), exact).chi_squared == pytest.approx(25.0, rel=0.5), one
+
+
+def test_intervals_begin_at_the_limit_a_value_lies_on(three_shapes: Simulation) -> None:
+    """Readings without noise of what no spring can be: one of negative stiffness."""
+    spring, table = (Cause("parallel_spring"),), design(SIGMA)
+    none, some = (three_shapes.predict(spring, np.array([0.0, 0.0, size]), table) for size in (0.0, 10.0))
+    value, low, high = interval(fit(three_shapes, spring, table.with_values(2 * none - some)), 2)
+    assert value == low == 0
+    assert 0 < high < 10
+
+
+def test_pairs_never_hold_one_effect_on_two_specimens() -> None:
+    causes = [Cause("prestretch_loss", "a"), Cause("prestretch_loss", "b"), Cause("drift")]
+    assert [len(one) for one in hypotheses_of(causes)] == [1, 1, 1, 2, 2]
+
+
+def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simulation) -> None:
+    """10 g that nobody weighed are ten times the usual; without that cause in the list something else is said, with it
+    the attempt finds it and calls it implausible."""
+    mass = Cause("unaccounted_mass")
+    table = read(three_shapes, design(SIGMA, masses=(17.9e-3, 14e-3)), (mass,), [-4e-3], seed=5)
+    others = [cause for cause in every_cause(three_shapes) if cause != mass]
+    judged = judge(three_shapes, table, others)
+    assert judged.verdict != "nothing"
+    best = attempts(three_shapes, judged, [*others, mass])[0]
+    assert best.cause == mass
+    assert not best.plausible
+    assert best.share > 0.97
+    assert best.fit.unknowns[2] == pytest.approx(-4e-3, rel=0.1)
+
+
+def test_ratios_of_strokes(three_shapes: Simulation) -> None:
+    table = design(SIGMA)
+    values = three_shapes.predict((), np.zeros(2), table)
+    read_ = table.with_values(np.where(table.specimen == 2, 1.1, 1.0) * values)
+    found = {one.what: one for one in ratios(read_, values, NAMES)}
+    assert found["elliptical-large over circular at 17.9 g"].read == pytest.approx(
+        1.1 * found["elliptical-large over circular at 17.9 g"].simulated)
+    assert found["22.45 g over 17.9 g, circular"].off == pytest.approx(0.0, abs=1e-7)
+    assert abs(found["elliptical-large over circular at 22.45 g"].off) > 3
+
+
+def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -> None:
+    cause = Cause("prestretch_loss", "elliptical-large")
+    table = read(three_shapes, design(SIGMA), (cause,), [0.015], seed=8)
+    generator = np.random.default_rng(0)
+    mixed = table[generator.permutation(len(table))]
+    causes = every_cause(three_shapes)
+    first = judge(three_shapes, table, causes)
+    second = judge(three_shapes, mixed, [causes[k] for k in generator.permutation(len(causes))], seed=9)
+    assert first.named == second.named == (cause,)
+    assert first.weighing is not None
+    assert second.weighing is not None
+    assert second.weighing.of_causes()[cause] == pytest.approx(first.weighing.of_causes()[cause], abs=1e-3)
+    assert replace(first.weighing).wrong == pytest.approx(second.weighing.wrong, abs=1e-7)

@@ -1,0 +1,128 @@
+"""Profiles of the likelihood against closed forms and linearised limits, and what is called not determined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.studies.lumped.test_static_fit import clean
+from tympan.geometry.errors import InputError
+from tympan.reports.figures.identification import draw_correlations, draw_profiles
+from tympan.studies.estimation.identifiability import judge, noise_of
+from tympan.studies.estimation.profile import Misfit, minimise, profile
+from tympan.studies.identify.static_fit import Constant, StaticProblem
+from tympan.studies.identify.static_search import identify_static
+
+QUANTILE = 1.959964
+
+
+def box(size: int, low: float = -1e3, high: float = 1e3) -> tuple[np.ndarray, np.ndarray]:
+    return np.full(size, low), np.full(size, high)
+
+
+def linear(count: int = 30) -> tuple[Misfit, np.ndarray]:
+    rng = np.random.default_rng(2)
+    matrix = rng.standard_normal((count, 3)) * [20.0, 30.0, 50.0]
+    matrix[:, 2] += 2 * matrix[:, 0]
+    read = matrix @ [1.0, -0.5, 0.25] + rng.standard_normal(count)
+    return Misfit(lambda z: (matrix @ z - read, matrix), *box(3)), matrix
+
+
+def test_profile_of_a_linear_problem_is_its_linear_limit() -> None:
+    misfit, matrix = linear()
+    best, _ = minimise(misfit, np.zeros(3))
+    spread = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    for index in range(3):
+        line = profile(misfit, best, index, QUANTILE)
+        assert line.low == pytest.approx(best[index] - QUANTILE * spread[index], abs=0.02 * spread[index])
+        assert line.high == pytest.approx(best[index] + QUANTILE * spread[index], abs=0.02 * spread[index])
+        inside = np.abs(line.values - best[index]) > 0
+        straight = (line.values - best[index])[inside] / spread[index]
+        assert line.rise[inside] == pytest.approx(straight, rel=0.01)
+
+
+def test_profile_of_a_reciprocal_is_its_closed_form_and_longer_upwards() -> None:
+    """A deflection of 1/k with noise σ: the limits of k are 1/(d ± qσ), not d⁻¹ ± qσ/d²."""
+    deflection, sigma = 2.0, 0.2
+    misfit = Misfit(lambda z: ((1 / z - deflection) / sigma, -np.diag(1 / z**2) / sigma), *box(1, 1e-3))
+    line = profile(misfit, np.array([1 / deflection]), 0, QUANTILE)
+    expected = [1 / (deflection + side * QUANTILE * sigma) for side in (1, -1)]
+    assert [line.low, line.high] == pytest.approx(expected, rel=2e-3)
+    half = QUANTILE * sigma / deflection**2
+    assert line.high is not None
+    assert line.high - 1 / deflection > 1.15 * half
+
+
+def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> None:
+    """A film's stiffness: at 1 µm both limits agree; at 0.4 mm the profile reaches further up and less far down."""
+    base = clean()
+    ratios = []
+    for noise in (1e-6, 4e-4):
+        specimens = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=8.5))
+                          for one in base.specimens)
+        fit = identify_static(StaticProblem(replace(base, specimens=specimens, noise=noise), "film", "shared"))
+        one = fit.judgement.constants[0]
+        assert one.name == "stiffness"
+        assert one.value == pytest.approx(1.0, rel=1e-6)
+        assert None not in (one.low, one.high, one.linear_low, one.linear_high)
+        ratios.append([(one.high - one.value) / (one.linear_high - one.value),
+                       (one.value - one.low) / (one.value - one.linear_low)])
+    assert ratios[0] == pytest.approx([1.0, 1.0], abs=0.01)
+    assert ratios[1][0] > 1.03
+    assert ratios[1][1] < 0.97
+
+
+def test_limits_of_a_constant_among_others_nobody_sees() -> None:
+    """One mass up to 4 kV: five of nine directions are unseen, and no fit behind a profile gets lost along them."""
+    base = clean()
+    for seed in range(6):
+        read = base.displacement + 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
+        kept = (base.mass < 0.02) & (base.voltage < 4.1e3)
+        few = replace(base, which=base.which[kept], mass=base.mass[kept], voltage=base.voltage[kept],
+                      displacement=read[kept])
+        found = identify_static(StaticProblem(few, alpha="shared")).judgement
+        assert found.determined == 3
+        assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma") for i in (1, 2, 3)]
+        for one, truth, least in zip(found.constants[-2:], (8.5, 0.45), (0.1, 0.002), strict=True):
+            assert one.low is not None
+            assert one.high is not None
+            width = one.high - one.low
+            assert one.low - 0.5 * width < truth < one.high + 0.5 * width
+            assert least < width < 10 * least
+
+
+def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
+    """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as its sum."""
+    names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]
+    saturating = Misfit(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
+                                   np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1), *box(2, -5.0, 5.0))
+    found = judge(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
+    assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
+    assert found.undetermined == ["a"]
+    summed = Misfit(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1), *box(2))
+    found = judge(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
+    assert found.undetermined == ["a", "b"]
+    assert found.determined == 1
+
+
+def test_a_search_that_cannot_begin_is_refused() -> None:
+    nowhere = Misfit(lambda z: (np.full(3, np.nan), np.ones((3, 1))), *box(1))
+    with pytest.raises(InputError, match="does not hold"):
+        minimise(nowhere, np.zeros(1))
+
+
+def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
+    assert noise_of(100.0, 100, 0.9).sigma == 0.9
+    assert noise_of(100.0, 100, 0.1).sigma == 1.0
+    assert noise_of(100.0, 10, None).quantile > noise_of(100.0, 10, 1.0).quantile
+
+
+def test_pictures(tmp_path: Path) -> None:
+    fit = identify_static(StaticProblem(clean()))
+    assert [one.name for one in fit.judgement.constants][-2:] == ["alpha_1[elliptical-small]",
+                                                                  "alpha_1[elliptical-large]"]
+    for file in (*draw_profiles(fit.judgement, tmp_path), *draw_correlations(fit.judgement, tmp_path)):
+        assert file.stat().st_size > 10_000

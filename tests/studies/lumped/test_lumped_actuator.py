@@ -1,0 +1,199 @@
+"""The paper's lumped model: its equations, statics and linearisation against other ways of computing them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import circular, elliptical
+from scipy.constants import epsilon_0, g
+
+from tympan.fem.film.laws import Gent
+from tympan.fem.film.library import MATERIALS
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.system import MissingLibrary
+from tympan.studies.circles.cone import Lumped
+from tympan.studies.lumped.actuator import (
+    Actuator,
+    Correction,
+    Viscous,
+    flat_capacitance,
+    stored_energy,
+)
+from tympan.studies.lumped.equilibria import pull_in, rest, roots
+from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.membrane import LumpedModel
+from tympan.studies.paper.table1 import TABLE_1, eq8, known, paper_actuators
+
+TAPE = MATERIALS["vhb-4910"].material
+OVAL = elliptical(75e-3, TAPE)
+RIG = Rig(gravity=9.81, unaccounted_mass=1e-3, spring=3.0, amplifier_gain=0.02, sag_voltage=40e3)
+MODELS = {
+    "paper": Actuator.of(paper_actuators(8.5)[2], 17.9e-3, (0.4, 0.6)),
+    "tape": Actuator.of(OVAL, 22.45e-3, (0.7, 0.3), rig=RIG),
+    "membrane profile": Actuator.of(OVAL, 17.9e-3, (0.7, 0.3), profile=1.0),
+    "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4), 17.9e-3),
+    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9, 5e3
+                                    ).actuator(17.9e-3, RIG),
+}
+EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())
+
+
+def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float, permittivity: float) -> np.ndarray:
+    """Eqs. (3)–(10) as printed, for the large ellipse, with Table 1's numbers typed again."""
+    y, speed, *strains = state
+    r, z0, total, creep = 1e-2, 200e-6, 0.0, []
+    for weight, outer, strain in zip(alpha, (4.5e-2, 7.5e-2), strains, strict=True):
+        width = outer - r
+        s = (width**2 + y**2) / width**2
+        stretch = np.sqrt(s)
+        hyper = (13.4e3 * stretch**2 + 34.8e3 * stretch**4 + 35.8e3 * stretch**6
+                 + 0.41e3 * stretch**-2 + 113e3 * stretch**-4 + 34.2e3 * stretch**-6)
+        viscous = -23.5e6 * strain + 23.5e6 * (stretch - 1)
+        damper = 62.4e3 * y / (width * np.sqrt(width**2 + y**2)) * speed
+        sine = y / np.sqrt(width**2 + y**2)
+        total += weight * 2 * np.pi * r * (z0 / stretch) / mass * sine * (
+            -epsilon_0 * permittivity / z0**2 * s * u**2 + hyper + viscous + damper)
+        creep.append(-23.5e6 / 177.2e6 * strain + 23.5e6 / 177.2e6 * (stretch - 1))
+    return np.array([speed, g - total, *creep])
+
+
+def test_rates_are_the_papers_equations() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        state = rng.uniform([1e-4, -0.1, 0, 0], [8e-3, 0.1, 0.02, 0.02])
+        u = rng.uniform(0, 7e3)
+        assert MODELS["paper"].rates(state, u) == pytest.approx(
+            equations(state, u, (0.4, 0.6), 17.9e-3, 8.5), rel=1e-10)
+
+
+@EVERY
+def test_derivatives_by_complex_step(actuator: Actuator) -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        state = np.concatenate([[rng.uniform(1e-3, 9e-3), rng.uniform(-0.1, 0.1)],
+                                rng.uniform(0, 0.02, len(actuator.circles))])
+        u = rng.uniform(500, 5e3)
+        steps = 1e-30j * np.eye(len(state))
+        numeric = np.array([actuator.rates(state + step, u).imag for step in steps]).T / 1e-30
+        assert actuator.jacobian(state, u) == pytest.approx(numeric, rel=1e-10, abs=1e-10)
+        by_u = actuator.rates(state + 0j, u + 1e-30j).imag / 1e-30
+        assert actuator.by_voltage(state, u) == pytest.approx(by_u, rel=1e-10)
+
+
+@EVERY
+def test_forces_derive_from_the_energy(actuator: Actuator) -> None:
+    """∂energy/∂y is the force of a film at rest and of its branches; by ε₁ it is what drives Eq. (9)."""
+    state = np.concatenate([[4e-3, 0.0], np.full(len(actuator.circles), 3e-3)])
+    u, step = 3e3, 1e-30
+    slope = actuator.energy(state + step * 1j * np.eye(len(state))[0], u).imag / step
+    assert slope == pytest.approx(-actuator.moved * actuator.rates(state, u)[1], rel=1e-9)
+    for part in (actuator.elastic, actuator.electric):
+        energy, force, stiffness = part(4e-3 + step * 1j)
+        assert energy.imag / step == pytest.approx(force.real, rel=1e-10)
+        assert force.imag / step == pytest.approx(stiffness.real, rel=1e-10)
+
+
+def test_at_rest_it_is_the_mixture_of_cones() -> None:
+    mixture = Lumped.of(OVAL, (0.7, 0.3))
+    actuator = Actuator.of(OVAL, 17.9e-3, (0.7, 0.3))
+    for y, u in ((1e-3, 0.0), (4e-3, 3e3)):
+        assert actuator.balance(y, u)[0] + actuator.load == pytest.approx(mixture.force(y, u), rel=1e-12)
+        assert actuator.capacitance(y) == pytest.approx(mixture.capacitance(y), rel=1e-12)
+
+
+@EVERY
+@pytest.mark.parametrize("voltage", [0.0, 3e3, 5.5e3])
+def test_roots_against_brute_force(actuator: Actuator, voltage: float) -> None:
+    fine = np.linspace(0, actuator.reach, 300_001)
+    values = actuator.balance(fine, voltage)[0]
+    crossing = np.flatnonzero(values[:-1] * values[1:] < 0)
+    found = roots(actuator, voltage)
+    assert len(found) == len(crossing) > 0
+    for root, left in zip(found, crossing, strict=True):
+        assert fine[left] <= root.deflection <= fine[left + 1]
+        assert root.stable == (values[left] < 0)
+
+
+def test_pull_in_is_where_two_roots_meet() -> None:
+    """Below it a stable and an unstable rest, at it one that touches, above it neither; against a fine grid."""
+    actuator = Actuator.of(paper_actuators(8.5)[0], 17.9e-3)
+    voltage, y = pull_in(actuator) or (np.nan, np.nan)
+    below, above = roots(actuator, voltage * (1 - 1e-7)), roots(actuator, voltage * (1 + 1e-7))
+    assert [root.stable for root in below[:2]] == [True, False]
+    assert below[0].deflection < y < below[1].deflection
+    assert len(above) == len(below) - 2
+    fine = np.linspace(1e-3, 1.1 * y, 100_001)
+    squared = (actuator.elastic(fine)[1] - actuator.load) / -actuator.electric(fine)[1]
+    assert voltage == pytest.approx(np.sqrt(squared.max()), rel=1e-8)
+    assert any(abs(root.deflection - y) < 1e-6 for root in roots(actuator, voltage))
+    with pytest.raises(InputError, match="pull-in is at"):
+        rest(actuator, voltage * 1.01)
+
+
+def test_capacitance_and_energy_of_equation_1() -> None:
+    circle, _, large = paper_actuators(4.7)
+    surfaces = (60.5e-4, 102.9e-4)  # Table 1
+    for specimen, surface in zip((circle, large), surfaces, strict=True):
+        by_hand = 8.854e-12 * 4.7 * surface / 200e-6
+        assert flat_capacitance(specimen) == pytest.approx(by_hand, rel=1e-3)
+    assert flat_capacitance(circle) < flat_capacitance(large)
+    by_hand = 0.5 * 8.854e-12 * 4.7 * 60.5e-4 / 200e-6 * 7e3**2
+    assert stored_energy(flat_capacitance(circle), 7e3) == pytest.approx(by_hand, rel=1e-3)
+    assert Actuator.of(circle, 17.9e-3).capacitance(0.0) == pytest.approx(flat_capacitance(circle), rel=1e-6)
+
+
+def test_electric_force_is_less_than_that_of_half_c_u_squared() -> None:
+    """The whole cone's ½Cu² pulls (r₁ + r)/2r times as hard as Eq. (5), which takes the film at the plate's edge."""
+    actuator = MODELS["paper"]
+    one = replace(actuator, circles=actuator.circles[:1], weights=(1.0,))
+    y, step = 3e-3, 1e-6
+    by_energy = -(one.capacitance(y + step) - one.capacitance(y - step)) / (4 * step)
+    assert by_energy / one.electric(y)[1] == pytest.approx((4.5 + 1) / 2, rel=1e-6)
+
+
+def test_linear_model_is_a_control_system() -> None:
+    import control
+
+    linear = linearise(MODELS["tape"], 3e3)
+    system = linear.to_control()
+    assert isinstance(system, control.StateSpace)
+    slope = (rest(MODELS["tape"], 3001.0).deflection - rest(MODELS["tape"], 2999.0).deflection) / 2
+    assert linear.gain == pytest.approx(slope, rel=1e-5)
+    assert float(np.real(np.squeeze(control.dcgain(system)))) == pytest.approx(slope, rel=1e-5)
+    assert np.all(linear.poles.real < 0)
+
+
+def test_without_python_control_the_message_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(MissingLibrary, match="pip install control"):
+        linearise(MODELS["paper"], 0.0).to_control()
+
+
+def test_table_1_marks_what_is_lost() -> None:
+    assert {cell.symbol for cell in TABLE_1 if cell.value is None} == {"g", "alpha_1", "alpha_2", "epsilon_0",
+                                                                       "epsilon_r"}
+    assert all(cell.note for cell in TABLE_1 if cell.value is None)
+    with pytest.raises(InputError, match="lost"):
+        known("epsilon_r")
+    law = eq8(circular(), 8.0).membrane.material
+    cells = {cell.symbol: cell.value for cell in TABLE_1}
+    assert law.beta == tuple(cells[f"beta_{i}"] for i in (1, 2, 3))
+    assert law.gamma == tuple(cells[f"gamma_{i}"] for i in (1, 2, 3))
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"weights": (0.5, 0.6)}, "add up to 1"), ({"weights": (1.0,)}, "2 numbers"), ({"mass": 0.0}, "mass to move"),
+    ({"rig": Rig(gas_pressure=10.0)}, "no bias"),
+])
+def test_what_is_no_model_is_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        replace(MODELS["paper"], **change)
+
+
+def test_viscous_constants_that_would_make_energy_are_refused() -> None:
+    with pytest.raises(InputError, match="negative"):
+        Viscous(k1=-1.0)

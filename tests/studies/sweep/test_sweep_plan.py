@@ -1,0 +1,132 @@
+"""SWEEP.toml: what it makes of its keys, what it refuses, and what a case's id depends on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.sweeps import CHEAP, OVAL, read, written
+from tympan.cli import main
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.studies.sweep.parameters import METHODS
+from tympan.studies.sweep.plan import read_sweep
+from tympan.studies.sweep.task import Task
+
+LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
+
+
+def tasks(folder: Path, text: str, **files: str) -> list[Task]:
+    found = [entry.task for entry in read(folder, text, **files).entries]
+    assert all(task is not None for task in found)
+    return [task for task in found if task is not None]
+
+
+def test_grid_list_and_sample_multiply(tmp_path) -> None:
+    found = tasks(tmp_path, LOADS + """[grid]
+"membrane.relative_permittivity" = [4.7, 3]
+"frame.semi_axes" = [["6 cm", "4.5 cm"], ["7.5 cm", "4.5 cm"]]
+[list]
+"plate.radius" = ["1 cm", "12 mm", "15 mm"]
+"rig.spring" = ["1 N/m", "2 N/m", "3 N/m"]
+[sample]
+method = "latin_hypercube"
+count = 5
+[sample.ranges]
+"membrane.thickness" = ["0.5 mm", "1 mm"]
+""")
+    assert len({task.id for task in found}) == len(found) == 2 * 2 * 3 * 5
+    assert {(task.specimen.plate.outline.radius, task.rig.spring) for task in found} == {
+        (0.01, 1.0), (0.012, 2.0), (0.015, 3.0)}
+    thickness = np.unique([task.specimen.membrane.thickness for task in found])
+    assert np.array_equal(np.floor((thickness - 0.5e-3) / 0.1e-3), np.arange(5))  # one in each fifth
+
+
+def test_loads_may_be_varied_with_the_specimen(tmp_path) -> None:
+    text = ('specimen = "oval.toml"\nvoltage = ["0 kV", "1 kV"]\n'
+            '[list]\nmass = ["1 g", "2 g"]\n"plate.radius" = ["8 mm", "9 mm"]')
+    assert [task.masses for task in tasks(tmp_path, text)] == [(1e-3,), (2e-3,)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
+    points = METHODS[method](3, 60, 1)
+    assert points.shape == (60, 3)
+    assert np.array_equal(points, METHODS[method](3, 60, 1))
+    assert not np.array_equal(points, METHODS[method](3, 60, 2))
+    assert points.min() >= 0
+    assert points.max() < 1
+    assert np.abs(points.mean(axis=0) - 0.5).max() < 0.15
+
+
+CHANGES = {
+    "material": ('"vhb-4910"', '"vhb-4910-gent"'), "frame": ("6 cm", "6.1 cm"), "plate": ("1 cm", "1.1 cm"),
+    "thickness": ("1 mm", "1.1 mm"), "prestretch": ("2.236,", "2.2361,"), "permittivity": ("4.7", "4.71"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_ids_follow_every_number_of_the_specimen(tmp_path, change: str) -> None:
+    [task] = tasks(tmp_path / "a", LOADS)
+    [other] = tasks(tmp_path / "b", LOADS, oval=OVAL.replace(*CHANGES[change]))
+    assert task.id != other.id
+    assert not set(task.ids) & set(other.ids)
+
+
+def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_path) -> None:
+    [task] = tasks(tmp_path / "a", LOADS)
+    for changed in (replace(task, masses=(1e-3,)), replace(task, voltages=(2e3,)), replace(task, rig=Rig(spring=1.0)),
+                    replace(task, settings=replace(CHEAP, symmetry=False)), replace(task, solver="another")):
+        assert not set(task.ids) & set(changed.ids)
+    assert replace(task, fields=True).ids == task.ids
+    assert replace(task, fields=True).id != task.id
+    same = OVAL.replace('"oval"', '"other"').replace("1 mm", "1000 um")
+    [equal] = tasks(tmp_path / "b", LOADS, oval=same)
+    assert equal.ids == task.ids
+
+
+REFUSED = {
+    "unknown key": (LOADS + '[grid]\n"plate.radiuss" = ["1 cm"]', r"SWEEP.toml: plate.radiuss: unknown key"),
+    "wrong unit": (LOADS + '[grid]\n"plate.radius" = ["1 kg"]', r"SWEEP.toml: plate.radius: given '1 kg': wrong dim"),
+    "range": (LOADS + '[grid]\n"membrane.thickness" = ["-1 mm"]', r"SWEEP.toml: membrane.thickness: given '-1 mm'"),
+    "rig": (LOADS + '[grid]\n"rig.sprin" = ["1 N/m"]', r"SWEEP.toml: rig.sprin: unknown key: did you mean 'spring'"),
+    "top": (LOADS + 'volts = "1 kV"', r"SWEEP.toml: volts: unknown key"),
+    "lengths": (LOADS + '[list]\n"plate.radius" = ["1 cm"]\n"membrane.thickness" = ["1 mm", "2 mm"]', r"as long as"),
+    "twice": (LOADS + '[grid]\n"plate.radius" = ["1 cm"]\n[list]\n"plate.radius" = ["1 cm"]', r"one of \[grid\]"),
+    "whole and part": (
+        LOADS + '[grid]\n"frame.semi_axes" = [["6 cm", "5 cm"]]\n"frame.semi_axes.0" = ["7 cm"]', "whole"),
+    "element": (LOADS + '[grid]\n"frame.semi_axes.2" = ["6 cm"]', r"frame.semi_axes.2.*elements 0 to 1"),
+    "mass twice": (LOADS + '[grid]\nmass = ["1 g"]', r"mass: is also varied"),
+    "descending": (LOADS.replace('"1 kV"', '["2 kV", "1 kV"]'), r"voltage: given .*must ascend"),
+    "mass unit": (LOADS.replace("17.9 g", "17.9 mm"), r"mass: given '17.9 mm'"),
+    "method": (LOADS + '[sample]\nmethod = "sobel"\ncount = 2', r"sample.method: given 'sobel': must be one of"),
+    "count": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2.5', r"sample.count: given 2.5"),
+    "order": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "1 cm"]',
+              r"sample.ranges.plate.radius: given .*smaller first"),
+    "kinds": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "3 kg"]',
+              r"sample.ranges.plate.radius: given .*one kind"),
+    "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]', r"grid.plate: must be a list; write a dotted key"),
+    "no specimen": ('mass = "1 g"\nvoltage = "1 kV"', r"specimen: is missing"),
+    "none possible": (
+        LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]', r"none of the specimens can be built.*inside"),
+}
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_mistakes_are_one_message(tmp_path, mistake: str, capsys) -> None:
+    text, words = REFUSED[mistake]
+    file = written(tmp_path, text)
+    with pytest.raises(InputError, match=words):
+        read_sweep(file)
+    assert main(["sweep", str(file), "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mistake_in_the_specimen_names_its_file(tmp_path) -> None:
+    broken = OVAL.replace('"1 mm"', '"1 kg"')
+    with pytest.raises(InputError, match=r"oval.toml: membrane.thickness: given '1 kg'"):
+        read(tmp_path, LOADS + '[grid]\n"plate.radius" = ["1 cm"]', oval=broken)

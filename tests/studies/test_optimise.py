@@ -1,0 +1,308 @@
+"""Shape optimisation: gradients by Taylor's test, optima by their own conditions, by neighbours and finer meshes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from conftest import NEO_HOOKE, elliptical
+from scipy.special import ellipe
+
+from tympan.cli import main
+from tympan.fem.film.library import load_specimen
+from tympan.geometry import outlines
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines import Circle, Ellipse, Outline, area, perimeter
+from tympan.geometry.specimen import Plate, Specimen
+from tympan.studies.case import Case, Settings, solve
+from tympan.studies.optimise.design import Bench
+from tympan.studies.optimise.optimise import Optimised, check, optimise, run_from
+from tympan.studies.optimise.problem import Problem, Variable, default_problem, read_problem
+from tympan.studies.optimise.sqp import DescentSettings, Local, maximise
+
+COARSE = Settings()
+AXES = (Variable("frame.semi_axes.0", 40e-3, 80e-3), Variable("frame.semi_axes.1", 30e-3, 80e-3))
+PROBLEM = """
+specimen = "elliptical-large"
+voltage = "6.5 kV"
+[vary]
+"frame.semi_axes.0" = ["40 mm", "11 cm"]
+"frame.semi_axes.1" = ["30 mm", "8 cm"]
+"plate.radius" = ["6 mm", "20 mm"]
+[limits]
+breakdown_margin = 2.23
+[[start]]
+"plate.radius" = "18 mm"
+"frame.semi_axes.0" = "50 mm"
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The problem of these tests."""
+    path = tmp_path_factory.mktemp("optimise") / "ovals.toml"
+    path.write_text(PROBLEM, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(file: Path) -> Optimised:
+    """Its optimum on a coarse mesh."""
+    return optimise(read_problem(file), COARSE)
+
+
+def remainders(problem: Problem, values: np.ndarray, direction: np.ndarray, steps: tuple[float, ...]) -> np.ndarray:
+    """What a first-order expansion of stroke and limits misses, shape (steps, 1 + limits), on one mesh moved."""
+    bench = Bench(problem, COARSE)
+    _, here = bench.fresh(values)
+    assert here is not None
+    missed = []
+    for step in steps:
+        _, there = bench.moved(values + step * direction)
+        assert there is not None
+        missed.append([there.value - here.value - step * here.slope @ direction,
+                       *(there.limits - here.limits - step * here.limit_slopes @ direction)])
+    return np.abs(np.array(missed)) / np.array([here.value, *np.ones(len(here.limits))])
+
+
+def test_stroke_and_every_limit_have_exact_slopes(file: Path) -> None:
+    """Halving the step quarters what the expansion misses, with a plate off the centre and all kinds of limits."""
+    more = 'pull_in_margin = 1.2\nmax_true_stress = "120 kPa"\nmax_field = "40 MV/m"\ngap = "15 mm"'
+    text = PROBLEM.replace("[limits]", f"[limits]\n{more}")
+    other = file.parent / "all.toml"
+    other.write_text(text, encoding="utf-8")
+    problem = read_problem(other)
+    moved = replace(problem.specimen, plate=Plate(Ellipse((12e-3, 9e-3)), (4e-3, 0.0)))
+    problem = replace(problem, specimen=moved, variables=(*AXES, Variable("plate.semi_axes.1", 5e-3, 2e-2)))
+    missed = remainders(problem, np.array([70e-3, 45e-3, 9e-3]), np.array([2e-3, -3e-3, 1e-3]), (0.2, 0.1))
+    assert missed.shape[1] > 20
+    kinds = np.column_stack([missed[:, :5], missed[:, 5:].max(axis=1)])
+    assert kinds[1].min() > 1e-8
+    np.testing.assert_allclose(kinds[0] / kinds[1], 4, rtol=0.25)
+
+
+def known_outlines() -> dict[str, Outline]:
+    """The examples of all registered outlines."""
+    examples = getattr(outlines, "examples", None)
+    return examples() if examples else {"circle": Circle(45e-3), "ellipse": Ellipse((60e-3, 45e-3))}
+
+
+@pytest.mark.parametrize("shape", sorted(known_outlines()))
+def test_every_number_of_an_outline_has_its_slope_or_is_refused(shape: str) -> None:
+    from tympan.fem.derivatives.parameters import at, numbers
+
+    outline = known_outlines()[shape]
+    specimen = replace(elliptical(60e-3), frame=outline)
+    for name in numbers(outline, "frame")[:4]:
+        value = float(at(specimen, name.split(".")))
+        variable = Variable(name, value - 0.1 * abs(value) - 1e-9, value + 0.1 * abs(value) + 1e-9)
+        problem = Problem("one", specimen, specimen, 17.9e-3, 4e3, (variable,), ((value,),))
+        refused = ""
+        try:
+            check(problem, COARSE)
+        except InputError as error:
+            refused = str(error)
+        if refused:
+            assert "no derivative" in refused
+            continue
+        missed = remainders(problem, np.array([value]), np.array([0.05 * value]), (0.4, 0.2))
+        assert missed[0, 0] / missed[1, 0] == pytest.approx(4, rel=0.3) or missed[0, 0] < 1e-7
+
+
+@dataclass(frozen=True)
+class _Rounded(Circle):
+    """A circle whose radius comes in whole millimetres, so that it has no derivative."""
+
+    shape: ClassVar[str] = "rounded"
+
+    def points(self, count: int) -> np.ndarray:
+        return Circle(round(float(np.real(self.radius)), 3)).points(count)
+
+
+def test_a_number_without_derivative_is_refused() -> None:
+    specimen = replace(elliptical(60e-3), frame=_Rounded(45e-3))
+    problem = Problem("one", specimen, specimen, 17.9e-3, 4e3, (Variable("frame.radius", 4e-2, 5e-2),), ((45e-3,),))
+    with pytest.raises(InputError, match="no derivative"):
+        check(problem, COARSE)
+
+
+def test_the_optimum_keeps_its_conditions(result: Optimised) -> None:
+    """Karush, Kuhn and Tucker's: balance of slopes, limits kept, multipliers positive, both starts the same."""
+    (optimum,) = result.optima
+    assert not result.failed
+    assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2
+    found, local = optimum.best.descent.multipliers, optimum.best.descent.local
+    assert found is not None
+    assert local is not None
+    assert found.residual < 1e-3
+    assert local.violation < 2e-4
+    assert found.limits[0] > 0
+    assert local.limits[0] == pytest.approx(0, abs=2e-4)
+    assert optimum.apart < 0.01
+    assert optimum.elsewhere < 0.01
+    assert len(optimum.best.stations) > 3
+
+
+def test_the_optimum_holds_on_a_finer_mesh_and_beats_the_reference(result: Optimised) -> None:
+    (optimum,) = result.optima
+    assert optimum.finer.stroke == pytest.approx(optimum.best.best.stroke, rel=2e-3)
+    assert optimum.finer.limited["breakdown_margin"] == pytest.approx(2.23, rel=2e-3)
+    assert optimum.gain > 0.2
+    assert optimum.finer.specimen is not None
+    assert area(optimum.finer.specimen.frame) == pytest.approx(np.pi * 75e-3 * 45e-3, rel=1e-9)
+
+
+def test_no_neighbour_is_better(result: Optimised) -> None:
+    """Solved on their own, by the command's own function: neighbours of the same area and margin have less stroke."""
+    (optimum,) = result.optima
+    best, problem = optimum.best.best, result.problem
+
+    def stroke(specimen: Specimen) -> float:
+        ends = [solve(Case(specimen, problem.mass, voltage), COARSE).deflection_m for voltage in (problem.voltage, 0.0)]
+        assert ends[0] is not None
+        assert ends[1] is not None
+        return ends[0] - ends[1]
+
+    a, b, radius = best.values
+    for ratio, grown in ((1.1, 1.0), (0.9, 1.0), (1.0, 1.05)):
+        other = problem.design(np.array([a * ratio, b / ratio, radius * grown]))
+        assert stroke(other) < best.stroke * (1 - 1e-4)
+
+
+def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
+    """Maximise x + 2 y under x² + y² ≤ 1/2 and y ≤ 0.6, where nothing is known beyond x = 0.45."""
+    class Disc:
+        asked = 0
+
+        def renewed(self, x: np.ndarray) -> Local | None:
+            return self.at(x)
+
+        def at(self, x: np.ndarray) -> Local | None:
+            self.asked += 1
+            if x[0] > 0.45:
+                return None
+            return Local(x[0] + 2 * x[1], np.array([1.0, 2.0]), np.array([x @ x - 0.5, x[1] - 0.6]),
+                         np.array([2 * x, [0.0, 1.0]]))
+
+        def held(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+            return 0.0, np.zeros(2)
+
+    found = maximise(Disc(), np.array([0.1, 0.1]), DescentSettings(radius=0.3, widest=1.0))
+    root = np.sqrt(0.5 - 0.36)
+    assert found.status == "optimum"
+    np.testing.assert_allclose(found.x, [root, 0.6], atol=3e-5)
+    assert found.multipliers is not None
+    np.testing.assert_allclose(found.multipliers.limits, [1 / (2 * root), 2 - 1.2 / (2 * root)], rtol=1e-3)
+
+
+def test_designs_without_equilibrium_are_backed_away_from() -> None:
+    """Without limits the stroke grows to pull-in, beyond which there is nothing."""
+    specimen = elliptical(60e-3)
+    problem = Problem("soft", specimen, specimen, 17.9e-3, 6.5e3, (Variable("plate.radius", 2e-3, 2e-2),), ((12e-3,),))
+    film = replace(specimen.membrane, material=replace(NEO_HOOKE, mu=(16e3,)))
+    problem = replace(problem, specimen=replace(specimen, membrane=film))
+    run = run_from(problem, "area", 0, np.array([12e-3]), COARSE, DescentSettings(radius=0.3, iterations=10))
+    assert run.descent.missing > 0
+    assert run.best.stroke > 1.2 * run.stations[0].design.stroke
+    assert any("pulls in" in station.design.reason for station in run.stations)
+
+
+def test_a_start_without_equilibrium_is_told() -> None:
+    specimen = elliptical(60e-3)
+    problem = Problem("high", specimen, specimen, 17.9e-3, 30e3, AXES[:1], ((60e-3,),))
+    found = optimise(problem, COARSE)
+    assert not found.optima
+    assert found.failed[0].descent.status == "no_start"
+    assert "pulls in" in found.failed[0].best.reason
+
+
+def test_a_frame_out_of_reach_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = PROBLEM.split("[limits]", maxsplit=1)[0].replace('"11 cm"', '"8 cm"').replace('"8 cm"]', '"76 mm"]')
+    far = small.replace("[vary]", 'reference = "circular"\nhold = "area"\n[vary]').replace('["40 mm"', '["70 mm"')
+    (tmp_path / "far.toml").write_text(far, encoding="utf-8")
+    assert main(["optimise", str(tmp_path / "far.toml"), "-o", str(tmp_path / "out"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["optima"] == []
+    assert "no design within the bounds has the area" in printed["failed"][0]["reason"]
+    assert (tmp_path / "out" / "path.csv").exists()
+
+
+@pytest.mark.study
+def test_the_shipped_problem_with_pull_in_as_the_active_limit() -> None:
+    result = optimise(default_problem())
+    assert not result.failed
+    for optimum in result.optima:
+        assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2
+        assert optimum.apart < 0.01
+        assert optimum.finer.stroke == pytest.approx(optimum.best.best.stroke, rel=1e-3)
+        assert optimum.finer.limited["pull_in_margin"] == pytest.approx(1.2, rel=1e-3)
+        assert optimum.gain > 0.3
+
+
+def test_length_and_area_of_an_ellipse() -> None:
+    a, b = 75e-3, 45e-3
+    assert perimeter(Ellipse((a, b))) == pytest.approx(4 * a * ellipe(1 - (b / a) ** 2), rel=1e-10)
+    stepped = perimeter(Ellipse((a + 1e-40j, b))).imag / 1e-40
+    ends = [4 * (a + d) * ellipe(1 - (b / (a + d)) ** 2) for d in (1e-6, -1e-6)]
+    assert stepped == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-7)
+    assert area(Ellipse((a, b + 1e-40j))).imag / 1e-40 == pytest.approx(np.pi * a, rel=1e-9)
+
+
+@pytest.mark.parametrize(("old", "new", "match"), [
+    ('"plate.radius" = ["6 mm"', '"plate.width" = ["6 mm"', "vary.plate.width.*must be one of"),
+    ('["6 mm", "20 mm"]', '["20 mm", "6 mm"]', "vary.plate.radius.*larger upper"),
+    ('["6 mm", "20 mm"]', '["11 mm", "20 mm"]', "specimen's own value, 0.01"),
+    ('["6 mm", "20 mm"]', '["6 g", "20 mm"]', "vary.plate.radius"),
+    ("breakdown_margin = 2.23", "pull_in_margin = 0.5", "limits.pull_in_margin.*from 1 to 10"),
+    ("breakdown_margin = 2.23", "pull_in = 1.22", "unknown limit: known are"),
+    ('"plate.radius" = "18 mm"', '"plate.radius" = "30 mm"', "start.0.plate.radius.*bounds"),
+    ('voltage = "6.5 kV"', "", "voltage: is missing"),
+    ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhold = "volume"', "hold.*area, perimeter"),
+    ('specimen = "elliptical-large"', 'specimen = "round"', "specimen.*one of circular, elliptical-small"),
+    ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhald = "area"', "did you mean 'hold'"),
+])
+def test_bad_problems_are_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(PROBLEM.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=match):
+        read_problem(path)
+
+
+def test_a_margin_to_breakdown_needs_a_strength(tmp_path: Path) -> None:
+    from tympan.fem.toml_writer import specimen_to_toml
+
+    film = replace(elliptical(60e-3).membrane, strength=None)
+    (tmp_path / "weak.toml").write_text(specimen_to_toml(replace(elliptical(60e-3), membrane=film)), encoding="utf-8")
+    (tmp_path / "bad.toml").write_text(PROBLEM.replace('"elliptical-large"', '"weak.toml"'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"breakdown_margin.*strength is known"):
+        read_problem(tmp_path / "bad.toml")
+
+
+def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    short = PROBLEM.split("[[start]]", maxsplit=1)[0].replace("2.23", "2").replace(
+        '["6 mm", "20 mm"]', '["9 mm", "20 mm"]')
+    (tmp_path / "short.toml").write_text(short, encoding="utf-8")
+    command = ["optimise", str(tmp_path / "short.toml"), "-o", str(tmp_path / "out"), "--json", "--refine", "0.5"]
+    assert main(command) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "out" / "optimum.json").read_text(encoding="utf-8"))
+    (found,) = printed["optima"]
+    assert found["at_bounds"] == ["plate.radius"]
+    assert found["gain"] > 0.1
+    specimen = load_specimen(tmp_path / "out" / "optimum.toml")
+    assert specimen.plate.outline.semi_axes[0] == pytest.approx(9e-3, rel=1e-9)
+    assert (tmp_path / "out" / "optimum.png").stat().st_size > 10_000
+    rows = (tmp_path / "out" / "path.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0].startswith("held,start,trial,accepted,frame.semi_axes.0_mm")
+    assert len(rows) > 3
+
+
+def test_the_shipped_problem_reads() -> None:
+    problem = default_problem()
+    assert problem.held == ("area", "perimeter")
+    assert problem.reference.name == "elliptical-large"
+    assert len(problem.starts) == 2

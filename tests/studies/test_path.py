@@ -1,0 +1,138 @@
+"""The branch command: limit points, lost tension, bias mechanisms and files, against the axisymmetric equations."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from conftest import ROOT5, circular, elliptical
+
+from tests.oracles import axisymmetric
+from tests.oracles.unstable import branch_voltage, slack_voltage
+from tympan.cli import main
+from tympan.fem.film.laws import NeoHooke
+from tympan.fem.membrane.loading import Magnet
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.studies.case import Case, Settings
+from tympan.studies.path import BranchResult, branch
+
+G = 9.80665
+SOFT = circular(NeoHooke(15e3))
+ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
+FORCE = 17.9e-3 * G
+SOFT_TOML = """
+name = "soft"
+frame = { shape = "circle", radius = "4.5 cm" }
+plate = { shape = "circle", radius = "1 cm" }
+[membrane]
+thickness = "1 mm"
+prestretch = [2.23606797749979, 2.23606797749979]
+relative_permittivity = 4.7
+material = { law = "neo_hooke", mu = "15 kPa" }
+"""
+
+
+@pytest.fixture(scope="module")
+def voltage_branch() -> BranchResult:
+    return branch(Case(SOFT, 17.9e-3, 0.0), Settings(), "voltage")[0]
+
+
+def event(result: BranchResult, what: str):  # type: ignore[no-untyped-def]
+    found, = (item for item in result.events if item.what == what)
+    return found
+
+
+def test_pull_in_and_loss_of_tension_are_where_the_equations_have_them(voltage_branch) -> None:
+    assert event(voltage_branch, "limit").value == pytest.approx(axisymmetric.pull_in_voltage(ORACLE, FORCE), rel=2e-5)
+    # Stress at the rim is less exact than force: 2e-4 of it.
+    assert event(voltage_branch, "tension lost").value == pytest.approx(slack_voltage(ORACLE, FORCE, 6800.0), rel=5e-4)
+
+
+def test_stations_beyond_pull_in_are_the_unstable_branch(voltage_branch) -> None:
+    limit = event(voltage_branch, "limit").station.deflection_m
+    beyond = [station for station in voltage_branch.stations if station.deflection_m > limit * 1.005]
+    assert len(beyond) >= 4
+    for station in beyond:
+        assert not station.stable
+        assert not station.tense
+        assert station.voltage_V == pytest.approx(branch_voltage(ORACLE, FORCE, station.deflection_m), rel=1e-3)
+    before = [station for station in voltage_branch.stations if station.deflection_m < limit * 0.995]
+    assert all(station.stable for station in before)
+    assert voltage_branch.warnings[0].startswith("followed to")
+
+
+def test_voltage_and_charge_follow_the_same_branch(voltage_branch) -> None:
+    """Cutting off the source removes the limit point: along the charge the voltage passes its largest value."""
+    charged = branch(Case(SOFT, 17.9e-3, 0.0), Settings(), "charge")[0]
+    assert [item.what for item in charged.events] == ["tension lost"]
+    charges = [station.charge_C for station in charged.stations]
+    assert charges == sorted(charges)
+    voltages = [station.voltage_V for station in charged.stations]
+    assert max(voltages) == pytest.approx(event(voltage_branch, "limit").value, rel=1e-3)
+    assert voltages[-1] < 0.99 * max(voltages)
+
+
+def test_charge_of_a_nearly_flat_film_is_a_plate_capacitor_s() -> None:
+    """Q = ε₀ε_r A/t U with the mounted area and thickness."""
+    light = branch(Case(SOFT, 0.1e-3, 100.0), Settings(), "voltage")[0].stations[0]
+    flat = 8.8541878128e-12 * 4.7 * np.pi * (45e-3**2 - 10e-3**2) * 5 / 1e-3
+    assert light.charge_C == pytest.approx(flat * 100.0, rel=1e-3)
+
+
+def test_magnet_makes_the_plate_snap_where_its_stiffness_is_the_film_s() -> None:
+    """At the limit point the film's stiffness at that voltage, by the equations, equals the magnet's negative one."""
+    magnet = Magnet(1.2, 12e-3, 6e-3)
+    result = branch(Case(SOFT, 5e-3, 0.0, Rig(biases=(magnet,))), Settings(), "voltage")[0]
+    limit = event(result, "limit").station
+    heave, step = limit.deflection_m, 1e-5
+    up, here, down = (axisymmetric.solve_deflection(ORACLE, heave + change, limit.voltage_V).force
+                      for change in (step, 0.0, -step))
+    _, slope, stiffness = magnet.derivatives(heave)
+    assert here + slope == pytest.approx(5e-3 * G, rel=1e-4)
+    assert (up - down) / (2 * step) == pytest.approx(-stiffness, rel=1e-3)
+    assert result.warnings == ("followed until the voltage fell back to zero",)
+
+
+def test_growing_mass_is_read_as_the_rig_weighs_it() -> None:
+    rig = Rig(unaccounted_mass=2e-3, plate_pressure=50.0)
+    result = branch(Case(elliptical(60e-3), 5e-3, 2000.0, rig), Settings(), "mass")[0]
+    first, last = result.stations[0], result.stations[-1]
+    area = np.pi * 10e-3**2
+    assert first.force_N == pytest.approx(7e-3 * G + 50.0 * area, rel=1e-9)
+    assert last.force_N > 10 * first.force_N
+    assert {station.voltage_V for station in result.stations} == {2000.0}
+
+
+def test_a_start_without_equilibrium_is_refused() -> None:
+    with pytest.raises(InputError, match="pulls in"):
+        branch(Case(SOFT, 17.9e-3, 9000.0), Settings(), "voltage")
+
+
+def test_files_and_json(tmp_path: Path, capsys) -> None:
+    specimen = tmp_path / "soft.toml"
+    specimen.write_text(SOFT_TOML)
+    out = tmp_path / "out"
+    assert main(["path", str(specimen), "--mass", "17.9 g", "-o", str(out), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert json.loads((out / "soft-path.json").read_text()) == printed
+    rows = list(csv.DictReader((out / "soft-path.csv").read_text().splitlines()))
+    assert len(rows) == len(printed["stations"])
+    assert (out / "soft-path.png").stat().st_size > 10_000
+    mesh = meshio.read(out / "soft-path-limit-1.vtu")
+    mode = mesh.point_data["critical_mode"]
+    # The critical mode pushes plate and film along the load most; it moves nothing at the frame.
+    assert mode[:, 2].max() > 1.5 * np.abs(mode[:, :2]).max()
+    at_frame = np.hypot(*(mesh.points - mesh.point_data["displacement"])[:, :2].T) > 45e-3 * (1 - 1e-9)
+    assert np.abs(mode[at_frame]).max() < 1e-12 * np.abs(mode).max()
+
+
+def test_the_load_rests_along_the_critical_mode_while_the_plate_sinks() -> None:
+    result, limits = branch(Case(SOFT, 17.9e-3, 0.0), Settings(), "voltage")
+    (_, point), = limits
+    assert point.direction[1][0] > 0
+    assert abs(point.rate) < 1e-4 * abs(result.stations[-1].voltage_V ** 2)

@@ -1,0 +1,152 @@
+"""Random specimens: every one converges with its forces in balance, or has a status that is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import circular, model
+
+from benchmarks.trials.random_specimens import design
+from benchmarks.trials.robustness import MESH, SECONDS, STEEP, UNBALANCED, judged, study, table
+from tests.oracles import axisymmetric
+from tests.oracles.balance import balance, displaced, nodal_forces, slope
+from tests.oracles.laws import SAMPLES
+from tests.oracles.other_direction import oracle
+from tympan.fem.equilibrium.newton import STRAINED
+from tympan.fem.equilibrium.ramp import PathSettings, equilibrium
+from tympan.fem.membrane.loading import Magnet
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import whole
+from tympan.fem.rig import Rig
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Electrode, Plate
+from tympan.studies.case import Settings, find, why
+
+QUICK = 40
+
+
+@pytest.mark.parametrize("drawn", list(design(QUICK)), ids=lambda drawn: str(drawn.number))
+def test_random_specimen(drawn) -> None:
+    record = judged(drawn, MeshSettings(order=3).refined(0.5), sample=10**9)
+    assert record.status in ("equilibrium", "no_equilibrium", "not_converged")
+    assert record.status == "equilibrium" or record.words
+    assert record.balanced, record
+    assert record.seconds < SECONDS
+
+
+def test_the_design_is_the_same_every_time_and_has_every_law() -> None:
+    first, second = list(design(60)), list(design(120))
+    assert [str(drawn) for drawn in first] == [str(drawn) for drawn in second[:60]]
+    laws = {drawn.case.specimen.membrane.material.law for drawn in second}
+    assert laws == set(SAMPLES)
+
+
+def test_the_checker_would_see_an_unbalanced_state() -> None:
+    made = model(circular(), refine=0.7)
+    found = equilibrium(made, 0.2, 3000.0)
+    assert balance(made, found.state).worst < 1e-8
+    assert balance(made, found.state.under(force=0.2002)).force > 1e-5
+    assert balance(made, found.state.under(voltage=3010.0**2)).worst > 1e-5
+    full, state = whole(made, found.state)
+    assert balance(full, state).slope < 1e-10
+    assert balance(full, state.under(force=0.2002)).slope > STEEP
+
+
+@pytest.mark.parametrize("law", SAMPLES)
+def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
+    """At a state that is no equilibrium, against differences of the potential itself."""
+    rig = Rig(biases=(Magnet(0.1, 0.05, 0.03),)).loading
+    film = circular(SAMPLES[law].law, prestretch=(2.0, 1.8))
+    made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2, symmetry=False)
+    made, random = made.with_loading(rig), np.random.default_rng(3)
+    moved = displaced(made, State.mounted(made), random.normal(size=made.free.sum()) * made.size, np.ones(6), 1e-4)
+    state = moved.under(force=0.2, voltage=1e6, pressure=5.0)
+    forces = nodal_forces(made, state)
+
+    def rise(nodes: np.ndarray, motion: np.ndarray, step: float) -> float:
+        ends = [made.potential(displaced(made, state, nodes, motion, sign * step)) for sign in (1, -1)]
+        return (ends[0] - ends[1]) / (2 * step)
+
+    draws = np.random.default_rng(5)
+    nodes, motion = draws.standard_normal(int(made.free.sum())) * made.size, draws.standard_normal(6)
+    motion[:3] *= made.size
+    size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum() * made.size**2)
+    by_differences = (4 * rise(nodes, motion, 5e-7) - rise(nodes, motion, 1e-6)) / 3
+    found = slope(made, state, forces, tries=1)
+    assert found > STEEP
+    assert found == pytest.approx(abs(by_differences) / size / np.abs(forces).max(), rel=1e-5)
+
+
+@pytest.mark.parametrize("number", [349, 377])
+def test_slopes_are_seen_near_locking(number: int) -> None:
+    """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a film that locks."""
+    drawn = next(one for one in design(number + 1) if one.number == number)
+    record = judged(drawn, MeshSettings(), sample=10**9)
+    assert record.balance.slope < STEEP
+    assert record.balance.worst < UNBALANCED
+
+
+def test_smooth_motions_start_before_the_film_wrinkles() -> None:
+    """On this coarse mesh the natural steps go on with a few radial wrinkles: from there the limit is 2 % too low."""
+    sample, a, b = SAMPLES["prestretched_ogden"], 0.007072555665392742, 0.022103619578584383
+    thickness, stretch, permittivity, exponent = (0.00019409759679790068, 2.5291423810969422, 9.130380113361293,
+                                                  0.14149430999024826)
+    specimen = circular(sample.law, prestretch=(stretch, stretch), thickness=thickness,
+                        relative_permittivity=permittivity, permittivity_exponent=exponent)
+    specimen = replace(specimen, frame=Circle(b), plate=Plate(Circle(a)))
+    force = 0.00691841794219932 * 9.80665
+    film = model(specimen, refine=0.6, order=3)
+    # The mesh hardly resolves it: one kind of smooth motions alone is not believed.
+    assert equilibrium(film, force, 1053.7, settings=PathSettings(agreement=0.0)).status == "not_converged"
+    found = equilibrium(film, force, 1053.7)
+    assert 0 < found.spread < 0.02
+    reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity, exponent)
+    assert found.status == "no_equilibrium"
+    assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force), rel=3e-3)
+
+
+@pytest.mark.parametrize("number", [47, 101])
+def test_no_pull_in_is_invented(number: int) -> None:
+    """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations have none."""
+    drawn = next(one for one in design(number + 1) if one.number == number)
+    film, found = find(drawn.case, Settings(MESH))
+    assert found.status == "not_converged"
+    alone = replace(PathSettings(), annular=(20,), unbalanced=np.inf)
+    wrong = find(drawn.case, Settings(MESH, path=alone))[1]
+    assert wrong.status == "no_equilibrium"
+    assert oracle(film, drawn, wrong).says == "differs"
+
+
+def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
+    drawn = next(one for one in design(88) if one.number == 87)
+    film, found = find(drawn.case, Settings(MESH))
+    assert found.status == "no_equilibrium"
+    assert film.unbalanced(found.critical.state) > PathSettings().unbalanced
+    assert 1e-3 < found.spread < PathSettings().agreement
+    assert oracle(film, drawn, found).says == "agrees"
+    assert "ways to keep it from wrinkling differ" in why(found)
+    near = np.sqrt(found.limit * 1.01)  # closer to the limits than they may be apart
+    assert find(replace(drawn.case, voltage=near), Settings(MESH))[1].status == "not_converged"
+
+
+def test_a_film_that_locks_says_so() -> None:
+    """The eight-chain law has no stress beyond its locking stretch; the film is taut until there."""
+    specimen = circular(SAMPLES["arruda_boyce"].law, prestretch=(3.99, 3.99), thickness=0.2323e-3)
+    specimen = replace(specimen, frame=Circle(22.5e-3), plate=Plate(Circle(4.2e-3)))
+    found = equilibrium(model(specimen, refine=0.6, order=3), 0.132, 1412.0)
+    assert found.status == "not_converged"
+    assert found.advice.startswith(STRAINED)
+    assert found.solution.tangent.wrinkling == 0
+
+
+@pytest.mark.study
+def test_five_hundred_random_specimens() -> None:
+    records = study(500, seed=1, sample=8, workers=1)
+    told = table(records)
+    assert not [record.number for record in records if record.status in ("raised", "hung")], told
+    assert not [record.number for record in records if not record.balanced], told
+    assert sum(record.status == "not_converged" for record in records) <= 40, told
+    assert not [record.number for record in records if record.wrong], told

@@ -1,0 +1,162 @@
+"""The main job: what it stores, that a file is never half there, and its own input."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies import files as store
+from tympan.studies import study
+from tympan.studies.alpha import AlphaSettings, LoadGrid
+from tympan.studies.case import Settings
+
+SMALL = {"curves": LoadGrid((17.9e-3,), (0.0, 3000.0, 12000.0)),
+         "alpha": AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3000.0)), LoadGrid((20e-3,), (1000.0,))),
+         "settings": Settings(MeshSettings(order=3).refined(0.7))}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[study.Study, Path, list[str]]:
+    folder = tmp_path_factory.mktemp("study")
+    plan = study.default_study()
+    plan = replace(plan, specimens=plan.specimens[::2], sources=plan.sources[::2], **SMALL)
+    steps: list[str] = []
+    study.run(plan, folder, steps.append)
+    return plan, folder, steps
+
+
+def table(file: Path) -> list[dict[str, str]]:
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_default_is_the_paper_s_three_actuators() -> None:
+    plan = study.default_study()
+    assert [item.name for item in plan.specimens] == ["circular", "elliptical-small", "elliptical-large"]
+    assert (plan.mass, plan.voltage) == (17.9e-3, 0.0)
+
+
+def test_everything_is_stored(finished) -> None:
+    plan, folder, steps = finished
+    assert len(steps) == study.steps(plan)
+    names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    assert names == {"alpha.json", "study.json"} | {
+        f"{kind}/{name}.{suffix}" for name in ("circular", "elliptical-large")
+        for kind, suffix in (("fields", "vtu"), ("lines", "csv"), ("curves", "csv"))}
+    record = json.loads((folder / "study.json").read_text())
+    assert record["settings"]["mesh"]["order"] == 3
+    assert [item["result"]["status"] for item in record["specimens"]] == ["equilibrium"] * 2
+    weights = json.loads((folder / "alpha.json").read_text())
+    assert set(weights[1]["bases"]) == {"membrane", "cone", "cone_scaled"}
+
+
+def test_stored_fields_cover_the_whole_film(finished) -> None:
+    plan, folder, _ = finished
+    for specimen in plan.specimens:
+        mesh = meshio.read(folder / "fields" / f"{specimen.name}.vtu")
+        mounted = mesh.points - mesh.point_data["displacement"]
+        assert mounted[:, 0].min() == pytest.approx(-specimen.frame.semi_axes[0], rel=1e-9)
+        assert mounted[:, 1].max() == pytest.approx(specimen.frame.semi_axes[1], rel=1e-9)
+        a, b, c = (mounted[mesh.cells_dict["triangle"][:, corner], :2] for corner in range(3))
+        area = np.abs(np.linalg.det(np.stack([b - a, c - a], axis=1))).sum() / 2
+        assert area == pytest.approx(np.pi * (np.prod(specimen.frame.semi_axes) - 1e-4), rel=5e-3)
+
+
+def test_stored_lines_end_at_plate_and_frame(finished) -> None:
+    _, folder, _ = finished
+    rows = table(folder / "lines" / "elliptical-large.csv")
+    for line, reach in (("x", 75.0), ("y", 45.0)):
+        distance = np.array([float(row["distance_mm"]) for row in rows if row["line"] == line])
+        assert np.all(np.diff(distance) >= -1e-9)
+        assert distance[[0, -1]] == pytest.approx([-reach, reach])
+        assert np.abs(distance).min() == pytest.approx(10.0)
+    around = np.array([float(row["distance_mm"]) for row in rows if row["line"] == "plate"])
+    assert around[-1] == pytest.approx(2 * np.pi * 10, rel=2e-2)
+
+
+def test_curves_end_at_pull_in(finished) -> None:
+    _, folder, _ = finished
+    rows = table(folder / "curves" / "circular.csv")
+    assert [row["status"] for row in rows] == ["equilibrium", "equilibrium", "no_equilibrium"]
+    assert float(rows[1]["deflection_mm"]) > float(rows[0]["deflection_mm"]) > 2
+    assert rows[2]["deflection_mm"] == ""
+
+
+def test_an_unfinished_run_is_seen_to_be_unfinished(finished, tmp_path) -> None:
+    plan, _, _ = finished
+    (tmp_path / "study.json").write_text("{}")
+
+    def stop(words: str) -> None:
+        if words.endswith("α"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        study.run(plan, tmp_path, stop)
+    assert not (tmp_path / "study.json").exists()
+    assert not list(tmp_path.rglob(".*"))
+
+
+def test_a_load_without_picture_is_said(finished, tmp_path) -> None:
+    plan, _, _ = finished
+    with pytest.raises(InputError, match=r"circular.*no picture at 17.9 g and 12 kV.*pulls in"):
+        study.run(replace(plan, voltage=12e3), tmp_path)
+
+
+def test_atomic_write_keeps_the_old_file_when_writing_fails(tmp_path) -> None:
+    file = tmp_path / "result.json"
+    store.write_text(file, "old")
+
+    def fail(path: Path) -> None:
+        path.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left"):
+        store.write_atomically(file, fail)
+    assert file.read_text() == "old"
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+
+
+STUDY = """
+name = "mine"
+specimens = ["a.toml"]
+mass = "20 g"
+[curves]
+mass = ["20 g"]
+voltage = ["0 kV", "1 kV"]
+[rig]
+gravity = "9.81 m/s^2"
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('["a.toml"]', "[]", "specimens: given []: must be a list"),
+        ('["a.toml"]', '["a.toml", "a.toml"]', "different names"),
+        ('["a.toml"]', '["b.toml"]', "b.toml: cannot be read"),
+        ('mass = "20 g"\n[', 'mess = "20 g"\n[', "mess: unknown key: did you mean 'mass'"),
+        ('["0 kV", "1 kV"]', '["1 kV", "0 kV"]', "curves.voltage: given ['1 kV', '0 kV']: must ascend"),
+        ("gravity", "gravitas", "rig.gravitas: unknown key"),
+    ],
+)
+def test_study_files(tmp_path, old, new, words) -> None:
+    source = study.default_study().sources[0]
+    (tmp_path / "a.toml").write_text(source)
+    file = tmp_path / "study.toml"
+    file.write_text(STUDY)
+    plan = study.read_study(file)
+    assert (plan.name, plan.mass, plan.rig.gravity) == ("mine", 20e-3, 9.81)
+    assert plan.curves == LoadGrid((20e-3,), (0.0, 1000.0))
+    assert plan.alpha == AlphaSettings()
+    file.write_text(STUDY.replace(old, new, 1))
+    with pytest.raises(InputError) as error:
+        study.read_study(file)
+    assert words in str(error.value)

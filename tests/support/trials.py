@@ -1,0 +1,37 @@
+"""Datasets made by the reduced model itself: three shapes, two masses, voltages up to 6.5 kV, one minute a reading."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.effects import REGISTRY
+
+MASSES = (17.9e-3, 22.45e-3)
+
+
+def every_cause(simulation: Simulation) -> list[Cause]:
+    """All but those that only a way up and down shows."""
+    return [Cause(name, which) for name, effect in REGISTRY.items() if "direction" not in effect.columns
+            for which in effect.choices(simulation.setup)]
+
+
+def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES) -> Table:
+    """Displacements of every shape under every mass at every voltage, in this order."""
+    grid = np.meshgrid(np.arange(3.0), masses, np.linspace(0, 6.5e3, voltages), indexing="ij")
+    specimen, mass, voltage = (axis.ravel() for axis in grid)
+    elapsed = 60.0 * np.arange(len(mass))
+    return rows(States.of(specimen.astype(np.int64), mass, voltage, elapsed), "displacement", sigma)
+
+
+def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: list[float], seed: int) -> Table:
+    """The table with readings, noise included, of films 5 % stiffer and 3 % less permittive than nominal."""
+    values = simulation.predict(hypothesis, np.array([0.05, -0.03, *sizes]), table)
+    return table.with_values(values + table.sigma * np.random.default_rng(seed).standard_normal(len(table)))
+
+
+def size_of(cause: Cause, deviations: float) -> float:
+    """The size of its first parameter, in standard deviations of the prior, within its limits."""
+    parameter = cause.of_registry.parameters[0]
+    return float(np.clip(deviations * parameter.deviation, *parameter.limits))

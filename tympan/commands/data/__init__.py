@@ -1,0 +1,1 @@
+"""Commands about materials and measured data."""

@@ -1,0 +1,50 @@
+"""``tympan export``: parts for laser cutting or printing, the film and its mesh."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from tympan.options import command, mesh_argument, parse_quantity, read_settings, specimen_argument
+
+#: Sizes of the parts by the field of :class:`tympan.geometry.cad.parts.PartOptions`: default, and what it is.
+SIZES = {
+    "width": ("10 mm", "of frame and clamp ring around the film"),
+    "frame_height": ("4 mm", "of the frame"),
+    "clamp_height": ("2 mm", "of the clamp ring"),
+    "plate_height": ("2 mm", "of the plate"),
+    "screw": ("3.2 mm", "diameter of the holes"),
+    "spacing": ("40 mm", "of the holes along the frame, at most"),
+}
+
+
+def add(commands: Any) -> None:
+    """The subcommand."""
+    parser = command(commands, "export", _run, "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
+    specimen_argument(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    for name, (default, words) in SIZES.items():
+        parser.add_argument(_option(name), default=default, metavar="LENGTH", help=f"{words} (default: %(default)s)")
+    mesh_argument(parser)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from tympan.fem.film.library import load_specimen
+    from tympan.geometry.cad.parts import PartOptions
+    from tympan.geometry.errors import InputError
+    from tympan.studies.export import export
+
+    specimen, settings = load_specimen(options.specimen), read_settings(options)
+    sizes = {name: parse_quantity(getattr(options, name), "length", _option(name)) for name in SIZES}
+    try:
+        chosen = PartOptions(**sizes)
+    except InputError as error:
+        name = str(error.key)
+        raise InputError(error.allowed, key=_option(name), given=getattr(options, name)) from None
+    for file in export(specimen, settings.mesh, options.output, chosen):
+        print(file)
+
+
+def _option(name: str) -> str:
+    return "--" + name.replace("_", "-")

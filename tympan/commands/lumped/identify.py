@@ -1,0 +1,133 @@
+"""``tympan lumped identify``: the lumped model's constants behind a dataset, and which of them it determines."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tympan.options import command, parse_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tympan.studies.data.dataset import Dataset
+    from tympan.studies.identify.dynamic_search import DynamicFit
+    from tympan.studies.identify.static_search import StaticFit
+
+    Progress = Callable[[str], None]
+
+
+def add(kinds: Any) -> None:
+    """The subcommand."""
+    parser = command(kinds, "identify", _run, "the constants behind a dataset's readings")
+    parser.add_argument("dataset", type=Path, metavar="DATASET",
+                        help="folder with dataset.toml and static.csv, transient.csv or both")
+    parser.add_argument("--dynamic", action="store_true",
+                        help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the static "
+                             "constants are those of static.csv or, where there is none, the films' own")
+    parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
+                        help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
+    parser.add_argument("--alpha", choices=("each", "shared"), default="each",
+                        help="an α of the circle with the short semi-axis for each shape, or one for all as in "
+                             "Eq. (11) (default: %(default)s)")
+    parser.add_argument("--weights", metavar="A,B",
+                        help="both α of all shapes, for --dynamic without static.csv (default: equal)")
+    parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
+                        help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
+                             "(default: %(default)s)")
+    parser.add_argument("--nelder-mead", action="store_true", help="also the paper's simplex, to compare")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write identify.json and figures")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _run(options: argparse.Namespace) -> None:
+    from tympan.progress import bar
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.files import write_json
+
+    dataset = read_dataset(options.dataset)
+    result: dict[str, Any] = {"dataset": dataset.name}
+    with bar((1 + options.dynamic) * (1 + options.nelder_mead)) as progress:
+        static = _fit_static(dataset, options, result, progress)
+        dynamic = _fit_dynamic(dataset, static, options, result, progress) if options.dynamic else None
+    if options.output is not None:
+        from tympan.reports.figures.identification import (
+            draw_correlations,
+            draw_dynamic,
+            draw_profiles,
+            draw_static,
+        )
+
+        write_json(options.output / "identify.json", result)
+        if static is not None:
+            draw_static(static, options.output)
+        if dynamic is not None:
+            draw_dynamic(dynamic, options.output)
+        for name, fit in (("", static), ("-dynamic", dynamic)):
+            if fit is not None:
+                draw_profiles(fit.judgement, options.output, f"profiles{name}")
+                draw_correlations(fit.judgement, options.output, f"correlations{name}")
+    if options.json:
+        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        return
+    for kind in ("static", "dynamic"):
+        if kind in result:
+            _show_fit(f"{dataset.name}, {kind}", result[kind], result.get(f"nelder_mead_{kind}"))
+
+
+def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str, Any], progress: Progress
+                ) -> StaticFit | None:
+    from tympan.geometry.errors import InputError
+    from tympan.studies.identify.static_fit import StaticProblem, readings_of
+    from tympan.studies.identify.static_search import identify_static, nelder_mead
+
+    if options.dynamic and dataset.static is None:
+        return None
+    if options.weights is not None:
+        raise InputError("is for --dynamic without static.csv, whose readings tell α", key="--weights",
+                         given=options.weights)
+    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
+    progress("readings at rest")
+    fit = identify_static(problem, options.objective)
+    result["static"] = fit.json()
+    if options.nelder_mead:
+        progress("readings at rest, simplex")
+        result["nelder_mead_static"] = nelder_mead(problem)
+    return fit
+
+
+def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace, result: dict[str, Any],
+                 progress: Progress) -> DynamicFit:
+    from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
+    from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
+    from tympan.studies.identify.responses import records_of
+
+    weights = parse_numbers(options.weights, "--weights")
+    statics = Exact(dataset.specimens, dataset.rig, weights) if static is None else Held(static)
+    problem = DynamicProblem(statics, dataset.rig, records_of(dataset), dataset.noise)
+    progress("responses")
+    fit = identify_dynamic(problem)
+    result["dynamic"] = fit.json()
+    if options.nelder_mead:
+        progress("responses, simplex")
+        result["nelder_mead_dynamic"] = nelder_mead_dynamic(problem)
+    return fit
+
+
+def _show_fit(title: str, found: dict[str, Any], other: dict[str, Any] | None) -> None:
+    print(f"{title}: misfit {found['rmse_um']:.3g} um (noise {found['noise_um']:.3g} um); "
+          f"{found['determined']} of {len(found['constants'])} numbers are determined")
+    _show_constants(found)
+    if other is not None:
+        print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
+              f"{other['seconds']:.2f} s; least squares: {found['evaluations']}, {found['seconds']:.2f} s")
+
+
+def _show_constants(found: dict[str, Any]) -> None:
+    for one in found["constants"]:
+        limits = "not determined by these data" if one["low"] is None else f"{one['low']:.6g} to {one['high']:.6g}"
+        print(f"  {one['name']:<28}{one['value']:>14.6g} {'' if one['unit'] == '1' else one['unit']:<5}{limits}")
+    for words in found["warnings"]:
+        print(f"warning: {words}")
