@@ -2,7 +2,8 @@
 
     python -m benchmarks.diagnosis [--workers 2]
 
-Readings are made by finite elements on a finer mesh, one film 2 % less stretched than stated, noise 20 µm.
+Readings are made by finite elements on a finer mesh, one film 2 % less stretched than stated, noise
+20 µm.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ def readings(setup: Setup) -> Table:
     grid = np.meshgrid(np.arange(3.0), MASSES, VOLTAGES, indexing="ij")
     specimen, mass, voltage = (axis.ravel() for axis in grid)
     values = [outcome.state.plate.heave for one in true.specimens for load in MASSES
-              for outcome in voltage_path(build_model(one, OTHER_MESH), load * setup.rig.gravity, VOLTAGES.tolist())]
+              for outcome in voltage_path(build_model(one, OTHER_MESH), load * setup.rig.gravity,
+                                          VOLTAGES.tolist())]
     noise = NOISE * np.random.default_rng(1).standard_normal(len(values))
     states = States.of(specimen.astype(np.int64), mass, voltage, 60.0 * np.arange(len(values)))
     return rows(states, "displacement", NOISE, np.array(values) + noise)
@@ -58,12 +60,14 @@ def stage(words: str, spent: dict[str, tuple[float, float]]) -> Iterator[None]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--workers", type=int, default=2)
     workers = parser.parse_args().workers
     setup = Setup(actuators(), Rig())
     table = readings(setup)
-    causes = tuple(Cause(name, which) for name, effect in REGISTRY.items() if "direction" not in effect.columns
+    causes = tuple(Cause(name, which) for name, effect in REGISTRY.items()
+                   if "direction" not in effect.columns
                    for which in effect.choices(setup))
     spent: dict[str, tuple[float, float]] = {}
     with stage("stiffness and permittivity", spent):

@@ -2,10 +2,10 @@
 
 python -m benchmarks.gradient [--repeat 7]
 
-The solve is that of 17.9 g and 3.5 kV from the mounted state, mesh and its tables at hand; a step is one from there to
-3.6 kV. Both and the gradients are repeated in turn, so that whatever else the machine does falls on all alike; medians
-count. The first gradient by a length on a mesh makes tables that later ones reuse, and finds how the nodes follow that
-length; it is shown beside them.
+The solve is that of 17.9 g and 3.5 kV from the mounted state, mesh and its tables at hand; a step
+is one from there to 3.6 kV. Both and the gradients are repeated in turn, so that whatever else the
+machine does falls on all alike; medians count. The first gradient by a length on a mesh makes
+tables that later ones reuse, and finds how the nodes follow that length; it is shown beside them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ ELLIPSE = replace(CIRCLE, name="plate off centre", frame=Ellipse((75e-3, 45e-3))
 def cases() -> dict[str, Model]:
     """Models from a few hundred unknowns on."""
     coarse, fine = Settings(), Settings(MeshSettings().refined(2))
-    return {"circle, a quarter": build_model(CIRCLE, coarse), "off centre": build_model(ELLIPSE, coarse),
+    return {"circle, a quarter": build_model(CIRCLE, coarse),
+            "off centre": build_model(ELLIPSE, coarse),
             "off centre, refined": build_model(ELLIPSE, fine)}
 
 
@@ -75,8 +76,10 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeat", type=int, default=7, help="rounds; medians count (default: %(default)s)")
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=7,
+                        help="rounds; medians count (default: %(default)s)")
     repeat = parser.parse_args().repeat
     for name, model in cases().items():
         times = rows(model, repeat)

@@ -2,8 +2,9 @@
 
     python -m benchmarks.identification
 
-The paper's actuators with Table 1's constants, ε_r 8.5 and α 0.5; read at rest under both masses at 15 voltages to
-7 kV, and after a step to 3.5 kV for 30 s at 1 kHz, with noise of 1 µm. Searches for ε_r, k₁, η₁, η₂ begin elsewhere.
+The paper's actuators with Table 1's constants, ε_r 8.5 and α 0.5; read at rest under both masses at
+15 voltages to 7 kV, and after a step to 3.5 kV for 30 s at 1 kHz, with noise of 1 µm. Searches for
+ε_r, k₁, η₁, η₂ begin elsewhere.
 """
 
 from __future__ import annotations
@@ -38,12 +39,14 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: A
     rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)).deflection)
             for number, one in enumerate(specimens) for mass in masses for volts in voltages]
     which, mass, volts, y = np.array(rows).T
-    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0)) for one in specimens)
+    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
+                    for one in specimens)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
     return Readings(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
 
 
-def record(specimens: Sequence[Specimen], number: int, mass: float, end: float, interval: float) -> Record:
+def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
+           interval: float) -> Record:
     """A step half a second after the start, which came a third of an interval before the sample that shows it first."""
     actuator = Actuator.of(specimens[number], mass, ALPHA, VISCOUS)
     time = np.arange(0.0, end + interval / 2, interval)
@@ -52,7 +55,8 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float, 
     follower = Follower(lambda _: actuator, lambda *_: np.zeros(0), signal, 0.0)
     noise = NOISE * np.random.default_rng([number, round(1e6 * mass)]).standard_normal(len(time))
     read = follower.solve(np.zeros(0), derivatives=False).deflection(time)[0] + noise
-    return Record(number, mass, "1", time, read, drive_of(time, np.where(time >= seen - 1e-9, 3.5e3, 0.0)), interval,
+    return Record(number, mass, "1", time, read,
+                  drive_of(time, np.where(time >= seen - 1e-9, 3.5e3, 0.0)), interval,
                   float(read[0]))
 
 
@@ -77,10 +81,12 @@ def statics(specimens: Sequence[Specimen]) -> Held:
         print("   half 95 % widths of the combinations:",
               " ".join(f"{1.96 * one.deviation:.2g}" for one in fit.judgement.combinations))
     fit = fits["both masses, to 7 kV"]
-    print("   correlations among β, γ at least", f"{np.abs(fit.judgement.correlations[:6, :6]).min():.3f}")
+    print("   correlations among β, γ at least",
+          f"{np.abs(fit.judgement.correlations[:6, :6]).min():.3f}")
     for number in (0, 4):
         print("   combination", {one.name: round(weight, 2) for one, weight in
-                                 zip(fit.judgement.constants, fit.judgement.combinations[number].coefficients,
+                                 zip(fit.judgement.constants,
+                                     fit.judgement.combinations[number].coefficients,
                                      strict=True)})
     other = nelder_mead(fit.problem)
     bare = identify_static(fit.problem, profiles=False)
@@ -107,9 +113,11 @@ def responses(specimens: Sequence[Specimen], held: Held) -> None:
     other = nelder_mead_dynamic(replace(whole))
     print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.1f} s, misfit {1e6 * bare.rmse:.4f} µm; "
           f"Nelder-Mead, statics held, {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.4f} µm")
-    print("   off the truth:", *(f"{name} {100 * (found / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
+    print("   off the truth:",
+          *(f"{name} {100 * (found / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
                                  for name, found, simple, true in
-                                 zip(other["values"], vars(bare.viscous).values(), other["values"].values(),
+                                 zip(other["values"], vars(bare.viscous).values(),
+                                     other["values"].values(),
                                      vars(VISCOUS).values(), strict=True)))
     for words, end, interval, known in (("the same, statics exact", 30.0, 1e-3, exact),
                                         ("2 s at 1 kHz, statics exact", 2.5, 1e-3, exact),

@@ -45,15 +45,21 @@ def _others() -> Iterator[tuple[str, Specimen, BuildSettings]]:
     circle, _, ellipse = _paper()
     two, film = BuildSettings(), circle.membrane
     sectors = replace(two, radii="sectors")
-    yield "superellipse 75 × 45 mm, exponent 4", replace(ellipse, frame=Superellipse((75e-3, 45e-3), 4.0)), two
+    yield "superellipse 75 × 45 mm, exponent 4", replace(ellipse, frame=Superellipse((75e-3, 45e-3),
+                                                                                     4.0)), two
     yield "stadium 75 × 45 mm", replace(ellipse, frame=Stadium((75e-3, 45e-3))), two
     off = replace(circle, plate=Plate(Circle(10e-3), (10e-3, 0.0)))
     yield "circle, plate 10 mm off its centre, circles by sectors", off, sectors
     yield "the same with the one circle of its frame", off, two
-    yield "circle, elliptical plate 15 × 8 mm", replace(circle, plate=Plate(Ellipse((15e-3, 8e-3)))), two
-    yield "circle, 5 mm bare at frame and plate", replace(circle, electrode=Electrode(5e-3, 5e-3)), two
-    yield "circle, prestretch 2.6 by 2.0", replace(circle, membrane=replace(film, prestretch=(2.6, 2.0))), two
-    for words, law in (("neo-Hookean, 15 kPa", NeoHooke(15e3)), ("Gent, 18 kPa, J 20", Gent(18e3, 20.0)),
+    yield "circle, elliptical plate 15 × 8 mm", replace(circle,
+                                                        plate=Plate(Ellipse((15e-3, 8e-3)))), two
+    yield "circle, 5 mm bare at frame and plate", replace(circle,
+                                                          electrode=Electrode(5e-3, 5e-3)), two
+    yield "circle, prestretch 2.6 by 2.0", replace(circle,
+                                                   membrane=replace(film,
+                                                                    prestretch=(2.6, 2.0))), two
+    for words, law in (("neo-Hookean, 15 kPa", NeoHooke(15e3)),
+                       ("Gent, 18 kPa, J 20", Gent(18e3, 20.0)),
                        ("Ogden, 30 and 2 kPa, powers 1.3 and 5.5", Ogden((30e3, 2e3), (1.3, 5.5)))):
         yield f"circle, {words}", replace(circle, membrane=replace(film, material=law)), two
 
@@ -88,7 +94,8 @@ def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
         "## Vibrations", "",
         "Undamped heave about rest under 17.9 g, from the model's stiffness and from the field model's eigenvalues, "
         "which the fit did not see:", "",
-        "| | 0 kV: lumped, field | 5 kV: lumped, field |", "|---|---|---|", *(_heave(one) for one in found), "",
+        "| | 0 kV: lumped, field | 5 kV: lumped, field |", "|---|---|---|",
+        *(_heave(one) for one in found), "",
         "## How far it reaches", "", *_reach(circle)]
     return "\n".join(lines) + "\n"
 
@@ -99,7 +106,8 @@ def _kinematics(circle: Built) -> list[str]:
         "*cone* is the paper's: the film is a straight cone. A film without bending stiffness is steeper at the plate. "
         "Under even tension, hardly deflected, its height is y ln(R/ρ)/ln(R/r), and its force l₀/(r ln(R/r)) times "
         f"the cone's: {factor:.3f} for the circle of 45 mm with a plate of 10 mm, "
-        + " and ".join(f"{_factor(radius):.3f} for {1e3 * radius:g} mm" for radius in (60e-3, 75e-3)) + ".", "",
+        + " and ".join(f"{_factor(radius):.3f} for {1e3 * radius:g} mm"
+                       for radius in (60e-3, 75e-3)) + ".", "",
         "*membrane* takes that shape. The energy of its slopes over the whole film is, to fourth order in y and for "
         "any law, that of a volume V with the one slope κy, with V κ² = 2π z₀/ln(R/r) and "
         "κ² = (1/r² − 1/R²)/(2 ln³(R/r)). Force is its derivative for film and voltage alike, so capacitance and force "
@@ -159,7 +167,8 @@ def _other(words: str, built: Built, circle: Built) -> str:
 
 def _heave(built: Built) -> str:
     pairs = zip(*(built.frequencies[name] for name in ("lumped", "field")), strict=True)
-    return f"| {built.model.specimen.name} | " + " | ".join(f"{a:.4f}, {b:.4f} Hz" for a, b in pairs) + " |"
+    return f"| {built.model.specimen.name} | " + " | ".join(f"{a:.4f}, {b:.4f} Hz"
+                                                            for a, b in pairs) + " |"
 
 
 def _reach(built: Built) -> list[str]:
@@ -168,11 +177,13 @@ def _reach(built: Built) -> list[str]:
     beyond = build(built.model.specimen, Settings(), replace(built.settings, voltages=voltages))
     errors = [curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
               for mass, row in zip(built.settings.masses, beyond.field.deflection, strict=True)]
-    limits = [find(Case(built.model.specimen, mass, 10e3), Settings())[1].limit for mass in built.settings.masses]
+    limits = [find(Case(built.model.specimen, mass, 10e3), Settings())[1].limit
+              for mass in built.settings.masses]
     return [
         "The circles keep their hoop stretch, so the model does not see what draws a film in. The circular actuator, "
         "built for 0 to 5 kV and asked beyond:", "",
-        "| | " + " | ".join(f"{u / 1e3:g} kV" for u in voltages) + " |", "|---|" + "---:|" * len(voltages),
+        "| | " + " | ".join(f"{u / 1e3:g} kV" for u in voltages) + " |",
+        "|---|" + "---:|" * len(voltages),
         *(f"| {1e3 * mass:g} g | " + " | ".join(f"{100 * one:+.2f} %" for one in row) + " |"
           for mass, row in zip(built.settings.masses, errors, strict=True)), "",
         f"The field model pulls in at {' and '.join(f'{1e-3 * np.sqrt(limit or np.nan):.2f}' for limit in limits)} kV, "

@@ -43,12 +43,14 @@ def page(whole: Optimised, parts: dict[str, Optimised], took: float) -> str:
         f"`make optimum` makes this page in about {took / 60:.0f} min from `studies/optimise/ellipse.toml`; "
         "the search of it alone is `tympan optimise`.", "",
         f"To beat: `{problem.reference.name}`, stroke {1e3 * reference.stroke:.4f} mm, "
-        + ", ".join(f"{_words(name)} {_shown(problem, name, value)}" for name, value in reference.limited.items())
+        + ", ".join(f"{_words(name)} {_shown(problem, name, value)}"
+                    for name, value in reference.limited.items())
         + ".", "", "![Outlines along the way, stroke and limits](optimum.png)", "",
         "| | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima) + " |",
         "|---|" + "---|" * len(whole.optima), *_rows(whole), "",
         "Gain over the reference when only one part may change, with the same limits:", "",
-        "| varied | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima) + " |",
+        "| varied | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima)
+        + " |",
         "|---|" + "---|" * len(whole.optima),
         *(f"| {name} | " + " | ".join(f"{optimum.gain:+.2%}" for optimum in found.optima) + " |"
           for name, found in {**parts, "both": whole}.items()), "",
@@ -66,9 +68,11 @@ def _meaning(whole: Optimised) -> list[str]:
         active = [_words(name) for name, limit in found["limits"].items() if limit["active"]]
         bounds = ", ".join(found["at_bounds"])
         lines.append(f"* Equal {found['held']}: the best frame among ellipses is {shape}; "
-                     + (f"held by the bounds of {bounds}" if bounds else "no bound of a variable holds it")
+                     + (f"held by the bounds of {bounds}" if bounds
+                        else "no bound of a variable holds it")
                      + f"; active limits: {', '.join(active) or 'none'}.")
-    return [*lines, "* How much of the gain is the frame's and how much the plate's: the table above. A frame that "
+    return [*lines,
+            "* How much of the gain is the frame's and how much the plate's: the table above. A frame that "
             "must not be higher than the reference's has that as a bound in `[vary]`."]
 
 
@@ -76,17 +80,22 @@ def _rows(whole: Optimised) -> list[str]:
     stored = record(whole)["optima"]
     rows = [["status", *(found["status"] for found in stored)]]
     for variable in whole.problem.variables:
-        rows.append([f"{variable.key} [mm]", *(f"{1e3 * found['variables'][variable.key]:.3f}" for found in stored)])
+        rows.append([f"{variable.key} [mm]",
+                     *(f"{1e3 * found['variables'][variable.key]:.3f}" for found in stored)])
     rows += [["stroke [mm]", *(f"{1e3 * found['stroke_m']:.4f}" for found in stored)],
              ["gain over the reference", *(f"{found['gain']:+.2%}" for found in stored)],
-             ["the same on a mesh twice as fine", *(f"{found['finer']['gain']:+.2%}" for found in stored)]]
+             ["the same on a mesh twice as fine",
+              *(f"{found['finer']['gain']:+.2%}" for found in stored)]]
     for limit in whole.problem.limits:
         name = limit.name
         rows.append([f"{_words(name)}, limit {_shown(whole.problem, name, limit.bound)}",
                      *(_kept(whole.problem, name, found["limits"][name]) for found in stored)])
-    rows += [["stroke for 1 % more of what is held", *(f"{found['held_multiplier']:+.3f} %" for found in stored)],
-             ["conditions of optimality miss by, relative", *(f"{found['kkt_residual']:.1e}" for found in stored)],
-             ["starts apart, in stroke", *(f"{found['starts_apart_stroke']:.1e}" for found in stored)],
+    rows += [["stroke for 1 % more of what is held",
+              *(f"{found['held_multiplier']:+.3f} %" for found in stored)],
+             ["conditions of optimality miss by, relative",
+              *(f"{found['kkt_residual']:.1e}" for found in stored)],
+             ["starts apart, in stroke",
+              *(f"{found['starts_apart_stroke']:.1e}" for found in stored)],
              ["starts apart, in a variable, of its bounds",
               *(f"{found['starts_apart_variables']:.1e}" for found in stored)],
              ["designs tried, by start", *(", ".join(str(run["trials"]) for run in found["starts"])
@@ -96,13 +105,15 @@ def _rows(whole: Optimised) -> list[str]:
 
 def _kept(problem: Problem, name: str, found: dict[str, float]) -> str:
     text = f"{_shown(problem, name, found['value'])}, finer mesh {_shown(problem, name, found['finer'])}"
-    return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"] else "")
+    return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"]
+                   else "")
 
 
 def _trust(whole: Optimised) -> list[str]:
     lines = []
     for optimum in whole.optima:
-        short = ", ".join(f"{_words(name)} {share - 1:.1%}" for name, share in _scales(whole.problem, optimum).items()
+        short = ", ".join(f"{_words(name)} {share - 1:.1%}"
+                          for name, share in _scales(whole.problem, optimum).items()
                           if share != 1.0)
         lines.append(f"* Equal {optimum.held}: the largest nodal values exceed the norms that stand for them: {short}; "
                      "the search scales the norms by that, anew on every new mesh.")
@@ -123,9 +134,11 @@ def _scales(problem: Problem, optimum: Optimum) -> dict[str, float]:
 
 def _only(problem: Problem, part: str) -> Problem:
     """The problem with the numbers of one part alone, from the specimen itself."""
-    chosen = [number for number, variable in enumerate(problem.variables) if variable.path[0] == part]
+    chosen = [number for number, variable in enumerate(problem.variables)
+              if variable.path[0] == part]
     starts = tuple(np.array(problem.starts[0])[chosen].tolist())
-    return replace(problem, variables=tuple(problem.variables[number] for number in chosen), starts=(starts,))
+    return replace(problem, variables=tuple(problem.variables[number] for number in chosen),
+                   starts=(starts,))
 
 
 def _words(name: str) -> str:
@@ -134,7 +147,8 @@ def _words(name: str) -> str:
 
 def _shown(problem: Problem, name: str, value: float) -> str:
     unit = next(limit.unit for limit in problem.limits if limit.name == name)
-    scale, text = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}.get(unit, (1.0, ""))
+    scale, text = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}.get(unit,
+                                                                                        (1.0, ""))
     return f"{scale * value:.4g}{text}"
 
 

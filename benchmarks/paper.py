@@ -42,13 +42,15 @@ def other_seeds() -> list[str]:
         if signal.voltage.min() <= choices.near and signal.voltage.max() >= HIGHEST - choices.near:
             found = fit_levels(signal)
             growth = found.ranges[1] / found.ranges[0]
-            rows.append((f"{seed}", f"{found.permittivity:.2f}", f"{found.alpha[0]:.3f}", f"{1e3 * found.rms:.3f}",
+            rows.append((f"{seed}", f"{found.permittivity:.2f}", f"{found.alpha[0]:.3f}",
+                         f"{1e3 * found.rms:.3f}",
                          f"{1e3 * np.abs(found.misfit[:, 1:]).max():.3f}",
                          " / ".join(f"{1e3 * value:+.3f}" for value in found.misfit[:, 0]),
                          " / ".join(f"{value:.3f}" for value in growth)))
         seed += 1
     return ["The same for the first seeds whose levels come near to both ends:", "",
-            *_table(("seed", "ε_r", "α₁", "left (rms) [mm]", "worst ellipse [mm]", "circle, 17.9 and 22.45 g [mm]",
+            *_table(("seed", "ε_r", "α₁", "left (rms) [mm]", "worst ellipse [mm]",
+                     "circle, 17.9 and 22.45 g [mm]",
                      "growth with the mass"), rows)]
 
 
@@ -62,23 +64,30 @@ def page(content: Any, seeds: list[str]) -> str:
         "Figure 4 and α from the fields: `make study`.", "",
         "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
         "## Table 2: ranges of motion", "",
-        *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]", "at rest, 0 to 7 kV [mm]",
+        *_table(("actuator", "mass [g]", "paper [mm]", "ends of figure 14's levels [mm]",
+                 "at rest, 0 to 7 kV [mm]",
                  "all samples [mm]", "paper [%]", "ends of levels [%]", "at rest [%]"),
-                ((one["specimen"], f"{one['mass_g']:g}", f"{one['paper_mm']:.2f}", f"{one['at_levels_mm']:.3f}",
-                  f"{one['at_rest_mm']:.3f}", f"{one['all_samples_mm']:.3f}", f"{one['paper_percent']:.0f}",
-                  f"{one['at_levels_percent']:.1f}", f"{one['at_rest_percent']:.1f}") for one in ranges["rows"])), "",
+                ((one["specimen"], f"{one['mass_g']:g}", f"{one['paper_mm']:.2f}",
+                  f"{one['at_levels_mm']:.3f}",
+                  f"{one['at_rest_mm']:.3f}", f"{one['all_samples_mm']:.3f}",
+                  f"{one['paper_percent']:.0f}",
+                  f"{one['at_levels_percent']:.1f}", f"{one['at_rest_percent']:.1f}")
+                 for one in ranges["rows"])), "",
         *(f"* {words}" for words in ranges["why"]), "",
         f"![{CAPTIONS['fig14']}]({_FIGURES['fig14']})", "",
         "## Settling times of the oscillation [s]", "",
         *_table(("within", *(f"{name}, {mass} g" for name, mass in columns), "off by (rms)"),
                 [("paper", *(f"{value:.2f}" for value in SETTLING.ravel()), ""),
                  *((one["criterion"].replace("um", "µm"),
-                    *(f"{one[f'{name}_{mass}g_s']:.2f}" for name, mass in columns), f"{one['rms_s']:.2f}")
+                    *(f"{one[f'{name}_{mass}g_s']:.2f}" for name, mass in columns),
+                    f"{one['rms_s']:.2f}")
                    for one in settling["rows"])]), "",
-        "The last three rows are the best of their kind.", "", *(f"* {words}" for words in settling["why"]), "",
+        "The last three rows are the best of their kind.", "",
+        *(f"* {words}" for words in settling["why"]), "",
         "## Hysteresis", "",
         *_table(("actuator", "u₀ [kV]", "u₁ [kV]", "range [µm]", "widest gap over range [%]"),
-                ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}", f"{one['range_um']:.1f}",
+                ((one["specimen"], f"{one['offset_kV']:g}", f"{one['amplitude_kV']:g}",
+                  f"{one['range_um']:.1f}",
                   f"{one['gap_percent']:.1f}") for one in content["hysteresis"]["rows"])), "",
         *content["hysteresis"]["why"], "",
         "## What is wrong or missing in the paper", ""]
@@ -88,7 +97,8 @@ def page(content: Any, seeds: list[str]) -> str:
             lines += [words, ""]
         if one["key"] == "lost":
             lines += [f"![{CAPTIONS['misfit']}]({_FIGURES['misfit']})", "", *seeds, ""]
-        lines += [*_table(("number", "value"), ((item["what"], shown(item)) for item in one["numbers"])), ""]
+        lines += [*_table(("number", "value"),
+                          ((item["what"], shown(item)) for item in one["numbers"])), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -2,8 +2,9 @@
 
     python -m benchmarks.reference_problem [--levels 3] [--repeat 3] [--only NAME ...] [-o FILE]
 
-A rigid disc is pushed out of a prestretched neo-Hookean film between two circles; see `peers/harness.py` for
-the numbers. Timed is the way from a mesh in memory to the force, without meshing, imports or compilation.
+A rigid disc is pushed out of a prestretched neo-Hookean film between two circles; see
+`peers/harness.py` for the numbers. Timed is the way from a mesh in memory to the force, without
+meshing, imports or compilation.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def run(script: Script, peer_python: str, levels: int, repeat: int) -> Outcome:
         return Outcome(script, (), f"no such Python: {python or '/usr/bin/python3'}")
     command = [python, str(script.path), "--levels", str(levels), "--repeat", str(repeat)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    rows = tuple(Row(**json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{"))
+    rows = tuple(Row(**json.loads(line)) for line in done.stdout.splitlines()
+                 if line.startswith("{"))
     if done.returncode == 0:
         return Outcome(script, rows)
     last = (done.stderr.strip().splitlines() or [""])[-1]
@@ -77,7 +79,8 @@ def run(script: Script, peer_python: str, levels: int, repeat: int) -> Outcome:
 def fastest_at_least_as_accurate(row: Row, ours: list[Row]) -> Row | None:
     """The quickest of tympan's rows whose error is no larger; None if there is none."""
     return min(
-        (own for own in ours if own.relative_error <= row.relative_error), key=lambda own: own.seconds, default=None
+        (own for own in ours if own.relative_error <= row.relative_error),
+        key=lambda own: own.seconds, default=None
     )
 
 
@@ -95,7 +98,8 @@ def table(rows: list[Row], ours: list[Row]) -> str:
         match = fastest_at_least_as_accurate(row, ours)
         ratio = f"{row.seconds / match.seconds:.1f}" if match else "-"
         error, seconds = f"{row.relative_error:.1e}", f"{row.seconds:.3f}"
-        cells.append((row.peer, row.version, row.method, f"{row.unknowns:,}", error, seconds, ratio))
+        cells.append((row.peer, row.version, row.method, f"{row.unknowns:,}", error, seconds,
+                      ratio))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return "\n".join("  ".join(_aligned(line, widths)) for line in cells)
 
@@ -122,7 +126,8 @@ def report(ours: list[Row], outcomes: list[Outcome]) -> str:
     """The table, the notes of each package and the packages that did not run."""
     rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
     notes = dict.fromkeys(f"{row.peer}, {row.method}: {row.notes}" for row in rows if row.notes)
-    absent = [f"{outcome.script.name}: {outcome.problem}" for outcome in outcomes if outcome.problem]
+    absent = [f"{outcome.script.name}: {outcome.problem}" for outcome in outcomes
+              if outcome.problem]
     parts = [table(rows, ours), "\n".join(notes)]
     if absent:
         parts.append("did not run to the end:\n" + "\n".join(absent))
@@ -131,15 +136,19 @@ def report(ours: list[Row], outcomes: list[Outcome]) -> str:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--levels", type=int, default=3, help="meshes per peer, each twice as fine")
     parser.add_argument("--repeat", type=int, default=3, help="runs per mesh; the fastest counts")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="run the peers whose script name contains NAME")
-    parser.add_argument("--peer-python", default=sys.executable, help="Python that has the pip-installed peers")
+    parser.add_argument("--only", nargs="+", metavar="NAME",
+                        help="run the peers whose script name contains NAME")
+    parser.add_argument("--peer-python", default=sys.executable,
+                        help="Python that has the pip-installed peers")
     parser.add_argument("--peers-only", action="store_true", help="leave tympan out")
     parser.add_argument("-o", "--output", type=Path, help="also write the rows as JSON")
     options = parser.parse_args()
-    scripts = [s for s in SCRIPTS if not options.only or any(name in s.name for name in options.only)]
+    scripts = [s for s in SCRIPTS if not options.only
+               or any(name in s.name for name in options.only)]
     ours = [] if options.peers_only else own_rows(options.repeat)
     outcomes = []
     for script in scripts:
@@ -151,7 +160,8 @@ def main() -> None:
     if options.output:
         rows = [*ours, *(row for outcome in outcomes for row in outcome.rows)]
         missing = {outcome.script.name: outcome.problem for outcome in outcomes if outcome.problem}
-        options.output.write_text(json.dumps({"rows": [asdict(row) for row in rows], "missing": missing}, indent=1))
+        options.output.write_text(json.dumps({"rows": [asdict(row) for row in rows],
+                                              "missing": missing}, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 """How time and memory grow with the number of unknowns, and where the peers are at the same sizes.
 
-    python -m benchmarks.scaling [--sizes 1e3 1e4 1e5 1e6] [--limit S] [--memory GB] [--peers] [--peer-python PYTHON]
+    python -m benchmarks.scaling [--sizes 1e3 1e4 1e5 1e6] [--limit S] [--memory GB] [--peers]
+    [--peer-python PYTHON]
 
-Each size runs in a process of its own: the full annulus meshed by gmsh, neo-Hooke 20 kPa, loaded with 17.9 g and
-charged to 5 kV. Memory is the process's peak by the end of a stage, above what its imports took.
+Each size runs in a process of its own: the full annulus meshed by gmsh, neo-Hooke 20 kPa, loaded
+with 17.9 g and charged to 5 kV. Memory is the process's peak by the end of a stage, above what its
+imports took.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ def child(command: Sequence[str], limit: float) -> dict[str, Any] | str:
 def table(rows: Sequence[Sequence[str]]) -> str:
     """Columns aligned to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+                     for row in rows)
 
 
 def line(case: dict[str, Any]) -> list[str]:
@@ -61,7 +64,8 @@ def exponents(cases: Sequence[dict[str, Any]]) -> list[str]:
             return "-"
         return f"{np.polyfit(np.log(unknowns[seen]), np.log(values[seen]), 1)[0]:.2f}"
 
-    return ["exponent", *(f"{power(stage, 'seconds')} / {power(stage, 'peak_MB')}" for stage in STAGES), "", ""]
+    return ["exponent",
+            *(f"{power(stage, 'seconds')} / {power(stage, 'peak_MB')}" for stage in STAGES), "", ""]
 
 
 def own(sizes: Sequence[float], limit: float, memory: float) -> Iterator[str]:
@@ -96,23 +100,29 @@ def peers(limit: float, python: str) -> str:
             else:
                 script = next(s for s in SCRIPTS if s.name == name)
                 command = [interpreter(script, python) or "python3", str(script.path)]
-            result = child([*command, "--first", str(level), "--levels", "1", "--repeat", "1"], limit)
+            result = child([*command, "--first", str(level), "--levels", "1", "--repeat", "1"],
+                           limit)
             if isinstance(result, str):
                 failures.append(f"{name}, level {level}: {result}")
                 continue
-            rows.append([result["peer"], f"{result['unknowns']:,}", f"{result['relative_error']:.1e}",
+            rows.append([result["peer"], f"{result['unknowns']:,}",
+                         f"{result['relative_error']:.1e}",
                          f"{result['seconds']:.3g}", f"{result['peak_MB']:,.0f}"])
     return "\n".join([table(rows), *failures])
 
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", nargs="+", type=float, default=[1e3, 1e4, 1e5, 1e6], help="unknowns")
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", nargs="+", type=float, default=[1e3, 1e4, 1e5, 1e6],
+                        help="unknowns")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds for one size")
     parser.add_argument("--memory", type=float, default=16.0, help="GB one size may use")
-    parser.add_argument("--peers", action="store_true", help="also the other packages, 120 s for each mesh")
-    parser.add_argument("--peer-python", default=sys.executable, help="Python that has the pip-installed peers")
+    parser.add_argument("--peers", action="store_true",
+                        help="also the other packages, 120 s for each mesh")
+    parser.add_argument("--peer-python", default=sys.executable,
+                        help="Python that has the pip-installed peers")
     options = parser.parse_args()
     for part in own(options.sizes, options.limit, options.memory):
         print(part + "\n", flush=True)

@@ -62,7 +62,8 @@ def exact_deflection() -> float:
     """Deflection of the axisymmetric membrane [m] under them, neo-Hooke 20 kPa, by the tests' reference."""
     from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 
-    return float(solve_load(Film(0.01, 0.045, 1e-3, math.sqrt(5), neo_hooke(20e3), 4.7), FORCE, VOLTAGE).deflection)
+    return float(solve_load(Film(0.01, 0.045, 1e-3, math.sqrt(5), neo_hooke(20e3), 4.7), FORCE,
+                            VOLTAGE).deflection)
 
 
 def peak_mb() -> float:
@@ -83,7 +84,8 @@ def film_model(order: int, unknowns: int) -> Model:
     case = replace(plain, membrane=replace(plain.membrane, material=Ogden((20e3,), (2.0,))))
     # Fine meshes of order 4 have 1800 unknowns times the square of their refinement.
     factor = math.sqrt(unknowns / 1800) * 4 / order
-    return Model(case, from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset())))
+    return Model(case,
+                 from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset())))
 
 
 def copy_bandwidth() -> float:
@@ -125,7 +127,8 @@ def factorised(model: Model, solver: str, base: float) -> tuple[Stage, Stage, in
     _, order = timed(lambda: prepare(model, solver), base)
     _, first = timed(lambda: bool(factorise(inner, model.analysis)), base)
     _, again = timed(lambda: bool(factorise(inner, model.analysis)), base)
-    return Stage(order.seconds + max(0.0, first.seconds - again.seconds), first.peak_MB), again, int(inner.nnz)
+    return Stage(order.seconds + max(0.0, first.seconds - again.seconds),
+                 first.peak_MB), again, int(inner.nnz)
 
 
 def measure(order: int, unknowns: int, solver: str) -> Case:
@@ -133,14 +136,16 @@ def measure(order: int, unknowns: int, solver: str) -> Case:
     equilibrium(film_model(order, 500), FORCE, VOLTAGE)  # lazy imports are not the subject
     base = peak_mb()
     model, meshing = timed(lambda: film_model(order, unknowns), base)
-    _, setup = timed(lambda: (model.gradients, model.volumes, model._pattern, model._plate_elements), base)
+    _, setup = timed(lambda: (model.gradients, model.volumes, model._pattern,
+                              model._plate_elements), base)
     assembly = assembled(model, base)
     analysis, factorisation, entries = factorised(model, solver, base)
     outcome, path = timed(lambda: equilibrium(model, FORCE, VOLTAGE), base)
     bandwidth = copy_bandwidth()
     error = abs(outcome.state.plate.heave / exact_deflection() - 1)
     ratio = assembly.seconds * bandwidth / least_bytes(model, entries)
-    return Case(order, solver, model.unknowns, entries, meshing, setup, assembly, analysis, factorisation, path,
+    return Case(order, solver, model.unknowns, entries, meshing, setup, assembly, analysis,
+                factorisation, path,
                 bandwidth / 1e9, ratio, error)
 
 

@@ -2,9 +2,10 @@
 
     python -m benchmarks.sweep [--specimens 1000] [--workers 2] [--every 8] [--rounds 3]
 
-All of them once with several processes; then every eighth with several, with one, and on a Dask cluster of as many
-worker processes on loopback, in turn, three times. Of their ratios in each round, from the first result on, the median
-counts, since starting processes takes as long for few specimens as for many; the time from the start stands beside it.
+All of them once with several processes; then every eighth with several, with one, and on a Dask
+cluster of as many worker processes on loopback, in turn, three times. Of their ratios in each
+round, from the first result on, the median counts, since starting processes takes as long for few
+specimens as for many; the time from the start stands beside it.
 """
 
 from __future__ import annotations
@@ -66,7 +67,8 @@ def planned(folder: Path, specimens: int) -> Sweep:
         folder.joinpath(f"{shape}.toml").write_text(
             f'name = "{shape}"\n[frame]\nshape = "{shape}"\nsemi_axes = ["6 cm", "4.5 cm"]\n{FRAMES[shape]}{FILM}')
     files = ", ".join(f'"{shape}.toml"' for shape in shapes)
-    folder.joinpath("SWEEP.toml").write_text(SWEEP.format(files=files, count=specimens // len(shapes)))
+    folder.joinpath("SWEEP.toml").write_text(SWEEP.format(files=files,
+                                                          count=specimens // len(shapes)))
     return read_sweep(folder / "SWEEP.toml")
 
 
@@ -93,7 +95,8 @@ def timed(words: str, sweep: Sweep, folder: Path, solve: Solve) -> Timing:
     ended = time.perf_counter()
     cpu = (_children() - spent) / len(sweep.entries)
     print(f"{words:<24}{ended - began:>8.1f} s, {ended - first:.1f} s from the first result, "
-          f"{summary.solved / (ended - began):.0f} cases/s" + (f", CPU {cpu:.2f} s a specimen" if cpu else "")
+          f"{summary.solved / (ended - began):.0f} cases/s"
+          + (f", CPU {cpu:.2f} s a specimen" if cpu else "")
           + f"   {summary.statuses}", flush=True)
     with xr.open_dataset(folder / "sweep.nc", engine="h5netcdf") as table:
         return Timing(ended - began, ended - first, table.load())
@@ -132,7 +135,8 @@ def difference(one: xr.Dataset, other: xr.Dataset) -> float:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--every", type=int, default=8, help="which share of them to compare on")
@@ -151,7 +155,8 @@ def main() -> None:
         whole = reading + all_of_them.whole
         _verdict(f"in all {whole:.1f} s, aim {aim:.1f} s", whole < aim)
         part = replace(sweep, entries=sweep.entries[:: options.every])
-        print(f"every {options.every}th: {len(part.entries)} specimens, {part.cases} cases", flush=True)
+        print(f"every {options.every}th: {len(part.entries)} specimens, {part.cases} cases",
+              flush=True)
         compare(part, folder, options.workers, options.rounds)
 
 
@@ -159,23 +164,29 @@ def compare(sweep: Sweep, folder: Path, workers: int, rounds: int) -> None:
     """Several processes, one, and a Dask cluster in turn; the median of the rounds' ratios counts."""
     runs: dict[str, list[Timing]] = {"several": [], "one": [], "dask": []}
     for number in range(rounds):
-        for words, name, count in ((f"{workers} processes", "several", workers), ("1 process", "one", 1)):
+        for words, name, count in ((f"{workers} processes", "several", workers),
+                                   ("1 process", "one", 1)):
             solve = partial(processes, workers=count)
             runs[name].append(timed(words, sweep, folder / f"{name}-{number}", solve))
         with loopback(workers) as address:
             solve = partial(cluster, address=address)
-            runs["dask"].append(timed(f"Dask, {workers} workers", sweep, folder / f"dask-{number}", solve))
+            runs["dask"].append(timed(f"Dask, {workers} workers", sweep, folder / f"dask-{number}",
+                                      solve))
     gain, overhead = (float(np.median([slow.running / fast.running for slow, fast in
-                                       zip(runs[name], runs["several"], strict=True)])) for name in ("one", "dask"))
-    _verdict(f"{workers} processes are {gain:.2f} times as fast as one, aim {LEAST_GAIN}", gain >= LEAST_GAIN)
+                                       zip(runs[name], runs["several"], strict=True)]))
+                      for name in ("one", "dask"))
+    _verdict(f"{workers} processes are {gain:.2f} times as fast as one, aim {LEAST_GAIN}",
+             gain >= LEAST_GAIN)
     _same("one process", runs["several"][0].table, runs["one"][0].table)
-    _verdict(f"Dask takes {overhead - 1:+.1%} time, aim below {MOST_OVERHEAD:.0%}", overhead - 1 < MOST_OVERHEAD)
+    _verdict(f"Dask takes {overhead - 1:+.1%} time, aim below {MOST_OVERHEAD:.0%}",
+             overhead - 1 < MOST_OVERHEAD)
     _same("Dask", runs["several"][0].table, runs["dask"][0].table)
 
 
 def _same(words: str, one: xr.Dataset, other: xr.Dataset) -> None:
     found = difference(one, other)
-    _verdict(f"the table of {words} differs by at most {found:.1e}, aim {AGREEMENT:.0e}", found <= AGREEMENT)
+    _verdict(f"the table of {words} differs by at most {found:.1e}, aim {AGREEMENT:.0e}",
+             found <= AGREEMENT)
 
 
 def _verdict(words: str, met: bool) -> None:

@@ -26,7 +26,8 @@ def specimen(inner: float = PROBLEM.inner, outer: float = PROBLEM.outer) -> Spec
     """The reference annulus, radii in mm."""
     film = Film(PROBLEM.film_thickness * 1e-3, (PROBLEM.prestretch, PROBLEM.prestretch),
                 Ogden((PROBLEM.mu * 1e6,), (2.0,)), 4.7)
-    return Specimen(f"annulus {inner} {outer}", Circle(outer * 1e-3), Plate(Circle(inner * 1e-3)), film)
+    return Specimen(f"annulus {inner} {outer}", Circle(outer * 1e-3), Plate(Circle(inner * 1e-3)),
+                    film)
 
 
 def annulus(order: int, radial: int, around: int) -> CurvedTriangles:
@@ -36,13 +37,15 @@ def annulus(order: int, radial: int, around: int) -> CurvedTriangles:
     number = (np.arange(vertices.shape[1])).reshape(i.shape)
     a, b = number[:-1], number[1:]
     c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
-    triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1), np.stack([a, c, d]).reshape(3, -1)]), axis=0)
+    triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1),
+                                   np.stack([a, c, d]).reshape(3, -1)]), axis=0)
     local = vertices[:, triangles]
     # A triangle across the seam: its angles are taken from the same side.
     local[1] = np.where(local[1].max(axis=0) - local[1] > 0.5, local[1] + 1, local[1])
     xy = ELEMENTS[order].doflocs
     weights = np.column_stack([1 - xy.sum(axis=1), xy])
-    mesh = curved_mesh(_place(vertices), triangles, order, _place(np.einsum("lv,kve->kle", weights, local)))
+    mesh = curved_mesh(_place(vertices), triangles, order,
+                       _place(np.einsum("lv,kve->kle", weights, local)))
     facets = mesh.boundary_facets()
     near = np.hypot(*mesh.p[:, mesh.facets[0, facets]]) < PROBLEM.inner * 1.5e-3
     return mesh.with_boundaries({"plate": facets[near], "frame": facets[~near]})
@@ -72,17 +75,20 @@ def extras(repeat: int) -> list[Row]:
 
 
 def _structured(repeat: int) -> Iterator[Row]:
-    sizes = {2: ((4, 14), (6, 20), (16, 48)), 3: ((3, 12), (4, 16), (6, 24)), 4: ((2, 8), (2, 12), (3, 16))}
+    sizes = {2: ((4, 14), (6, 20), (16, 48)), 3: ((3, 12), (4, 16), (6, 24)),
+             4: ((2, 8), (2, 12), (3, 16))}
     for order, meshes in sizes.items():
         peer = _peer(f"P{order} curved triangles, log-polar")
-        yield from measure(peer, len(meshes), repeat, lambda level, o=order, m=meshes: annulus(o, *m[level]), cold)
+        yield from measure(peer, len(meshes), repeat,
+                           lambda level, o=order, m=meshes: annulus(o, *m[level]), cold)
 
 
 def _gmsh(repeat: int, planes: frozenset[str], words: str) -> Iterator[Row]:
     """The mesh a user gets, and one of elements half as large again."""
 
     def prepare(level: int) -> CurvedTriangles:
-        return from_meshio(mesh_film(specimen(), MeshSettings().refined((2 / 3, 1.0)[level]), planes))
+        return from_meshio(mesh_film(specimen(), MeshSettings().refined((2 / 3, 1.0)[level]),
+                                     planes))
 
     peer = _peer(f"P4, gmsh default mesh, {words}")
     yield from measure(peer, 2, repeat, prepare, lambda mesh: cold(mesh, planes))
@@ -100,7 +106,8 @@ def _warm(repeat: int) -> Row:
     force = outcome.state.force
     fine = held(Model(specimen(), annulus(4, 4, 24)), 1.05 * HEAVE).state.force
     peer = _peer("one warm step of a path")
-    return Row(peer.name, peer.version, peer.method, int(model.free.sum()), force, abs(force / fine - 1), min(seconds),
+    return Row(peer.name, peer.version, peer.method, int(model.free.sum()), force,
+               abs(force / fine - 1), min(seconds),
                "the warm step's error is against a finer mesh")
 
 
@@ -117,13 +124,15 @@ def aims(measured: list[Row], others: list[Row]) -> list[Aim]:
     """The project's aims for the full annulus, one warm step and ten annuli with meshing."""
 
     def fastest(error: float) -> float:
-        return min((row.seconds for row in measured if row.relative_error <= error), default=float("inf"))
+        return min((row.seconds for row in measured if row.relative_error <= error),
+                   default=float("inf"))
 
     seconds, worst = ten_annuli()
     return [
         Aim("full annulus to 1e-4, cold, without meshing", 0.030, fastest(1e-4)),
         Aim("full annulus to 1e-6, cold, without meshing", 0.080, fastest(1e-6)),
-        Aim("warm step of a path", 0.010, next(row.seconds for row in others if "warm" in row.method)),
+        Aim("warm step of a path", 0.010,
+            next(row.seconds for row in others if "warm" in row.method)),
         Aim(f"ten annuli, CAD, mesh and solve (errors <= {worst:.0e})", 0.8, seconds),
     ]
 
@@ -140,7 +149,8 @@ def ten_annuli() -> tuple[float, float]:
     forces = [held(build_model(case, settings), HEAVE).state.force for case in cases]
     seconds = time.perf_counter() - began
     fine = Settings(MeshSettings().refined(2))
-    errors = [abs(force / held(build_model(replace(case, name="fine"), fine), HEAVE).state.force - 1)
+    errors = [abs(force / held(build_model(replace(case, name="fine"), fine), HEAVE).state.force
+                  - 1)
               for case, force in zip(cases, forces, strict=True)]
     return seconds, max(errors)
 

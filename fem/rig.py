@@ -27,10 +27,11 @@ DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 class Rig:
     """The test rig of design §4, in SI; the defaults are an ideal one.
 
-    Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs from the plate's
-    centre [m], ``plate_pressure`` loads the plate like a weight of pressure times area [Pa], ``gas_pressure`` acts
-    below film and plate and follows them [Pa], ``biases`` are further mechanisms between plate and ground, ``drift`` is
-    how fast the readings wander [m/s], ``lag_voltage`` by how much the film is behind a rising or falling voltage [V].
+    Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs
+    from the plate's centre [m], ``plate_pressure`` loads the plate like a weight of pressure times
+    area [Pa], ``gas_pressure`` acts below film and plate and follows them [Pa], ``biases`` are
+    further mechanisms between plate and ground, ``drift`` is how fast the readings wander [m/s],
+    ``lag_voltage`` by how much the film is behind a rising or falling voltage [V].
     """
 
     gravity: float = 9.80665
@@ -92,14 +93,17 @@ class Rig:
     @overload
     def film_voltage(self, voltage: float, direction: float = 0.0) -> float: ...
     @overload
-    def film_voltage(self, voltage: Array | float, direction: Array | float = 0.0) -> Array | float: ...
+    def film_voltage(self, voltage: Array | float,
+                     direction: Array | float = 0.0) -> Array | float: ...
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
         """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag.
 
-        The lag never turns the sign. A negative voltage does what the positive one does: films feel its square.
+        The lag never turns the sign. A negative voltage does what the positive one does: films feel
+        its square.
 
-        Numbers or arrays; ``direction`` is 1 where the voltage rises, -1 where it falls, 0 where that is not known.
+        Numbers or arrays; ``direction`` is 1 where the voltage rises, -1 where it falls, 0 where
+        that is not known.
 
         Examples
         --------

@@ -12,17 +12,21 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_writer import law_content, quantity_text, specimen_content, toml
 
-#: Dimensions of the constants of laws and of bias mechanisms; a constant that is not here is a plain number.
+#: Dimensions of the constants of laws and of bias mechanisms; a constant that is not here is a
+#: plain number.
 _LAWS = dict.fromkeys(STRESSES, "stress")
-_BIASES = {"stiffness": "stiffness per length", "rest": "length", "force": "force", "gap": "length", "decay": "length"}
+_BIASES = {"stiffness": "stiffness per length", "rest": "length", "force": "force", "gap": "length",
+           "decay": "length"}
 
 #: Dimensions of the keys of a rig file.
 _RIG = {"gravity": "acceleration", "unaccounted_mass": "mass", "spring": "stiffness per length",
-        "sag_voltage": "voltage", "sensor_zero": "length", "drift": "speed", "weight_offset": "length",
+        "sag_voltage": "voltage", "sensor_zero": "length", "drift": "speed",
+        "weight_offset": "length",
         "plate_pressure": "stress", "gas_pressure": "stress", "lag_voltage": "voltage"}
 
 #: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.
-_RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0), (1.0, 1.5))
+_RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0),
+           (1.0, 1.5))
 
 
 def specimen_to_toml(specimen: Specimen) -> str:
@@ -31,7 +35,8 @@ def specimen_to_toml(specimen: Specimen) -> str:
     Raises
     ------
     InputError
-        When the material is not admissible over any range that holds the prestretch, so that no file can state it.
+        When the material is not admissible over any range that holds the prestretch, so that no
+        file can state it.
     """
     return toml(specimen_content(specimen, _material))
 
@@ -46,7 +51,8 @@ def rig_to_toml(rig: Rig) -> str:
     """
     content = {item.name: _rig_value(item.name, getattr(rig, item.name))
                for item in fields(rig) if item.name != "biases"}
-    return toml({**content, "bias": [law_content(bias, _BIASES) for bias in rig.biases]} if rig.biases else content)
+    return toml({**content, "bias": [law_content(bias, _BIASES) for bias in rig.biases]}
+                if rig.biases else content)
 
 
 def _rig_value(name: str, value: Any) -> Any:

@@ -26,7 +26,8 @@ class InputError(ValueError):
     """
 
     def __init__(
-        self, allowed: str, *, file: Path | str | None = None, key: str | None = None, given: object = None
+        self, allowed: str, *, file: Path | str | None = None, key: str | None = None,
+        given: object = None
     ) -> None:
         self.allowed, self.file, self.key, self.given = allowed, file, key, given
         parts = [str(part) for part in (file, key) if part is not None]
@@ -36,4 +37,5 @@ class InputError(ValueError):
 
     def located(self, *, file: Path | str | None = None, key: str | None = None) -> InputError:
         """A copy that also names where the value stood; what is already named is kept."""
-        return InputError(self.allowed, file=self.file or file, key=self.key or key, given=self.given)
+        return InputError(self.allowed, file=self.file or file, key=self.key or key,
+                          given=self.given)

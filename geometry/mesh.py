@@ -27,7 +27,8 @@ class CurvedTriangles(skfem.MeshTri2):
         return int(self.elem.maxdeg)
 
 
-def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int, nodes: NDArray[np.float64]
+def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int,
+                nodes: NDArray[np.float64]
                 ) -> CurvedTriangles:
     """A scikit-fem mesh from element-wise node positions.
 
@@ -38,11 +39,13 @@ def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int, node
     triangles
         Vertex numbers, ascending in each column, shape (3, elements).
     nodes
-        Positions of scikit-fem's local degrees of freedom of every element, shape (2, local, elements).
+        Positions of scikit-fem's local degrees of freedom of every element, shape (2, local,
+        elements).
     """
     element = ELEMENTS[order]
     triangles = np.ascontiguousarray(triangles)
-    dofs = Dofs(skfem.MeshTri1(np.ascontiguousarray(vertices), triangles, validate=False), element()).element_dofs
+    dofs = Dofs(skfem.MeshTri1(np.ascontiguousarray(vertices), triangles, validate=False),
+                element()).element_dofs
     doflocs = np.empty((2, int(dofs.max()) + 1))
     doflocs[:, dofs] = nodes
     return CurvedTriangles(doflocs, triangles, elem=element, validate=False)
@@ -59,7 +62,8 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
     triangles = np.take_along_axis(corners, rank, axis=1).T
     local = _local_numbers(order)[tuple(rank.T)]
     nodes = np.take_along_axis(cells, local, axis=1)
-    mesh = curved_mesh(source.points[used, :2].T, triangles, order, source.points[nodes, :2].transpose(2, 1, 0))
+    mesh = curved_mesh(source.points[used, :2].T, triangles, order,
+                       source.points[nodes, :2].transpose(2, 1, 0))
     new = np.full(len(source.points), -1)
     new[used] = np.arange(len(used))
     boundaries, subdomains = {}, {}
@@ -100,8 +104,8 @@ class Unfolding:
 def unfold(mesh: CurvedTriangles, planes: frozenset[str]) -> Unfolding:
     """Mirror a part that was meshed for symmetry into the whole film.
 
-    ``signs`` has shape (2, nodes): a nodal vector field of the whole is that of the part at ``origin``, its x and
-    y components times ``signs``.
+    ``signs`` has shape (2, nodes): a nodal vector field of the whole is that of the part at
+    ``origin``, its x and y components times ``signs``.
     """
     result = Unfolding(mesh, np.arange(mesh.doflocs.shape[1]), np.ones((2, mesh.doflocs.shape[1])))
     for plane in sorted(planes):
@@ -119,14 +123,16 @@ def _mirror(part: Unfolding, axis: int) -> Unfolding:
     flip = np.ones((2, 1))
     flip[axis] = -1
     vertices = np.hstack([corner_points, (flip * corner_points)[:, ~on_plane]])
-    # The new vertices ascend with the old ones only away from the plane, so the image triangles are sorted anew.
+    # The new vertices ascend with the old ones only away from the plane, so the image triangles are
+    # sorted anew.
     corners = image[mesh.t]
     rank = np.argsort(corners, axis=0)
     local = _skfem_local(mesh.order)[tuple(rank)]
     old = mesh.dofs.element_dofs
     image_old = np.take_along_axis(old, local.T, axis=0)
     triangles = np.hstack([mesh.t, np.take_along_axis(corners, rank, axis=0)])
-    nodes = np.concatenate([mesh.doflocs[:, old], flip[:, :, None] * mesh.doflocs[:, image_old]], axis=2)
+    nodes = np.concatenate([mesh.doflocs[:, old], flip[:, :, None] * mesh.doflocs[:, image_old]],
+                           axis=2)
     whole = curved_mesh(vertices, triangles, mesh.order, nodes)
     dofs = whole.dofs.element_dofs
     origin = np.empty(whole.doflocs.shape[1], dtype=np.int64)
@@ -136,7 +142,8 @@ def _mirror(part: Unfolding, axis: int) -> Unfolding:
     signs[:, dofs[:, half:]] = (flip * part.signs)[:, image_old]
     origin[dofs[:, :half]] = part.origin[old]
     signs[:, dofs[:, :half]] = part.signs[:, old]
-    subdomains = {name: np.concatenate([cells, cells + half]) for name, cells in (mesh.subdomains or {}).items()}
+    subdomains = {name: np.concatenate([cells, cells + half])
+                  for name, cells in (mesh.subdomains or {}).items()}
     boundaries = {}
     for name, facets in (mesh.boundaries or {}).items():
         ends = mesh.facets[:, facets]

@@ -1,7 +1,7 @@
 """The only module that touches gmsh: a specimen's film as a tagged, curved, graded triangle mesh.
 
-gmsh keeps one global state per process, and its options survive ``clear()``; so every mesh gets its own
-``initialize``/``finalize``.
+gmsh keeps one global state per process, and its options survive ``clear()``; so every mesh gets its
+own ``initialize``/``finalize``.
 """
 
 from __future__ import annotations
@@ -26,16 +26,18 @@ from tympan.geometry.units import METRE
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
 
-_CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"), 4: ("line5", "triangle15")}
+_CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
+         4: ("line5", "triangle15")}
 
 
 @dataclass(frozen=True)
 class MeshSettings:
     """How finely the film is meshed.
 
-    ``order`` of the curved elements, ``around_plate`` elements around the whole plate; away from the plate the
-    element size grows by ``growth`` metres per metre and never exceeds ``across`` of the local gap between
-    plate and frame, nor what puts ``around_plate`` elements around a circle of the edge's own curvature.
+    ``order`` of the curved elements, ``around_plate`` elements around the whole plate; away from
+    the plate the element size grows by ``growth`` metres per metre and never exceeds ``across`` of
+    the local gap between plate and frame, nor what puts ``around_plate`` elements around a circle
+    of the edge's own curvature.
     """
 
     order: int = 4
@@ -46,9 +48,11 @@ class MeshSettings:
     def __post_init__(self) -> None:
         """Refuse settings no mesh can have."""
         if self.order not in _CELL:
-            raise InputError(f"must be one of {', '.join(map(str, _CELL))}", key="order", given=self.order)
+            raise InputError(f"must be one of {', '.join(map(str, _CELL))}", key="order",
+                             given=self.order)
         if self.around_plate < 4 or not 0 < self.growth <= 2 or not 0 < self.across <= 2:
-            raise InputError("must be: around_plate ≥ 4, growth and across in (0, 2]", given=str(self))
+            raise InputError("must be: around_plate ≥ 4, growth and across in (0, 2]",
+                             given=str(self))
 
     def refined(self, factor: float) -> MeshSettings:
         """Elements smaller by ``factor`` everywhere.
@@ -59,7 +63,8 @@ class MeshSettings:
         MeshSettings(order=4, around_plate=32, growth=0.2, across=0.25)
         """
         return MeshSettings(
-            self.order, round(self.around_plate * factor), self.growth / factor, self.across / factor)
+            self.order, round(self.around_plate * factor), self.growth / factor,
+            self.across / factor)
 
 
 def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
@@ -73,8 +78,9 @@ def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]
     Returns
     -------
     meshio.Mesh
-        Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``, ``plate``,
-        ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and ``bare``.
+        Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``,
+        ``plate``, ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and
+        ``bare``.
     """
     from tympan.geometry.cad import membrane  # not loaded by those who let others mesh
 
@@ -115,7 +121,8 @@ def _session() -> Iterator[Any]:
 def _kept(number: int) -> Iterator[None]:
     """A signal means afterwards what it meant before, in any thread; gmsh's start makes a broken pipe lethal."""
     get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
-    get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p
+    get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int,
+                                                               ctypes.c_void_p), ctypes.c_void_p
     handler = get(number)
     try:
         yield
@@ -125,7 +132,8 @@ def _kept(number: int) -> Iterator[None]:
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
     """Curves by where they lie: on the frame, on the plate, on an axis through the plate's centre."""
-    groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [], "axis_y": []}
+    groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [],
+                                                "axis_y": []}
     tolerance = 1e-6 * max(specimen.frame.semi_axes)
     curves = gmsh.model.getEntities(1)
     x, y = np.moveaxis(np.array([_along(gmsh, curve, 7) for curve in curves]), -1, 0) / METRE
@@ -153,7 +161,8 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.linspace(start[0], end[0], count)
 
 
-def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> dict[str, list[tuple[int, int]]]:
+def _surface_groups(gmsh: Any, faces: dict[str, list[Any]],
+                    folder: Path) -> dict[str, list[tuple[int, int]]]:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
     from tympan.geometry.cad.membrane import write_step
 
@@ -176,9 +185,10 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
 
-    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach across a band. With an
-    outline, where its edge nears plate or frame, h ≤ across·(sum of the distances to both) instead, down to a quarter
-    of h_plate or 3 widths. From tight fillets they grow as from the plate.
+    Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
+    across a band. With an outline, where its edge nears plate or frame, h ≤ across·(sum of the
+    distances to both) instead, down to a quarter of h_plate or 3 widths. From tight fillets they
+    grow as from the plate.
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
@@ -192,11 +202,13 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     field.add("MathEval", 4)
     field.setString(4, "F", f"{settings.across!r}*(F1 + F2)")
     fields = [3, 4]
-    margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate) if width > 0]
+    margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate)
+               if width > 0]
     widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)} if margins else {}
     if specimen.electrode.outline is not None:
         # What is bare is no longer a band alone; this field is as fine in the bands.
-        least = min([perimeter / settings.around_plate / 4, *(3 * METRE * width for width in margins)])
+        least = min([perimeter / settings.around_plate / 4,
+                     *(3 * METRE * width for width in margins)])
         fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
     fields += _fillet_fields(gmsh, settings, perimeter / settings.around_plate, groups)
     fields.append(_curvature_field(gmsh, settings.around_plate))
@@ -213,11 +225,13 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
 def _curvature_field(gmsh: Any, around: int) -> int:
     """Number of the field that puts ``around`` elements around a circle of a curve's own curvature.
 
-    gmsh's own option for that takes most of the time of meshing, since it asks a spline for its curvature again and
-    again. Here the sizes at points along every curve are a view of which curves, and nothing else, use the nearest.
+    gmsh's own option for that takes most of the time of meshing, since it asks a spline for its
+    curvature again and again. Here the sizes at points along every curve are a view of which
+    curves, and nothing else, use the nearest.
     """
     curves = gmsh.model.getEntities(1)
-    sizes = [2 * np.pi / (around * np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12)) for curve in curves]
+    sizes = [2 * np.pi / (around * np.maximum(_curvature(gmsh, curve, _SIZES), 1e-12))
+             for curve in curves]
     points = np.vstack([np.column_stack([_along(gmsh, curve, _SIZES), np.zeros(_SIZES), size])
                         for curve, size in zip(curves, sizes, strict=True)])
     view = gmsh.view.add("sizes")
@@ -235,7 +249,8 @@ def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count)))
 
 
-def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: dict[str, list[tuple[int, int]]]
+def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
+                   groups: dict[str, list[tuple[int, int]]]
                    ) -> list[int]:
     """Numbers of the fields by which elements grow from edges so curved that theirs are less than half of ``plain``."""
     sizes: dict[int, list[int]] = {}
@@ -252,14 +267,17 @@ def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: dict
         field.setNumbers(distance, "CurvesList", tags)
         field.setNumber(distance, "Sampling", 100)
         field.add("MathEval", grown)
-        field.setString(grown, "F", f"{2 ** ((level + 0.5) / 4)!r} + {settings.growth!r}*F{distance}")
+        field.setString(grown, "F",
+                        f"{2 ** ((level + 0.5) / 4)!r} + {settings.growth!r}*F{distance}")
         numbers.append(grown)
     return numbers
 
 
-def _outline_field(gmsh: Any, across: float, least: float, groups: dict[str, list[tuple[int, int]]]) -> int:
+def _outline_field(gmsh: Any, across: float, least: float,
+                   groups: dict[str, list[tuple[int, int]]]) -> int:
     """Number of the field that keeps elements small between the electrode's edge and the edges of the film."""
-    inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False, oriented=False)}
+    inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False,
+                                                              oriented=False)}
                     for name in ("covered", "bare"))
     field = gmsh.model.mesh.field
     field.add("Distance", 7)
@@ -281,7 +299,8 @@ def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) 
     for name, entities in groups.items():
         for dim, tag in entities:
             _, _, nodes = gmsh.model.mesh.getElements(dim, tag)
-            kind, width = (line, order + 1) if dim == 1 else (triangle, (order + 1) * (order + 2) // 2)
+            kind, width = (line, order + 1) if dim == 1 else (triangle,
+                                                              (order + 1) * (order + 2) // 2)
             cells.append((kind, number[nodes[0].astype(np.int64)].reshape(-1, width)))
             names.append(name)
     sets = {

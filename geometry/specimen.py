@@ -62,10 +62,10 @@ class Plate:
 class Film:
     """The elastomer film before it is mounted, and how it is mounted.
 
-    ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it to the flat
-    mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂, J_p its mounted value.
-    ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's weightless film. ``strength`` is what it
-    withstands electrically; None where nobody says.
+    ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it
+    to the flat mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂,
+    J_p its mounted value. ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's
+    weightless film. ``strength`` is what it withstands electrically; None where nobody says.
     """
 
     thickness: float
@@ -90,7 +90,8 @@ class Region:
     offset: tuple[float, float] = (0.0, 0.0)
 
     def __str__(self) -> str:
-        (a, b), (x, y) = (tuple(1e3 * length for length in pair) for pair in (self.outline.semi_axes, self.offset))
+        (a, b), (x, y) = (tuple(1e3 * length for length in pair)
+                          for pair in (self.outline.semi_axes, self.offset))
         return f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} mm"
 
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,7 +108,8 @@ class Region:
 class Electrode:
     """Uncovered bands along frame and plate [m] and a neo-Hookean stiffness per virgin volume [Pa].
 
-    With an ``outline`` only the film within it is covered; it may cross frame and plate, or lie beside the plate.
+    With an ``outline`` only the film within it is covered; it may cross frame and plate, or lie
+    beside the plate.
     """
 
     margin_frame: float = 0.0
@@ -141,7 +143,8 @@ class Specimen:
         if gap <= 0:
             raise InputError(
                 f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm beyond it at "
-                f"{x * 1e3:.4g}, {y * 1e3:.4g} mm", key="plate", given=f"offset {self.plate.offset} m")
+                f"{x * 1e3:.4g}, {y * 1e3:.4g} mm", key="plate",
+                given=f"offset {self.plate.offset} m")
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's half extent",
                              key="plate",
@@ -174,9 +177,11 @@ class Specimen:
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
         """The gap and the point of plate or frame where it is [m]; each edge is seen from points of the other."""
-        edges = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None], self.frame.points(720)
+        edges = self.plate.outline.points(720) + np.array(self.plate.offset)[:,
+                                                                             None], self.frame.points(720)
         found = []
-        for edge, away in zip(edges, (-self.frame.level(*edges[0]), self.plate.level(*edges[1])), strict=True):
+        for edge, away in zip(edges, (-self.frame.level(*edges[0]), self.plate.level(*edges[1])),
+                              strict=True):
             least = int(np.argmin(away))
             found.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
         return min(found)
@@ -184,7 +189,8 @@ class Specimen:
     @property
     def axisymmetric(self) -> bool:
         """Whether a rotation about the frame's centre changes nothing."""
-        round_edges = all(outline.semi_axes[0] == outline.semi_axes[1] and isinstance(outline, Circle | Ellipse)
+        round_edges = all(outline.semi_axes[0] == outline.semi_axes[1]
+                          and isinstance(outline, Circle | Ellipse)
                           for outline in (self.frame, self.plate.outline))
         film = self.membrane.prestretch
         return round_edges and self.plate.offset == (0.0, 0.0) and film[0] == film[1]
@@ -208,15 +214,18 @@ def _centred(offset: tuple[float, float]) -> frozenset[str]:
 
 
 _NAME = re.compile(r"\w[\w .+-]{0,99}")
-_STRETCH: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (1 is unstretched)")
+_STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
+                  "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
-_DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3, "must be 0 (weightless) or from 1 to 30000 kg/m^3")
+_DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
+                  "must be 0 (weightless) or from 1 to 30000 kg/m^3")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
 def specimen_from_table(table: Table, read_material: Callable[[Table, str], Material],
-                        read_strength: Callable[[Table, str], Strength | None] = lambda table, key: None) -> Specimen:
+                        read_strength: Callable[[Table, str], Strength
+                                                | None] = lambda table, key: None) -> Specimen:
     """A specimen from the keys of design §4.
 
     Parameters
@@ -228,7 +237,8 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
     """
     name = table.text("name")
     if not _NAME.fullmatch(name):
-        raise table.error("name", "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
+        raise table.error("name",
+                          "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
                           "a letter or digit first", name)
     frame = _outline(table.table("frame"))
     plate_table = table.table("plate")
@@ -240,11 +250,13 @@ def specimen_from_table(table: Table, read_material: Callable[[Table, str], Mate
     try:
         return Specimen(name, frame, plate, film, electrode)
     except InputError as error:
-        raise Unbuildable(error.allowed, file=error.file or table.file, key=error.key, given=error.given) from None
+        raise Unbuildable(error.allowed, file=error.file or table.file, key=error.key,
+                          given=error.given) from None
 
 
 def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material],
-                  read_strength: Callable[[Table, str], Strength | None] = lambda table, key: None) -> Specimen:
+                  read_strength: Callable[[Table, str],
+                                          Strength | None] = lambda table, key: None) -> Specimen:
     """The specimen of a TOML file."""
     return specimen_from_table(Table.read(file), read_material, read_strength)
 

@@ -86,13 +86,15 @@ class Table:
         """A plain number."""
         return self._number(key, self.value(key, default), rule)
 
-    def numbers(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE, count: int | None = None
+    def numbers(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE,
+                count: int | None = None
                 ) -> tuple[float, ...]:
         """A list of plain numbers."""
         items = self._list(key, self.value(key, default), count, "numbers")
         return tuple(self._number(key, item, rule) for item in items)
 
-    def quantity(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE) -> float:
+    def quantity(self, key: str, dimension: str, default: Any = REQUIRED,
+                 rule: Rule = FINITE) -> float:
         """A number with a unit, in SI."""
         return self._quantity(key, self.value(key, default), dimension, rule)
 
@@ -102,7 +104,8 @@ class Table:
         items = self._list(key, self.value(key, default), count, f'quantities ({dimension})')
         return tuple(self._quantity(key, item, dimension, rule) for item in items)
 
-    def pair(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE) -> tuple[float, float]:
+    def pair(self, key: str, dimension: str, default: Any = REQUIRED,
+             rule: Rule = FINITE) -> tuple[float, float]:
         """Two quantities with units, in SI."""
         first, second = self.quantities(key, dimension, default, rule, 2)
         return first, second
@@ -112,7 +115,8 @@ class Table:
         items = self._list(key, self.value(key), None, "points, each a pair of lengths")
         if len(items) < least:
             raise self.error(key, f"must be at least {least} points", items)
-        inner = Table(self.file, {str(number): item for number, item in enumerate(items)}, self.path(key))
+        inner = Table(self.file, {str(number): item for number, item in enumerate(items)},
+                      self.path(key))
         return tuple(inner.pair(str(number), "length") for number in range(len(items)))
 
     def tables(self, key: str) -> tuple[Table, ...]:
@@ -121,7 +125,8 @@ class Table:
         entries = [value] if isinstance(value, dict) else value
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise self.error(key, "must be a table, or a list of tables", value)
-        return tuple(Table(self.file, entry, f"{self.path(key)}.{number}") for number, entry in enumerate(entries))
+        return tuple(Table(self.file, entry, f"{self.path(key)}.{number}")
+                     for number, entry in enumerate(entries))
 
     def choice(self, key: str, options: Mapping[str, T], default: Any = REQUIRED) -> T:
         """One of several named values."""
@@ -136,10 +141,12 @@ class Table:
             if key not in self.asked:
                 near = difflib.get_close_matches(key, self.asked, 1)
                 hint = f"did you mean {near[0]!r}? " if near else ""
-                raise self.error(key, f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
+                raise self.error(key,
+                                 f"unknown key: {hint}known here: {', '.join(sorted(self.asked))}")
 
     def _list(self, key: str, value: object, count: int | None, what: str) -> Sequence[object]:
-        if not isinstance(value, (list, tuple)) or not value or (count is not None and len(value) != count):
+        if not isinstance(value, (list, tuple)) or not value or (count is not None
+                                                                 and len(value) != count):
             number = f"{count} " if count is not None else ""
             raise self.error(key, f"must be a list of {number}{what}", value)
         return value

@@ -12,12 +12,16 @@ from tympan.geometry.outlines.shapes.drawn import segment_content
 from tympan.geometry.specimen import Plate, Region, Specimen, Strength
 from tympan.geometry.units import DIMENSIONS, quantity
 
-#: Units people write, the preferred one first; the SI unit stands in where none gives the number back exactly.
-_FRIENDLY = {"length": ("mm", "um"), "mass": ("g",), "stress": ("kPa",), "voltage": ("kV",), "speed": ("um/min",),
+#: Units people write, the preferred one first; the SI unit stands in where none gives the number
+#: back exactly.
+_FRIENDLY = {"length": ("mm", "um"), "mass": ("g",), "stress": ("kPa",), "voltage": ("kV",),
+             "speed": ("um/min",),
              "field": ("MV/m",), "angle": ("deg",)}
 
-#: Dimensions of the fields of outlines and of strength laws; a field that is not here is a plain number.
-_OUTLINES = dict.fromkeys(("radius", "semi_axes", "corner_radius", "fillet", "vertices", "through"), "length")
+#: Dimensions of the fields of outlines and of strength laws; a field that is not here is a plain
+#: number.
+_OUTLINES = dict.fromkeys(("radius", "semi_axes", "corner_radius", "fillet", "vertices", "through"),
+                          "length")
 _STRENGTHS = {"strength": "field", "thickness": "length"}
 
 Content = Mapping[str, Any]
@@ -50,7 +54,8 @@ def constants(value: Any, dimensions: Mapping[str, str]) -> dict[str, Any]:
 
     A field that is itself something with a ``law`` becomes a table of its own.
     """
-    return {item.name: _constant(item.name, getattr(value, item.name), dimensions) for item in fields(value)}
+    return {item.name: _constant(item.name, getattr(value, item.name), dimensions)
+            for item in fields(value)}
 
 
 def law_content(value: Any, dimensions: Mapping[str, str]) -> dict[str, Any]:
@@ -58,11 +63,13 @@ def law_content(value: Any, dimensions: Mapping[str, str]) -> dict[str, Any]:
     return {"law": value.law, **constants(value, dimensions)}
 
 
-def specimen_content(specimen: Specimen, of_material: Callable[[Specimen], Content]) -> dict[str, Any]:
+def specimen_content(specimen: Specimen, of_material: Callable[[Specimen], Content]) -> dict[str,
+                                                                                             Any]:
     """The tables of a specimen file; ``of_material`` makes that of the film's material."""
     film, electrode = specimen.membrane, specimen.electrode
     membrane: dict[str, Any] = {
-        "thickness": quantity_text(film.thickness, "length"), "prestretch": [float(x) for x in film.prestretch],
+        "thickness": quantity_text(film.thickness, "length"),
+        "prestretch": [float(x) for x in film.prestretch],
         "relative_permittivity": float(film.relative_permittivity),
         "permittivity_exponent": float(film.permittivity_exponent),
         "density": quantity_text(film.density, "density"), "material": of_material(specimen)}
@@ -74,7 +81,8 @@ def specimen_content(specimen: Specimen, of_material: Callable[[Specimen], Conte
         "stiffness": quantity_text(electrode.stiffness, "stress")}
     if electrode.outline is not None:
         covered["outline"] = _placed(electrode.outline)
-    return {"name": specimen.name, "frame": _outline(specimen.frame), "plate": _placed(specimen.plate),
+    return {"name": specimen.name, "frame": _outline(specimen.frame),
+            "plate": _placed(specimen.plate),
             "membrane": membrane, "electrode": covered}
 
 
@@ -107,7 +115,8 @@ def _lines(content: Content, path: str) -> Iterator[str]:
 
 
 def _is_table(value: Any) -> bool:
-    return isinstance(value, Mapping) or (isinstance(value, list) and bool(value) and isinstance(value[0], Mapping))
+    return isinstance(value, Mapping) or (isinstance(value, list) and bool(value)
+                                          and isinstance(value[0], Mapping))
 
 
 def _value(value: Any) -> str:
@@ -137,7 +146,8 @@ def _outline(outline: Outline) -> dict[str, Any]:
 
 def _placed(region: Plate | Region) -> dict[str, Any]:
     """An outline somewhere: a plate or a region."""
-    return {**_outline(region.outline), "offset": [quantity_text(x, "length") for x in region.offset]}
+    return {**_outline(region.outline),
+            "offset": [quantity_text(x, "length") for x in region.offset]}
 
 
 def _strength(strength: Strength) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from tympan.geometry.errors import InputError
 if TYPE_CHECKING:
     import pint
 
-#: What may be asked of a quantity: its name, the SI unit the code uses inside, and an example for messages.
+#: What may be asked of a quantity: its name, the SI unit the code uses inside, and an example for
+#: messages.
 DIMENSIONS: dict[str, tuple[str, str]] = {
     "length": ("m", "1 mm"),
     "mass": ("kg", "17.9 g"),
@@ -31,7 +32,8 @@ DIMENSIONS: dict[str, tuple[str, str]] = {
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
 
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*", re.ASCII)
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*",
+                       re.ASCII)
 
 
 @cache
@@ -54,7 +56,8 @@ def quantity(text: object, dimension: str) -> float:
     Parameters
     ----------
     text
-        Such as ``"4.5 cm"``; any unit pint knows, also compound ones (``"20 g/mm/s^2"`` is a stress).
+        Such as ``"4.5 cm"``; any unit pint knows, also compound ones (``"20 g/mm/s^2"`` is a
+        stress).
     dimension
         A key of :data:`DIMENSIONS`.
 
@@ -109,6 +112,8 @@ def unit_factor(unit: str, dimension: str) -> float:
             raise ValueError
         return _factor(unit, dimension)
     except pint.DimensionalityError:
-        raise InputError(f"wrong dimension: must be a unit of {dimension}, such as {example}", given=unit) from None
+        raise InputError(f"wrong dimension: must be a unit of {dimension}, such as {example}",
+                         given=unit) from None
     except Exception:  # as in quantity()
-        raise InputError(f"unknown unit: must be a unit of {dimension}, such as {example}", given=unit) from None
+        raise InputError(f"unknown unit: must be a unit of {dimension}, such as {example}",
+                         given=unit) from None

@@ -31,8 +31,10 @@ def look() -> Iterator[None]:
     with style.context(["default", {
         "font.family": "DejaVu Sans", "font.size": 7.5, "axes.titlesize": 8, "axes.labelsize": 7.5,
         "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 7, "legend.frameon": False,
-        "axes.linewidth": 0.6, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "lines.linewidth": 1.3,
-        "xtick.major.size": 2.5, "ytick.major.size": 2.5, "axes.spines.top": False, "axes.spines.right": False,
+        "axes.linewidth": 0.6, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
+        "lines.linewidth": 1.3,
+        "xtick.major.size": 2.5, "ytick.major.size": 2.5, "axes.spines.top": False,
+        "axes.spines.right": False,
         "pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "tympan",
     }]):
         yield
@@ -48,7 +50,8 @@ def page(height: float, width: float = WIDTH) -> Figure:
 def place(figure: Figure, left: float, top: float, width: float, height: float) -> Axes:
     """Axes at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / MM
-    return figure.add_axes((left / across, 1 - (top + height) / down, width / across, height / down))
+    return figure.add_axes((left / across, 1 - (top + height) / down, width / across,
+                            height / down))
 
 
 def check(formats: Sequence[str]) -> None:

@@ -25,7 +25,8 @@ class Scale:
     @property
     def decimals(self) -> int:
         """Decimals that tell the ticks apart exactly."""
-        return next(count for count in range(20) if abs(round(self.step, count) - self.step) < 1e-6 * self.step)
+        return next(count for count in range(20) if abs(round(self.step, count) - self.step) < 1e-6
+                    * self.step)
 
     @property
     def from_zero(self) -> bool:
@@ -45,8 +46,8 @@ class Scale:
 def scale(low: float, high: float, intervals: int = 5) -> Scale:
     """A scale that just covers the values from ``low`` to ``high``, ending on half ticks.
 
-    It starts at zero if the smallest value is less than a quarter of the largest. Equal values get a scale of a
-    thousandth of their size, so that rounding errors do not fill it.
+    It starts at zero if the smallest value is less than a quarter of the largest. Equal values get
+    a scale of a thousandth of their size, so that rounding errors do not fill it.
 
     Examples
     --------
@@ -82,7 +83,8 @@ def rows_of(count: int, most: int = 3) -> list[range]:
     return [range(start, min(start + longest, count)) for start in range(0, count, longest)]
 
 
-def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least: float, most: float) -> float:
+def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least: float,
+                most: float) -> float:
     """Millimetres on paper for one millimetre of film, the same for all films of all rows.
 
     Parameters
@@ -119,7 +121,8 @@ def bar_length(width: float) -> float:
     (20.0, 2.0)
     """
     decade = 10 ** floor(log10(width / 6))
-    return max(factor * decade for factor in (1.0, 2.0, 5.0) if factor * decade <= width / 6 * (1 + 1e-9))
+    return max(factor * decade for factor in (1.0, 2.0, 5.0) if factor * decade <= width / 6
+               * (1 + 1e-9))
 
 
 def digits(value: float | None, count: int = 3) -> str:

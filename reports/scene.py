@@ -81,7 +81,8 @@ def film_picture(film: Film, view: View, turned: bool) -> Picture:
     surface = film_surface(film, view, turned)
     extent, size = frame(view.project(np.asarray(surface.points)), view.resolution)
     with _plotter(size) as plotter:
-        plotter.add_mesh(surface, scalars="stress", cmap=view.colours, clim=(view.scale.low, view.scale.high),
+        plotter.add_mesh(surface, scalars="stress", cmap=view.colours,
+                         clim=(view.scale.low, view.scale.high),
                          lighting=False, show_scalar_bar=False, n_colors=1024)
         _add_hatches(plotter, surface, view)
         _add_lines(plotter, surface, view)
@@ -98,7 +99,8 @@ def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
     surface = pv.PolyData(film.points, faces)
     surface["stress"] = film.stress
     # The state says on which side of a zone's edge a point lies, the stress how far from it.
-    for state, (name, stress) in enumerate(zip(_LOOSE, (film.least, film.stress), strict=True), start=1):
+    for state, (name, stress) in enumerate(zip(_LOOSE, (film.least, film.stress), strict=True),
+                                           start=1):
         surface[name] = np.where(film.tension >= state, 1, -1) * np.abs(stress)
     for name, coordinate in zip(_MOUNTED, view.place(film.mounted, turned).T[:2], strict=True):
         surface[name] = coordinate
@@ -110,7 +112,8 @@ def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
 
 def outlines(surface: pv.PolyData) -> list[Array]:
     """Closed boundaries of the film as ordered points, shape (n, 3), the longest first: the frame, then the plate."""
-    edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False,
+    edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False,
+                                          manifold_edges=False,
                                           non_manifold_edges=False, clear_data=True)
     strips = edges.strip(join=True, max_length=100_000)
     loops = [np.asarray(strips.points)[cell.point_ids] for cell in strips.cell]
@@ -132,10 +135,12 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
     edges = outlines(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
-        net = surface.contour(_net(surface, _MOUNTED[coordinate], view.net), scalars=_MOUNTED[coordinate])
+        net = surface.contour(_net(surface, _MOUNTED[coordinate], view.net),
+                              scalars=_MOUNTED[coordinate])
         _add_line(plotter, net, view.ink, 0.5 * view.line, view.towards, opacity=0.35)
         normal = "xy"[coordinate]
-        _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line, 2 * view.towards)
+        _add_line(plotter, surface.slice(normal, origin=tuple(centre)), colour, 1.3 * view.line,
+                  2 * view.towards)
     for loop in edges:
         _add_line(plotter, pv.lines_from_points(loop), "black", view.line, 3 * view.towards)
 
@@ -172,7 +177,8 @@ def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float,
 def _add_plate(plotter: pv.Plotter, rim: Array, view: View) -> None:
     """A flat grey face within the rim."""
     corners = rim[:-1] if np.allclose(rim[0], rim[-1]) else rim
-    face = pv.PolyData(corners, np.concatenate([[len(corners)], np.arange(len(corners))])).triangulate()
+    face = pv.PolyData(corners,
+                       np.concatenate([[len(corners)], np.arange(len(corners))])).triangulate()
     plotter.add_mesh(face, color="#d5d7da", lighting=False)
 
 
@@ -195,7 +201,8 @@ def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
     """An off-screen plotter on white, closed in the end."""
     with _quiet():
         _check_opengl()
-        plotter = pv.Plotter(off_screen=True, window_size=list(size), theme=pv.themes.DocumentTheme())
+        plotter = pv.Plotter(off_screen=True, window_size=list(size),
+                             theme=pv.themes.DocumentTheme())
         try:
             plotter.set_background("white")
             plotter.enable_anti_aliasing("msaa", multi_samples=8)

@@ -35,7 +35,8 @@ from tympan.geometry.specimen import Material, Specimen
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
 
-#: Elements, times states, that are summarised at once: more would leave the cache, or take much memory.
+#: Elements, times states, that are summarised at once: more would leave the cache, or take much
+#: memory.
 _TOGETHER = 400
 
 _ALONE = Loading()
@@ -54,7 +55,8 @@ class Settings:
 class Case:
     """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s].
 
-    ``direction`` is 1 where the voltage was reached from below, -1 from above, 0 where that is not known.
+    ``direction`` is 1 where the voltage was reached from below, -1 from above, 0 where that is not
+    known.
     """
 
     specimen: Specimen
@@ -68,7 +70,8 @@ class Case:
         """Refuse negative loads and directions that are none."""
         checked_load(self.mass, self.voltage)
         if self.direction not in DIRECTIONS.values():
-            raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction", given=self.direction)
+            raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
+                             given=self.direction)
 
     @property
     def film_voltage(self) -> float:
@@ -80,9 +83,10 @@ class Case:
 class CaseResult:
     """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
 
-    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the smallest strength over
-    field, None without voltage or a strength law, and its place on the mounted film.
-    ``slack_area_m2`` is the mounted area that carries tension in one direction or none, ``slack_share`` its share.
+    ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the
+    smallest strength over field, None without voltage or a strength law, and its place on the
+    mounted film. ``slack_area_m2`` is the mounted area that carries tension in one direction or
+    none, ``slack_share`` its share.
     """
 
     specimen: str
@@ -109,20 +113,23 @@ class CaseResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return {item.name: getattr(self, item.name) for item in fields(self)} | {"warnings": list(self.warnings)}
+        return {item.name: getattr(self, item.name)
+                for item in fields(self)} | {"warnings": list(self.warnings)}
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
     """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
 
-    The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
+    The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but
+    the time.
 
     Raises
     ------
     InputError
         When no mesh without folded elements is found.
     """
-    planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True) if arm}
+    planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
+                                       if arm}
     return meshed(specimen, settings, planes).with_loading(loading)
 
 
@@ -132,7 +139,9 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
-            return Model(specimen, part, planes) if settings.symmetry else Model(specimen, unfold(part, planes).mesh)
+            return Model(specimen, part, planes) if settings.symmetry else Model(specimen,
+                                                                                 unfold(part,
+                                                                                        planes).mesh)
     raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is too little room",
                      key="frame, plate, electrode", given=specimen.name)
 
@@ -158,15 +167,18 @@ def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseRe
     return replace(next(summaries([case], model, [outcome]))[0], wall_s=wall)
 
 
-def summaries(cases: Iterable[Case], model: Model, outcomes: Iterable[Outcome]) -> Iterator[tuple[CaseResult, Outcome]]:
+def summaries(cases: Iterable[Case], model: Model,
+              outcomes: Iterable[Outcome]) -> Iterator[tuple[CaseResult, Outcome]]:
     """The numbers of cases of one model, without the time they took, beside their outcomes; several at once."""
     pairs = zip(cases, outcomes, strict=True)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
     while batch := list(islice(pairs, max(1, _TOGETHER // model.mesh.nelements))):
-        seen = iter(_seen(model, [outcome.state for _, outcome in batch if outcome.status == "equilibrium"]))
+        seen = iter(_seen(model, [outcome.state for _, outcome in batch
+                                  if outcome.status == "equilibrium"]))
         for case, outcome in batch:
-            result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+            result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass,
+                                voltage_V=case.voltage,
                                 status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
                 yield _of_equilibrium(result, case, outcome.state, next(seen)), outcome
@@ -229,7 +241,8 @@ def node_fields(model: Model, state: State) -> Fields:
 
 def state_warnings(model: Model, state: State) -> list[str]:
     """What a reader of a state must know before trusting it."""
-    return field_warnings(node_fields(model, state), lost_tension(model, state), model.specimen.membrane.material)
+    return field_warnings(node_fields(model, state), lost_tension(model, state),
+                          model.specimen.membrane.material)
 
 
 def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
@@ -260,7 +273,8 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
     if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
         return []
     margin, (x, y, _) = 1 / fields.breakdown_share[weakest], fields.position[weakest] * 1e3
-    field, strength = (values[weakest] / 1e6 for values in (fields.electric_field, fields.breakdown_strength))
+    field, strength = (values[weakest] / 1e6
+                       for values in (fields.electric_field, fields.breakdown_strength))
     what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
     return [f"the film {what} at x {x:.1f} mm, y {y:.1f} mm: field {field:.3g} of {strength:.3g} MV/m"]
 
@@ -268,8 +282,10 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
     """Warnings about the limit point, or the last state before the failure, said to be that."""
     if outcome.critical is not None:
-        return [f"before it gets there, {words}" for words in state_warnings(model, outcome.critical.state)]
-    return [f"at the last equilibrium before that, {words}" for words in state_warnings(model, outcome.state)]
+        return [f"before it gets there, {words}"
+                for words in state_warnings(model, outcome.critical.state)]
+    return [f"at the last equilibrium before that, {words}"
+            for words in state_warnings(model, outcome.state)]
 
 
 def why(outcome: Outcome) -> str:

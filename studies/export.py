@@ -25,11 +25,13 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
     Where the electrode leaves film bare, it is written too, for a mask.
     """
     solids = {"frame": parts.frame_part, "clamp": parts.clamp_part, "plate": parts.plate_part}
-    made = {name: make(specimen, options) for name, make in solids.items()} | {"film": cad.membrane_part(specimen)}
+    made = {name: make(specimen, options)
+            for name, make in solids.items()} | {"film": cad.membrane_part(specimen)}
     if not specimen.electrode.everywhere:
         made["electrode"] = cad.electrode_part(specimen)
     for name, part in made.items():
-        for suffix, write in (("step", cad.write_step), ("dxf", parts.write_dxf), ("svg", parts.write_svg)):
+        for suffix, write in (("step", cad.write_step), ("dxf", parts.write_dxf),
+                              ("svg", parts.write_svg)):
             file = folder / f"{specimen.name}-{name}.{suffix}"
             write_atomically(file, partial(write, [part]))
             yield file

@@ -20,10 +20,12 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, cell_fields
 from tympan.geometry.errors import InputError
 
-#: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack; ``breakdown_share`` is
-#: field over strength, 0 where the strength is unknown.
-STORED = ("displacement", "stretch_1", "stretch_2", "thickness", "electric_field", "maxwell_stress", "stress_1",
-          "stress_2", "stress_radial", "stress_circumferential", "stress_shear", "tension", "breakdown_share")
+#: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack;
+#: ``breakdown_share`` is field over strength, 0 where the strength is unknown.
+STORED = ("displacement", "stretch_1", "stretch_2", "thickness", "electric_field", "maxwell_stress",
+          "stress_1",
+          "stress_2", "stress_radial", "stress_circumferential", "stress_shear", "tension",
+          "breakdown_share")
 
 
 def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
@@ -37,7 +39,8 @@ def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         # The suffix stays last: libraries choose the format by it.
-        handle, name = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)
+        handle, name = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-",
+                                        dir=file.parent)
         os.close(handle)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=file) from None
@@ -76,15 +79,17 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows([f"{cell:.12g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    writer.writerows([f"{cell:.12g}" if isinstance(cell, float) else cell for cell in row]
+                     for row in rows)
     write_text(file, text.getvalue())
 
 
-def write_fields(file: Path, model: Model, state: State, parts: int = 6, **nodal: np.ndarray) -> None:
+def write_fields(file: Path, model: Model, state: State, parts: int = 6,
+                 **nodal: np.ndarray) -> None:
     """The fields of a whole film as VTU: deformed positions as points, each curved element as ``parts``² triangles.
 
-    Elements share no points, so jumps between them stay visible; the mounted position is the displacement away. Further
-    ``nodal`` vectors, shape (nodes, 3), are interpolated.
+    Elements share no points, so jumps between them stay visible; the mounted position is the
+    displacement away. Further ``nodal`` vectors, shape (nodes, 3), are interpolated.
     """
     points, triangles = lattice(parts)
     fields = cell_fields(model, state, points)
@@ -119,7 +124,8 @@ def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:
             number[i, j] = len(points)
             points.append((i / parts, j / parts))
     up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
-    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number if i + j < parts - 1]
+    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
+            if i + j < parts - 1]
     return np.array(points).T, np.array(up + down)
 
 

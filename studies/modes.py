@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 class Mode:
     """One mode: its frequency [Hz], or growth [1/s] if it is unstable, its name and who carries its kinetic energy.
 
-    ``plate_share`` maps the plate's freedoms (x, y, z, rx, ry, rz) to their shares; the rest of 1 is the film's.
+    ``plate_share`` maps the plate's freedoms (x, y, z, rx, ry, rz) to their shares; the rest of 1
+    is the film's.
     """
 
     name: str
@@ -67,7 +68,8 @@ class ModesResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return {**asdict(self), "modes": [asdict(mode) for mode in self.modes], "warnings": list(self.warnings)}
+        return {**asdict(self), "modes": [asdict(mode) for mode in self.modes],
+                "warnings": list(self.warnings)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +85,9 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
           ) -> tuple[ModesResult, Vibration | None]:
     """Small vibrations about the case's equilibrium at constant voltage.
 
-    The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except for ``point_mass``
-    [kg] of it, without inertia of its own; their centre of mass is where the rig hangs the weight.
+    The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
+    for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
+    hangs the weight.
 
     Raises
     ------
@@ -95,7 +98,8 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     plate = _plate(case, point_mass)
     model, outcome = find(case, settings)
     state = outcome.state
-    result = ModesResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, status=outcome.status,
+    result = ModesResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+                         status=outcome.status,
                          dofs=model.unknowns, wall_s=time.perf_counter() - began, warnings=())
     if outcome.status != "equilibrium":
         return replace(result, warnings=(why(outcome),)), None
@@ -105,8 +109,10 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     warnings = [*_warnings(case, found), *state_warnings(model, state)]
     inertia = plate.inertia
     return replace(
-        result, deflection_m=state.plate.heave, film_mass_kg=float(film_mass(model).sum()) * model.mirrored,
-        plate_mass_kg=plate.mass, plate_inertia_kg_m2=tuple(map(float, inertia.diagonal())), unstable=found.unstable,
+        result, deflection_m=state.plate.heave,
+        film_mass_kg=float(film_mass(model).sum()) * model.mirrored,
+        plate_mass_kg=plate.mass, plate_inertia_kg_m2=tuple(map(float, inertia.diagonal())),
+        unstable=found.unstable,
         modes=listed, wall_s=time.perf_counter() - began, warnings=tuple(warnings),
     ), Vibration(full, whole_state, found)
 
@@ -126,9 +132,11 @@ def surface(vibration: Vibration, parts: int = 6) -> Surface:
     model = vibration.model
     points, triangles = lattice(parts)
     cells = len(points.T) * np.arange(model.mesh.nelements)[:, None, None] + triangles
-    return Surface(interpolated(model, vibration.state.positions, points), interpolated(model, model.reference, points),
+    return Surface(interpolated(model, vibration.state.positions, points),
+                   interpolated(model, model.reference, points),
                    cells.reshape(-1, 3),
-                   np.stack([interpolated(model, shape, points) for shape in vibration.modes.shapes]))
+                   np.stack([interpolated(model, shape, points)
+                             for shape in vibration.modes.shapes]))
 
 
 def write_modes(file: Path, vibration: Vibration) -> None:
@@ -152,7 +160,8 @@ def _mode(found: Modes, number: int, name: str) -> Mode:
     share = found.shares[number]
     growth = float(found.growth[number])
     return Mode(name, None if growth else float(found.frequencies_Hz[number]), growth or None,
-                dict(zip(FREEDOMS, map(float, share), strict=True)), max(0.0, float(1 - share.sum())))
+                dict(zip(FREEDOMS, map(float, share), strict=True)),
+                max(0.0, float(1 - share.sum())))
 
 
 def _warnings(case: Case, found: Modes) -> list[str]:

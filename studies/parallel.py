@@ -40,8 +40,8 @@ def here(tasks: Sequence[Task]) -> Iterator[Found]:
 def processes(tasks: Sequence[Task], workers: int) -> Iterator[Found]:
     """Side by side in processes; what dies is started again, and a task over which they keep dying is given up.
 
-    A process that dies takes the whole pool with it, and any of the tasks in it may be the cause: those are tried
-    again, and one that was there several times is then tried alone.
+    A process that dies takes the whole pool with it, and any of the tasks in it may be the cause:
+    those are tried again, and one that was there several times is then tried alone.
     """
     waiting, deaths = deque(tasks), Counter[str]()
     with _single_threaded():
@@ -106,7 +106,8 @@ def _submitted(pool: ProcessPoolExecutor, task: Task) -> Future[Result]:
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes end with it, whatever ends it."""
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"),
+                               initializer=_begin)
     try:
         yield pool
     finally:

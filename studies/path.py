@@ -26,7 +26,8 @@ from tympan.studies.files import remove, write_csv, write_fields, write_json
 #: What may grow along a branch, the load that does, and its unit in results.
 Along = Literal["voltage", "charge", "mass", "pressure"]
 What = Literal["limit", "tension lost", "breakdown"]
-LOADS: dict[Along, Load] = {"voltage": "voltage", "charge": "voltage", "mass": "force", "pressure": "pressure"}
+LOADS: dict[Along, Load] = {"voltage": "voltage", "charge": "voltage", "mass": "force",
+                            "pressure": "pressure"}
 _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa")}
 UNITS: dict[Along, str] = {"voltage": "V", "charge": "C", "mass": "kg", "pressure": "Pa"}
 
@@ -35,9 +36,10 @@ UNITS: dict[Along, str] = {"voltage": "V", "charge": "C", "mass": "kg", "pressur
 class Station:
     """One equilibrium of a branch, in SI.
 
-    ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling; ``tense``: no part of the film
-    has lost tension; ``breakdown_share``: largest field over strength, 0 where the strength is unknown; ``unbalanced``:
-    largest nodal force that smooth motions leave, relative to the largest nodal force.
+    ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling; ``tense``:
+    no part of the film has lost tension; ``breakdown_share``: largest field over strength, 0 where
+    the strength is unknown; ``unbalanced``: largest nodal force that smooth motions leave, relative
+    to the largest nodal force.
     """
 
     deflection_m: float
@@ -93,9 +95,9 @@ class BranchResult:
 class Reach:
     """Where a branch ends, whichever comes first.
 
-    ``deflection``: relative to the frame's half extent; ``stretch``: largest; ``unbalanced``: largest nodal force left,
-    relative to the largest there is, beyond which the mesh does not resolve the branch; ``step``: longest, relative to
-    the frame's half extent.
+    ``deflection``: relative to the frame's half extent; ``stretch``: largest; ``unbalanced``:
+    largest nodal force left, relative to the largest there is, beyond which the mesh does not
+    resolve the branch; ``step``: longest, relative to the frame's half extent.
     """
 
     deflection: float = 1.0
@@ -105,11 +107,13 @@ class Reach:
 
 
 def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
-           progress: Callable[[str], None] = lambda words: None) -> tuple[BranchResult, list[tuple[Model, Point]]]:
+           progress: Callable[[str], None] = lambda words: None) -> tuple[BranchResult,
+                                                                          list[tuple[Model,
+                                                                                     Point]]]:
     """Follow the equilibria of a case while one quantity grows, and through its limit points.
 
-    The case's mass and voltage are where the branch starts. Also answers the limit points, whose direction is the
-    critical mode.
+    The case's mass and voltage are where the branch starts. Also answers the limit points, whose
+    direction is the critical mode.
 
     Raises
     ------
@@ -132,7 +136,8 @@ def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
             found = list(_events(case, on, previous, point, along, limits))
             # Curves should pass through what happens between two points.
             start_of_step = previous.state.plate.heave
-            passed = sorted((event.station for event in found), key=lambda s: abs(s.deflection_m - start_of_step))
+            passed = sorted((event.station for event in found),
+                            key=lambda s: abs(s.deflection_m - start_of_step))
             stations[-1:] = [*passed, stations[-1]]
             events += found
         previous = point
@@ -141,8 +146,10 @@ def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
             warnings = [ended]
             break
     return BranchResult(
-        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along, unit=UNITS[along],
-        stations=tuple(stations), events=tuple(events), dofs=model.unknowns, wall_s=time.perf_counter() - began,
+        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
+        unit=UNITS[along],
+        stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
+        wall_s=time.perf_counter() - began,
         warnings=tuple(warnings)), limits
 
 
@@ -151,7 +158,8 @@ def _start(case: Case, model: Model, settings: Settings) -> Outcome:
     start = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
                         rig.gas_pressure, settings=settings.path)
     if start.status != "equilibrium":
-        raise InputError(f"must be where the branch can start: {why(start)}", key="--mass, --voltage",
+        raise InputError(f"must be where the branch can start: {why(start)}",
+                         key="--mass, --voltage",
                          given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
     return start
 
@@ -178,8 +186,10 @@ def _station(model: Model, point: Point) -> Station:
     voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
     capacitance = capacitance_of(model, state)
     return Station(
-        deflection_m=state.plate.heave, force_N=state.force, voltage_V=voltage, pressure_Pa=state.pressure,
-        charge_C=capacitance * voltage, capacitance_F=capacitance, max_stretch=float(found.stretch_1.max()),
+        deflection_m=state.plate.heave, force_N=state.force, voltage_V=voltage,
+        pressure_Pa=state.pressure,
+        charge_C=capacitance * voltage, capacitance_F=capacitance,
+        max_stretch=float(found.stretch_1.max()),
         breakdown_share=float(found.breakdown_share.max()), stable=tangent.negative == 0,
         tense=bool((found.tension == Tension.TAUT).all()),
         unbalanced=model.unbalanced(state))
@@ -217,8 +227,10 @@ def _watched(model: Model, along: Along) -> dict[What, Callable[[Point], float]]
 def measured(case: Case, station: Station, along: Along) -> float:
     """What grows along the branch, at a station: the nominal mass, but the voltage the film itself sees."""
     if along == "mass":
-        return (station.force_N - case.rig.force(0.0, area(case.specimen.plate.outline))) / case.rig.gravity
-    return {"voltage": station.voltage_V, "charge": station.charge_C, "pressure": station.pressure_Pa}[along]
+        return (station.force_N
+                - case.rig.force(0.0, area(case.specimen.plate.outline))) / case.rig.gravity
+    return {"voltage": station.voltage_V, "charge": station.charge_C,
+            "pressure": station.pressure_Pa}[along]
 
 
 def _charge_rate(model: Model, point: Point) -> float:
@@ -235,9 +247,11 @@ def store(folder: Path, result: BranchResult, limits: list[tuple[Model, Point]])
     remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png")))
     for number, (model, point) in enumerate(limits, start=1):
         full, state = whole(model, point.state)
-        mode = moved(model, point.state, (point.direction[0], point.direction[1])).positions - point.state.positions
+        mode = moved(model, point.state,
+                     (point.direction[0], point.direction[1])).positions - point.state.positions
         shape = whole(model, replace(point.state, positions=mode))[1].positions
         write_fields(folder / f"{name}-limit-{number}.vtu", full, state, critical_mode=shape)
     columns = [item.name for item in fields(Station)]
-    write_csv(folder / f"{name}.csv", columns, ([getattr(s, c) for c in columns] for s in result.stations))
+    write_csv(folder / f"{name}.csv", columns,
+              ([getattr(s, c) for c in columns] for s in result.stations))
     write_json(folder / f"{name}.json", result.json())

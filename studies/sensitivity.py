@@ -28,16 +28,22 @@ from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, find, state_warnings, why
 
 #: Units of quantities; a pull-in load is the last three.
-UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J", "max_stretch": "1",
+UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
+         "max_stretch": "1",
          "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V", "pull_in_force": "N",
          "pull_in_pressure": "Pa"}
 
 _PARAMETER_UNITS = {
-    "m": ("thickness", "radius", "semi_axes", "corner_radius", "fillet", "vertices", "through", "offset",
-          "margin_frame", "margin_plate", "weight_offset", "rest", "gap", "decay"), "rad": ("rotation",),
-    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"), "kg": ("mass", "unaccounted_mass"),
-    "V": ("voltage", "sag_voltage", "lag_voltage"), "N/m": ("spring",), "N": ("force",), "m/s²": ("gravity",),
-    "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim", "lambda_lock", "exponent",
+    "m": ("thickness", "radius", "semi_axes", "corner_radius", "fillet", "vertices", "through",
+          "offset",
+          "margin_frame", "margin_plate", "weight_offset", "rest", "gap", "decay"),
+          "rad": ("rotation",),
+    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"),
+    "kg": ("mass", "unaccounted_mass"),
+    "V": ("voltage", "sag_voltage", "lag_voltage"), "N/m": ("spring",), "N": ("force",),
+    "m/s²": ("gravity",),
+    "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim",
+          "lambda_lock", "exponent",
           "power", "amplifier_gain"), "kg/m³": ("density",)}
 
 #: What of a case makes each load; at the load's own limit they have no say.
@@ -58,7 +64,8 @@ class CaseNumber:
     @property
     def odd(self) -> frozenset[str]:
         """The axis an offset of the weight is along."""
-        return frozenset("xy"[int(self.path[-1])]) if self.path[-2:-1] == ("weight_offset",) else frozenset()
+        return frozenset("xy"[int(self.path[-1])]) if self.path[-2:-1] == ("weight_offset",
+                                                                           ) else frozenset()
 
     def value(self, model: Model, state: State) -> float:
         """As in the case."""
@@ -68,7 +75,8 @@ class CaseNumber:
         """Other loads and surroundings."""
         mass, voltage = (getattr(self.case, name) + (change if self.path == (name,) else 0)
                          for name in ("mass", "voltage"))
-        rig = with_change(self.case.rig, self.path[1:], change) if self.path[0] == "rig" else self.case.rig
+        rig = with_change(self.case.rig, self.path[1:],
+                          change) if self.path[0] == "rig" else self.case.rig
         loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
                  "voltage": rig.film_voltage(voltage, self.case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != self.limited}
@@ -149,19 +157,24 @@ class SensitivityResult:
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
         found = {one.quantity: {"value": one.value, "unit": one.unit, "by": {
-            answer.parameter: {"value": answer.value, "unit": answer.unit, "derivative": answer.derivative,
-                               "elasticity": answer.elasticity} for answer in one.answers}} for one in self.quantities}
-        return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V, "status": self.status,
+            answer.parameter: {"value": answer.value, "unit": answer.unit,
+                               "derivative": answer.derivative,
+                               "elasticity": answer.elasticity} for answer in one.answers}}
+                 for one in self.quantities}
+        return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V,
+                "status": self.status,
                 "quantities": found, "warnings": list(self.warnings)}
 
 
-def sensitivity(case: Case, settings: Settings, names: Sequence[str] = ("heave",)) -> SensitivityResult:
+def sensitivity(case: Case, settings: Settings,
+                names: Sequence[str] = ("heave",)) -> SensitivityResult:
     """Derivatives of named quantities of a case by all it depends on; past pull-in, those of the pull-in load.
 
     Raises
     ------
     InputError
-        For names that are no quantities, and for quantities without derivatives, such as the tilt of a level plate.
+        For names that are no quantities, and for quantities without derivatives, such as the tilt
+        of a level plate.
     """
     wanted = {name: quantity(name) for name in names}
     model, outcome = find(case, settings)
@@ -172,7 +185,8 @@ def sensitivity(case: Case, settings: Settings, names: Sequence[str] = ("heave",
                        warnings=(*state_warnings(model, outcome.state), *left_out))
     if outcome.critical is None or outcome.limited is None:
         return replace(result, warnings=(why(outcome),))
-    return replace(result, quantities=(_at_limit(case, model, outcome),), warnings=(why(outcome), *left_out))
+    return replace(result, quantities=(_at_limit(case, model, outcome),),
+                   warnings=(why(outcome), *left_out))
 
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None) -> dict[str, Parameter]:
@@ -201,7 +215,8 @@ def _immovable(model: Model) -> list[str]:
     return []
 
 
-def _at_equilibrium(case: Case, model: Model, outcome: Outcome, wanted: dict[str, Quantity]) -> tuple[Answers, ...]:
+def _at_equilibrium(case: Case, model: Model, outcome: Outcome,
+                    wanted: dict[str, Quantity]) -> tuple[Answers, ...]:
     by = case_parameters(case, model)
     slopes = gradient_many(model, outcome, wanted, by)
     state = outcome.state
@@ -221,10 +236,12 @@ def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
     return _answers(f"pull_in_{load}", value, slopes, by, model, critical.state)
 
 
-def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, Parameter], model: Model, state: State
+def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, Parameter],
+             model: Model, state: State
              ) -> Answers:
     answers = []
     for parameter, slope in slopes.items():
         number = by[parameter].value(model, state)
-        answers.append(Answer(parameter, number, slope, slope * number / value if number and value else None))
+        answers.append(Answer(parameter, number, slope, slope * number / value if number and value
+                              else None))
     return Answers(name, value, tuple(answers))

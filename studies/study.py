@@ -38,16 +38,18 @@ from tympan.studies.paper.actuators import FILES, actuators
 Progress = Callable[[str], None]
 
 _LINES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
-_LINE_HEADER = ("line", "distance_mm", "deflection_mm", "stress_1_kPa", "stress_2_kPa", "stress_radial_kPa",
-                "stress_circumferential_kPa", "stretch_1", "stretch_2", "thickness_um", "field_MV_per_m")
+_LINE_HEADER = ("line", "distance_mm", "deflection_mm", "stress_1_kPa", "stress_2_kPa",
+                "stress_radial_kPa",
+                "stress_circumferential_kPa", "stretch_1", "stretch_2", "thickness_um",
+                "field_MV_per_m")
 
 
 @dataclass(frozen=True)
 class Study:
     """What is to be run.
 
-    ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` those of the deflection–voltage curves;
-    ``sources`` the specimens' files as text, for the report.
+    ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` those of the
+    deflection–voltage curves; ``sources`` the specimens' files as text, for the report.
     """
 
     name: str
@@ -76,12 +78,14 @@ def read_study(file: Path) -> Study:
         raise table.error("specimens", "must be a list of specimen files", names)
     paths = [file.parent / name for name in names]
     specimens = tuple(map(load_specimen, paths))
-    repeated = {item.name for item in specimens if sum(other.name == item.name for other in specimens) > 1}
+    repeated = {item.name for item in specimens
+                if sum(other.name == item.name for other in specimens) > 1}
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
     default = Study("", (), ())
     study = Study(
-        table.text("name", file.stem), specimens, tuple(path.read_text(encoding="utf-8") for path in paths),
+        table.text("name", file.stem), specimens,
+        tuple(path.read_text(encoding="utf-8") for path in paths),
         mass=table.quantity("mass", "mass", "17.9 g", NON_NEGATIVE),
         voltage=table.quantity("voltage", "voltage", "0 kV", NON_NEGATIVE),
         rig=Rig.from_table(table.table("rig", {})),
@@ -96,8 +100,8 @@ def read_study(file: Path) -> Study:
 def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None:
     """Run a study and store everything a report needs under ``folder``.
 
-    ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and ``study.json``; the last one is
-    written last, so its presence means the rest is complete.
+    ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and ``study.json``;
+    the last one is written last, so its presence means the rest is complete.
     """
     store.remove(folder, "study.json", "alpha.json", "report.html", *(
         f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
@@ -111,7 +115,8 @@ def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None
         "name": study.name,
         "version": metadata.version("tympan"),
         "libraries": {name: metadata.version(name) for name in
-                      ("cadquery", "gmsh", "meshio", "numpy", "pyvista", "scikit-fem", "scipy", "vtk")},
+                      ("cadquery", "gmsh", "meshio", "numpy", "pyvista", "scikit-fem", "scipy",
+                       "vtk")},
         "python": platform.python_version(),
         "finished": time.strftime("%Y-%m-%d %H:%M:%S %z"),
         "mass_kg": study.mass,
@@ -122,7 +127,8 @@ def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None
         "specimens": [
             {"name": specimen.name, "source": source, "material": str(specimen.membrane.material),
              "semi_axes_m": list(specimen.frame.semi_axes), "result": result.json()}
-            for specimen, source, result in zip(study.specimens, study.sources, results, strict=True)],
+            for specimen, source, result in zip(study.specimens, study.sources, results,
+                                                strict=True)],
     }
     store.write_json(folder / "study.json", record)
 
@@ -167,10 +173,12 @@ def _one(study: Study, specimen: Specimen, folder: Path, progress: Progress) -> 
                          f"{result.warnings[0]}", key="specimens", given=specimen.name)
     progress(f"{specimen.name}: fields")
     store.write_fields(folder / "fields" / f"{specimen.name}.vtu", *whole(model, outcome.state))
-    store.write_csv(folder / "lines" / f"{specimen.name}.csv", _LINE_HEADER, _line_rows(model, outcome.state))
+    store.write_csv(folder / "lines" / f"{specimen.name}.csv", _LINE_HEADER,
+                    _line_rows(model, outcome.state))
     progress(f"{specimen.name}: curves")
     store.write_csv(folder / "curves" / f"{specimen.name}.csv",
-                    ("mass_g", "voltage_kV", "status", "deflection_mm", "slack_share", "breakdown_margin"),
+                    ("mass_g", "voltage_kV", "status", "deflection_mm", "slack_share",
+                     "breakdown_margin"),
                     _curve_rows(study, specimen))
     return result
 
@@ -186,8 +194,10 @@ def _line_rows(model: Model, state: State) -> Iterator[tuple[object, ...]]:
 
 
 def _rows(line: str, distance: np.ndarray, fields: Fields) -> Iterator[tuple[object, ...]]:
-    columns = (distance * 1e3, fields.displacement[:, 2] * 1e3, fields.stress_1 / 1e3, fields.stress_2 / 1e3,
-               fields.stress_radial / 1e3, fields.stress_circumferential / 1e3, fields.stretch_1, fields.stretch_2,
+    columns = (distance * 1e3, fields.displacement[:, 2] * 1e3, fields.stress_1 / 1e3,
+               fields.stress_2 / 1e3,
+               fields.stress_radial / 1e3, fields.stress_circumferential / 1e3, fields.stretch_1,
+               fields.stretch_2,
                fields.thickness * 1e6, fields.electric_field / 1e6)
     for row in zip(*(column.tolist() for column in columns), strict=True):
         yield (line, *row)
@@ -197,10 +207,13 @@ def _curve_rows(study: Study, specimen: Specimen) -> Iterator[tuple[object, ...]
     model = build_model(specimen, study.settings, study.rig.loading)
     for mass in study.curves.masses:
         seen = [study.rig.film_voltage(voltage) for voltage in study.curves.voltages]
-        path = voltage_path(model, study.rig.force(mass, model.plate_area), seen, study.rig.gas_pressure,
+        path = voltage_path(model, study.rig.force(mass, model.plate_area), seen,
+                            study.rig.gas_pressure,
                             study.settings.path)
         for voltage, outcome in zip(study.curves.voltages, path, strict=True):
-            found = _curve_values(model, outcome.state) if outcome.status == "equilibrium" else ("", "", "")
+            found = _curve_values(model, outcome.state) if outcome.status == "equilibrium" else ("",
+                                                                                                 "",
+                                                                                                 "")
             yield mass * 1e3, voltage / 1e3, outcome.status, *found
 
 

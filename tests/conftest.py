@@ -28,8 +28,10 @@ NEO_HOOKE = Ogden((25e3,), (2.0,))
 
 def circular(material: Material = NEO_HOOKE, **film: object) -> Specimen:
     """Design §3's reference annulus, 10 mm to 45 mm."""
-    values: dict[str, object] = {"thickness": 1e-3, "prestretch": (ROOT5, ROOT5), "relative_permittivity": 4.7}
-    return Specimen("circle", Circle(45e-3), Plate(Circle(10e-3)), Film(material=material, **(values | film)))
+    values: dict[str, object] = {"thickness": 1e-3, "prestretch": (ROOT5, ROOT5),
+                                 "relative_permittivity": 4.7}
+    return Specimen("circle", Circle(45e-3), Plate(Circle(10e-3)),
+                    Film(material=material, **(values | film)))
 
 
 def elliptical(long: float, material: Material = NEO_HOOKE) -> Specimen:
@@ -37,9 +39,11 @@ def elliptical(long: float, material: Material = NEO_HOOKE) -> Specimen:
     return replace(circular(material), name=f"ellipse {long}", frame=Ellipse((long, 45e-3)))
 
 
-def model(specimen: Specimen, *, symmetry: bool = True, refine: float = 1.0, order: int = 4) -> Model:
+def model(specimen: Specimen, *, symmetry: bool = True, refine: float = 1.0,
+          order: int = 4) -> Model:
     """The model at the default mesh, refined."""
-    return build_model(specimen, Settings(MeshSettings(order=order).refined(refine), symmetry=symmetry))
+    return build_model(specimen,
+                       Settings(MeshSettings(order=order).refined(refine), symmetry=symmetry))
 
 
 def skewed() -> Specimen:

@@ -67,17 +67,21 @@ def test_a_claim_fails_just_beyond_its_tolerance_and_without_numbers() -> None:
 def test_a_law_one_in_ten_thousand_too_stiff_is_caught(monkeypatch) -> None:
     """Through the finite elements and through the film's density; with the model's cache emptied before and after."""
     energy = NeoHooke.energy
-    monkeypatch.setattr(NeoHooke, "energy", lambda law, excess: tuple(1.0001 * part for part in energy(law, excess)))
+    monkeypatch.setattr(NeoHooke, "energy",
+                        lambda law, excess: tuple(1.0001 * part for part in energy(law, excess)))
     cases.meshed.cache_clear()
     for title in CLAIMS:
-        if title.startswith(("Small deflection", "Gas pressure", "Prestretched disc", "Largest pressure")):
+        if title.startswith(("Small deflection", "Gas pressure", "Prestretched disc",
+                             "Largest pressure")):
             assert not all(fine for _, fine in CLAIMS[title].judged()), title
     cases.meshed.cache_clear()
 
 
 @pytest.mark.parametrize(("shift", "status"), [(0.0, 0), (1e-6, 1)])
-def test_the_command_s_status_says_whether_all_claims_hold(tmp_path, monkeypatch, capsys, shift, status) -> None:
-    claim = next(claim for title, claim in CLAIMS.items() if title.startswith("Largest pressure in a"))
+def test_the_command_s_status_says_whether_all_claims_hold(tmp_path, monkeypatch, capsys, shift,
+                                                           status) -> None:
+    claim = next(claim for title, claim in CLAIMS.items()
+                 if title.startswith("Largest pressure in a"))
     planted = replace(claim, pairs=lambda: [Pair("p", 1.0 + shift, 1.0, "Pa")], tolerance=1e-9)
     planted.pairs.__module__ = claim.pairs.__module__
     monkeypatch.setattr(page, "claims", lambda: [planted])

@@ -101,8 +101,10 @@ class _Version(argparse.Action):
 def _study(commands: Any) -> None:
     parser = command(commands, "study", _run_study,
                       "solve specimens, draw their stress, derive α, write a report; by default of the paper's three")
-    parser.add_argument("file", nargs="?", type=Path, metavar="STUDY.toml", help="which specimens and loads")
-    parser.add_argument("-o", "--output", type=Path, default=Path("out"), metavar="DIR", help="default: %(default)s")
+    parser.add_argument("file", nargs="?", type=Path, metavar="STUDY.toml",
+                        help="which specimens and loads")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out"), metavar="DIR",
+                        help="default: %(default)s")
 
 
 def _run_study(options: argparse.Namespace) -> None:
@@ -123,13 +125,16 @@ def _solve(commands: Any) -> None:
     parser = command(commands, "solve", _run_solve, "one specimen under one load and voltage")
     specimen_argument(parser)
     parser.add_argument("--mass", required=True, help='on the plate, such as "17.9 g"')
-    parser.add_argument("--voltage", default="0 kV", help='across the film, such as "3.5 kV" (default: %(default)s)')
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--voltage", default="0 kV",
+                        help='across the film, such as "3.5 kV" (default: %(default)s)')
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, spring, amplifier and sensor")
     parser.add_argument("--elapsed", default="0 s", metavar="TIME",
                         help="since the run began, for a rig whose readings drift (default: %(default)s)")
     parser.add_argument("--direction", choices=("up", "down"), default="",
                         help="which way the voltage was reached, for a film that lags behind it (default: not known)")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="also store the fields (VTU) and the numbers")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
+                        help="also store the fields (VTU) and the numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
 
@@ -145,21 +150,25 @@ def _run_solve(options: argparse.Namespace) -> None:
 
     specimen = load_specimen(options.specimen)
     case = cases.Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
-                      parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig),
-                      parse_quantity(options.elapsed, "time", "--elapsed"), DIRECTIONS[options.direction])
+                      parse_quantity(options.voltage, "voltage", "--voltage"),
+                      read_rig(options.rig),
+                      parse_quantity(options.elapsed, "time", "--elapsed"),
+                      DIRECTIONS[options.direction])
     began = time.perf_counter()
     model, outcome = cases.find(case, read_settings(options))
     result = cases.summarise(case, model, outcome, time.perf_counter() - began)
     if options.output is not None:
         store.remove(options.output, f"{specimen.name}.vtu", f"{specimen.name}.json")
         if outcome.status == "equilibrium":
-            store.write_fields(options.output / f"{specimen.name}.vtu", *whole(model, outcome.state))
+            store.write_fields(options.output / f"{specimen.name}.vtu",
+                               *whole(model, outcome.state))
         store.write_json(options.output / f"{specimen.name}.json", result.json())
     show(result.json(), options.json)
 
 
 def _report(commands: Any) -> None:
-    parser = command(commands, "report", _run_report, "rebuild a run's figures and report from what it stored")
+    parser = command(commands, "report", _run_report,
+                     "rebuild a run's figures and report from what it stored")
     parser.add_argument("folder", type=Path, metavar="DIR")
 
 
@@ -179,7 +188,8 @@ def _run_report(options: argparse.Namespace) -> None:
 
 
 def _materials(commands: Any) -> None:
-    parser = command(commands, "materials", _run_materials, "list the material library with sources")
+    parser = command(commands, "materials", _run_materials,
+                     "list the material library with sources")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -190,14 +200,16 @@ def _run_materials(options: argparse.Namespace) -> None:
     from tympan.fem.film.library import MATERIALS
 
     if options.json:
-        listed = {name: asdict(entry) | {"law": entry.material.law} for name, entry in MATERIALS.items()}
+        listed = {name: asdict(entry) | {"law": entry.material.law}
+                  for name, entry in MATERIALS.items()}
         print(json.dumps(listed, ensure_ascii=False))
         return
     for name, entry in MATERIALS.items():
         print(f"{name}\n  {entry.material}\n  source: {entry.source}\n  beware: {entry.caveat}")
         if entry.film_source:
             known = {"density": entry.density, "relative permittivity": entry.relative_permittivity}
-            numbers = ", ".join(f"{key} {value:g}" for key, value in known.items() if value is not None)
+            numbers = ", ".join(f"{key} {value:g}" for key, value in known.items()
+                                if value is not None)
             print(f"  film: {numbers} (kg/m³); {entry.film_source}")
     print("\nelectric strengths, for membrane.breakdown")
     for name, strength in STRENGTHS.items():

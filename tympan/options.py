@@ -90,4 +90,5 @@ def show(result: dict[str, Any], as_json: bool) -> None:
     width = max(map(len, result))
     for key, value in result.items():
         for item in value if key == "warnings" else [value]:
-            print(f"{key:<{width}}  {item:.6g}" if isinstance(item, float) else f"{key:<{width}}  {item}")
+            print(f"{key:<{width}}  {item:.6g}" if isinstance(item, float)
+                  else f"{key:<{width}}  {item}")

@@ -53,7 +53,8 @@ def shares(words: str) -> Iterator[Callable[[int, int], None]]:
 def cases(total: int) -> Iterator[Callable[[int, int], None]]:
     """Yields a function to call with the cases that are ready and those that were so from the start.
 
-    Shows the rate and the time left; where standard error is no terminal, as a line every half minute.
+    Shows the rate and the time left; where standard error is no terminal, as a line every half
+    minute.
     """
     from tqdm import tqdm
 
@@ -82,6 +83,7 @@ def _lines(total: int) -> Callable[[int, int], None]:
         if now - shown >= _EVERY and kept < done:
             shown, rate = now, (done - kept) / (now - began)
             left = tqdm.format_interval((total - done) / rate)
-            print(f"{done} of {total} cases, {rate:.3g} a second, {left} left", file=sys.stderr, flush=True)
+            print(f"{done} of {total} cases, {rate:.3g} a second, {left} left", file=sys.stderr,
+                  flush=True)
 
     return ready

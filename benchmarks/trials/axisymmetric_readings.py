@@ -30,17 +30,22 @@ def readings(design: Design, truth: Truth) -> FloatArray | None:
     shown = np.empty(len(design.table))
     for ramp in design.ramps():
         specimen = design.setup.specimens[int(states.specimen[ramp[0]])]
-        loss = sizes.get("prestretch_loss", 0.0) if which.get("prestretch_loss") == specimen.name else 0.0
+        loss = sizes.get("prestretch_loss",
+                         0.0) if which.get("prestretch_loss") == specimen.name else 0.0
         law = specimen.membrane.material
         stretch = specimen.membrane.prestretch[0] * (1 - loss)
-        film = Film(specimen.plate.outline.semi_axes[0], specimen.frame.semi_axes[0], specimen.membrane.thickness,
-                    stretch, _material(law, truth.stiffness, sizes.get("strain_stiffening"), stretch),
+        film = Film(specimen.plate.outline.semi_axes[0], specimen.frame.semi_axes[0],
+                    specimen.membrane.thickness,
+                    stretch,
+                    _material(law, truth.stiffness, sizes.get("strain_stiffening"), stretch),
                     truth.permittivity * specimen.membrane.relative_permittivity,
                     sizes.get("permittivity_stretch", 0.0))
         voltage = states.voltage[ramp]
         # The size of a sag is 1/U_s².
-        seen = (1 + sizes.get("amplifier_gain", 0.0)) * voltage / (1 + voltage**2 * sizes.get("voltage_sag", 0.0))
-        load = design.setup.rig.gravity * (states.mass[ramp[0]] + sizes.get("unaccounted_mass", 0.0))
+        seen = (1 + sizes.get("amplifier_gain", 0.0)) * voltage / (1 + voltage**2
+                                                                   * sizes.get("voltage_sag", 0.0))
+        load = design.setup.rig.gravity * (states.mass[ramp[0]] + sizes.get("unaccounted_mass",
+                                                                            0.0))
         heave = heaves(film, float(load), seen, sizes.get("parallel_spring", 0.0))
         if heave is None:
             return None
@@ -93,7 +98,8 @@ def _material(law: object, factor: float, exponent: float | None, stretch: float
 
     def energy(l1: FloatArray, l2: FloatArray) -> FloatArray:
         i = invariant(l1, l2)
-        return nominal.energy(l1, l2) + slope * (mounted / (1 + exponent) * (i / mounted) ** (1 + exponent) - i)
+        return nominal.energy(l1, l2) + slope * (mounted / (1 + exponent)
+                                                 * (i / mounted) ** (1 + exponent) - i)
 
     def first(l1: FloatArray, l2: FloatArray) -> FloatArray:
         rate = slope * ((invariant(l1, l2) / mounted) ** exponent - 1)

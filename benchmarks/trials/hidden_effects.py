@@ -1,10 +1,12 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
-    python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE] [--minutes M]
+    python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
+    [--minutes M]
         [-o docs/hidden-effects.md]
 
-Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials of all kinds are
-mixed, so that one that is stopped after some minutes has its share of each; with 0 minutes only the page is written.
+Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials
+of all kinds are mixed, so that one that is stopped after some minutes has its share of each; with 0
+minutes only the page is written.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from tympan.progress import bar
 from tympan.studies.files import write_text
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320, "alias": 102,
+COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320,
+          "alias": 102,
           "noise": 100, "form": 60, "gain": 100}
 
 _labs: list[Lab] = []
@@ -44,22 +47,26 @@ def lab_of(seed: int, workers: int) -> Lab:
     """The designs with their force laws: the dearest part."""
     design = paper()
     simulation = design.simulation(workers)
-    return Lab((design, simulation), (paper(LOOP), simulation), (circles(), circles().simulation(workers)), seed)
+    return Lab((design, simulation), (paper(LOOP), simulation),
+               (circles(), circles().simulation(workers)), seed)
 
 
 def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
     """All trials, those of all populations mixed, so that a study stopped early has some of each."""
-    every = [((number + 0.5) / count, name, number) for name, count in counts.items() for number in range(count)]
+    every = [((number + 0.5) / count, name, number) for name, count in counts.items()
+             for number in range(count)]
     return ((name, number) for _, name, number in sorted(every))
 
 
-def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None, minutes: float = inf
+def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None,
+          minutes: float = inf
           ) -> list[Record]:
     """All trials run, or read from where they were kept; those still to be begun after some minutes left out."""
     records, done = kept(keep)
     trials = [trial for trial in order(counts) if trial not in done]
     end = time.monotonic() + 60 * minutes
-    with ProcessPoolExecutor(workers, get_context("spawn"), _start, (lab,)) as pool, bar(len(trials)) as step:
+    with ProcessPoolExecutor(workers, get_context("spawn"), _start,
+                             (lab,)) as pool, bar(len(trials)) as step:
         for name, number, found in pool.map(_run, trials):
             step(f"{name} {number}")
             records += found
@@ -89,7 +96,8 @@ def write(records: Sequence[Record], about: str, file: Path) -> None:
 
 def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
     """What was run, and what of it was planned."""
-    done = {name: len({one.number for one in records if one.population.startswith(name)}) for name in counts}
+    done = {name: len({one.number for one in records if one.population.startswith(name)})
+            for name in counts}
     lines = [f"Seed {seed}. Trials: {', '.join(f'{count} {name}' for name, count in done.items())}; drawn again for "
              f"want of an equilibrium or a film {sum(one.again for one in records)} times."]
     if done != counts:
@@ -104,13 +112,17 @@ def main() -> None:
     parser.add_argument("--scale", type=float, default=1.0, help="factor on the number of trials")
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--keep", type=Path, help="file the trials are kept in as they are done, one JSON line each")
-    parser.add_argument("--minutes", type=float, default=inf, help="time after which no further trial is begun")
-    parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the rates in; its picture beside it")
+    parser.add_argument("--keep", type=Path,
+                        help="file the trials are kept in as they are done, one JSON line each")
+    parser.add_argument("--minutes", type=float, default=inf,
+                        help="time after which no further trial is begun")
+    parser.add_argument("-o", "--output", type=Path,
+                        help="Markdown file to put the rates in; its picture beside it")
     options = parser.parse_args()
     counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
     if options.minutes > 0:
-        records = study(lab_of(options.seed, options.workers), counts, options.workers, options.keep, options.minutes)
+        records = study(lab_of(options.seed, options.workers), counts, options.workers,
+                        options.keep, options.minutes)
     else:
         records, _ = kept(options.keep)
     about = told(records, options.seed, counts)

@@ -1,7 +1,8 @@
 """Random admissible cases: a seeded design of specimens, rigs, masses and voltages.
 
-Loads are drawn relative to what the film can bear, so that most cases deflect much, lose tension or pull in: the mass
-by the force that would tilt the film at the plate's edge, the voltage by the one at which the flat film loses tension.
+Loads are drawn relative to what the film can bear, so that most cases deflect much, lose tension or
+pull in: the mass by the force that would tilt the film at the plate's edge, the voltage by the one
+at which the flat film loses tension.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Drawn:
         film, electrode = specimen.membrane, specimen.electrode
         outlines = specimen.frame.semi_axes, specimen.plate.outline.semi_axes
         sizes = [f"{a * 1e3:.1f}x{b * 1e3:.1f}" for a, b in outlines]
-        parts = [f"#{self.number} frame {sizes[0]} plate {sizes[1]}", f"gap {specimen.gap * 1e3:.2f} mm",
+        parts = [f"#{self.number} frame {sizes[0]} plate {sizes[1]}",
+                 f"gap {specimen.gap * 1e3:.2f} mm",
                  f"stretch {film.prestretch[0]:.2f} {film.prestretch[1]:.2f}", str(film.material),
                  f"{self.case.mass * 1e3:.1f} g {self.case.voltage / 1e3:.2f} kV", rig.guide]
         parts += [f"margins {electrode.margin_frame * 1e3:.2g} {electrode.margin_plate * 1e3:.2g}"] * bool(
@@ -77,7 +79,8 @@ def slack_voltage(film: Film) -> float:
     """Voltage at which the flat film loses the smaller of its principal stresses [V]."""
     l1, l2 = (np.asarray(stretch) for stretch in film.prestretch)
     _, w1, w2, *_ = film.material.derivatives(l1, l2)
-    pull = abs(min(float(l1 * w1), float(l2 * w2)))  # a law referred to the mounted film may press it when mounted
+    pull = abs(min(float(l1 * w1),
+                   float(l2 * w2)))  # a law referred to the mounted film may press it when mounted
     by_square = epsilon_0 * film.relative_permittivity * (1 - film.permittivity_exponent / 2) \
         * (film.area_prestretch / film.thickness) ** 2
     return float(np.sqrt(pull / by_square))
@@ -86,7 +89,8 @@ def slack_voltage(film: Film) -> float:
 def _case(number: int, random: Generator) -> tuple[Case, bool]:
     plain, centred = bool(random.random() < 0.25), bool(random.random() < 0.45)
     film = _film(random, plain)
-    frame = Circle(_log(random, 20e-3, 80e-3)) if plain else _outline(random, _log(random, 20e-3, 60e-3))
+    frame = Circle(_log(random, 20e-3, 80e-3)) if plain else _outline(random,
+                                                                      _log(random, 20e-3, 60e-3))
     outline = Circle(frame.semi_axes[0] * random.uniform(0.1, 0.6)) if plain else \
         _outline(random, min(frame.semi_axes) * random.uniform(0.1, 0.6) / 1.5)
     plate = Plate(outline, (0.0, 0.0) if plain or centred else _offset(random, frame, outline))
@@ -112,7 +116,8 @@ def _film(random: Generator, plain: bool) -> Film:
     same = plain or random.random() < 0.4
     exponent = float(random.choice([0.0, random.uniform(-0.5, 1.0)]))
     density = 0.0 if plain else float(random.choice([0.0, random.uniform(900, 1200)]))
-    return Film(_log(random, 0.1e-3, 1e-3), (float(first), float(first if same else second)), checked(material),
+    return Film(_log(random, 0.1e-3, 1e-3), (float(first), float(first if same else second)),
+                checked(material),
                 float(random.uniform(2, 10)), exponent, density)
 
 
@@ -141,27 +146,32 @@ def _electrode(random: Generator, specimen: Specimen) -> Electrode:
     if kind == "whole":
         return Electrode(stiffness=stiffness)
     if kind == "margins":
-        frame, plate = (float(random.choice([0.0, gap * random.uniform(0.02, 0.55)])) for _ in range(2))
+        frame, plate = (float(random.choice([0.0, gap * random.uniform(0.02, 0.55)]))
+                        for _ in range(2))
         return Electrode(frame, plate, stiffness)
     reach = np.array(specimen.frame.semi_axes)
     shift = random.uniform(-0.9, 0.9, 2) * (specimen.plate.offset != (0.0, 0.0))
     centre = tuple(float(x) for x in reach * shift)
-    return Electrode(stiffness=stiffness, outline=Region(_outline(random, float(min(reach) * random.uniform(0.4, 1))),
+    return Electrode(stiffness=stiffness,
+                     outline=Region(_outline(random, float(min(reach) * random.uniform(0.4, 1))),
                                                          (centre[0], centre[1])))
 
 
 def _rig(random: Generator, specimen: Specimen, load: float) -> Rig:
     """Each part in some of the cases, in proportion to the load [N]."""
     size = min(specimen.plate.outline.semi_axes)
-    arm = random.uniform(-0.4, 0.4, 2) * size * (random.random() < 0.3) * (specimen.plate.offset != (0.0, 0.0))
+    arm = random.uniform(-0.4, 0.4,
+                         2) * size * (random.random() < 0.3) * (specimen.plate.offset != (0.0, 0.0))
     guide = random.choice(["free", "level", "vertical"], p=[0.7, 0.15, 0.15])
     reach = min(specimen.frame.semi_axes)
     spring = float(load / reach * random.uniform(0, 2) * (random.random() < 0.3))
     film_area = area(specimen.frame) - area(specimen.plate.outline)
     gas = float(load / film_area * random.uniform(-0.3, 0.6) * (random.random() < 0.25))
-    magnet = Magnet(max(load, 1e-3) * float(random.uniform(0.2, 2)), reach * float(random.uniform(0.6, 1.5)),
+    magnet = Magnet(max(load, 1e-3) * float(random.uniform(0.2, 2)),
+                    reach * float(random.uniform(0.6, 1.5)),
                     reach * float(random.uniform(0.2, 1)))
-    return Rig(spring=spring, guide=guide, weight_offset=(float(arm[0]), float(arm[1])), gas_pressure=gas,
+    return Rig(spring=spring, guide=guide, weight_offset=(float(arm[0]), float(arm[1])),
+               gas_pressure=gas,
                unaccounted_mass=float(random.uniform(0, 1e-3) * (random.random() < 0.3)),
                plate_pressure=float(random.uniform(0, 50) * (random.random() < 0.2)),
                biases=(magnet,) if random.random() < 0.15 else ())

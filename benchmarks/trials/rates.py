@@ -17,7 +17,8 @@ from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 #: Edges of the bins of Δχ² for the power curve, and bins of equal count for stated probabilities.
 _EDGES = (-np.inf, 1.0, 4.0, 9.0, 16.0, 25.0, 50.0, 100.0, 400.0, np.inf)
 _BINS = 8
-#: What the causes are mixed by for the calibration of stated probabilities: the priors of the diagnosis.
+#: What the causes are mixed by for the calibration of stated probabilities: the priors of the
+#: diagnosis.
 _MIXTURE = {"single": 0.6, "pair": 0.2, "outside": 0.2}
 
 
@@ -52,7 +53,8 @@ class Rate:
     def row(self) -> str:
         """A row of the page's table."""
         target = (f"{self.low:.0%} to {self.high:.0%}" if self.low and self.high < 1
-                  else f"≥ {self.low:.0%}" if self.low else f"≤ {self.high:.3g}" if self.value is not None
+                  else f"≥ {self.low:.0%}" if self.low else f"≤ {self.high:.3g}"
+                  if self.value is not None
                   else f"≤ {self.high:.0%}" if self.high < 1 else "none set")
         if self.value is not None:
             return f"| {self.what} | {self.value:.3f} | | {self.count} | {target} | {self._said(target)} |"
@@ -63,10 +65,12 @@ class Rate:
     def _said(self, target: str) -> str:
         if target == "none set" or not self.count:
             return "not run" if not self.count else ""
-        return "met" if self.met else "**missed**" + (" (too wide)" if self.low and self.share > self.high else "")
+        return "met" if self.met else "**missed**" + (" (too wide)" if self.low
+                                                      and self.share > self.high else "")
 
 
-def _share(what: str, records: Sequence[Record], holds: Callable[[Record], bool | None], low: float = 0.0,
+def _share(what: str, records: Sequence[Record], holds: Callable[[Record], bool | None],
+           low: float = 0.0,
            high: float = 1.0) -> Rate:
     return Rate(what, sum(bool(holds(one)) for one in records), len(records), low, high)
 
@@ -90,35 +94,46 @@ def rates(records: Sequence[Record]) -> list[Rate]:
     mendless = [one for one in records if one.population != "outside" or one.told >= TOLD]
     return [
         _share("nothing hidden: false alarms", of("null"), _alarm, high=0.05),
-        _share(f"one effect, Δχ² ≥ {SEEN:g}: detected", [one for one in (*single, *of("strong")) if one.seen >= SEEN],
+        _share(f"one effect, Δχ² ≥ {SEEN:g}: detected",
+               [one for one in (*single, *of("strong")) if one.seen >= SEEN],
                _alarm, 0.95),
         _share("one identifiable effect: it is the most probable cause", named, _first, low=0.95),
         _share("one identifiable effect: it is named", named, _right, low=0.8),
-        _share("one identifiable effect: another is named", named, lambda one: one.misnamed, high=0.02),
-        _share("one effect too weak to be identified: another is named", weak, lambda one: one.misnamed, high=0.02),
-        _share("exact aliases: said to be, and none of them named", of("alias"), lambda one: one.reported, low=1.0),
-        _share("one effect as drawn, seen: 95 % set has it", alarmed, lambda one: one.covered, 0.92, 0.98),
+        _share("one identifiable effect: another is named", named, lambda one: one.misnamed,
+               high=0.02),
+        _share("one effect too weak to be identified: another is named", weak,
+               lambda one: one.misnamed, high=0.02),
+        _share("exact aliases: said to be, and none of them named", of("alias"),
+               lambda one: one.reported, low=1.0),
+        _share("one effect as drawn, seen: 95 % set has it", alarmed, lambda one: one.covered, 0.92,
+               0.98),
         Rate("calibration error of the first cause's stated probability", 0,
              sum(bool(one.ranked) for name in _MIXTURE for one in of(name)), 0.0, 0.05,
              calibration(records)[0]),
         Rate("the same, without strangers that an effect of the library makes as well", 0,
-             sum(bool(one.ranked) for one in mendless for name in _MIXTURE if one.population == name), 0.0, 0.05,
+             sum(bool(one.ranked) for one in mendless for name in _MIXTURE
+                 if one.population == name), 0.0, 0.05,
              calibration(mendless)[0]),
-        Rate("one effect as drawn: 95 % intervals have the true size", sum(sizes), len(sizes), 0.92, 0.98),
+        Rate("one effect as drawn: 95 % intervals have the true size", sum(sizes), len(sizes), 0.92,
+             0.98),
         Rate("the same, identifiable effects", sum(large), len(large), 0.92, 0.98),
         _share(f"outside the library, Δχ² ≥ {SEEN:g} from it: unexplained", outside,
                lambda one: one.verdict == "unexplained", low=0.9),
-        _share("outside the library: some effect is named", outside, lambda one: bool(one.named), high=0.05),
+        _share("outside the library: some effect is named", outside, lambda one: bool(one.named),
+               high=0.05),
         _share("two identifiable effects: both found (most probable hypothesis)", pairs,
                lambda one: set(one.best) == set(one.truth), low=0.8),
         _share("the same: both named", pairs, lambda one: set(one.named) == set(one.truth)),
         _share("the same: another is named", pairs, lambda one: one.misnamed, high=0.02),
         _share("the true effect deleted from the library: another is named", of("deleted"),
                lambda one: bool(one.named), high=0.05),
-        *(_share(f"nothing hidden, noise stated 1.5 times {words}: false alarms", of(f"noise stated {words}"), _alarm,
+        *(_share(f"nothing hidden, noise stated 1.5 times {words}: false alarms",
+                 of(f"noise stated {words}"), _alarm,
                  high=0.1) for words in ("too small", "too large")),
-        _share("nothing hidden, stress 1 to 2 % wrong by another law: alarms", [one for one in of("form")
-                                                                             if not one.truth], _alarm),
+        _share("nothing hidden, stress 1 to 2 % wrong by another law: alarms",
+               [one for one in of("form")
+                                                                             if not one.truth],
+               _alarm),
         _share("one identifiable effect, stress 1 to 2 % wrong: another is named",
                [one for one in of("form") if one.identifiable], lambda one: one.misnamed),
         _share("refused (the nominal model reaches not all readings)", list(records),
@@ -143,20 +158,24 @@ def _right(one: Record) -> bool:
 def calibration(records: Sequence[Record]) -> tuple[float, list[tuple[float, float, int]]]:
     """Expected error of the first cause's stated probability, and (stated, true share, count) of each bin.
 
-    Trials with one effect, two, and a stranger, as they were drawn, are weighted as the diagnosis expects them.
+    Trials with one effect, two, and a stranger, as they were drawn, are weighted as the diagnosis
+    expects them.
     """
-    kinds = {name: [one for one in records if one.population == name and one.ranked] for name in _MIXTURE}
+    kinds = {name: [one for one in records if one.population == name and one.ranked]
+             for name in _MIXTURE}
     rows = [(one.ranked[0][1], float(one.ranked[0][0] in one.truth), _MIXTURE[name] / len(kind))
             for name, kind in kinds.items() for one in kind]
     if not rows:
         return 1.0, []
     stated, true, weight = np.array(sorted(rows)).T
-    bins = np.minimum((np.cumsum(weight) - weight / 2) / weight.sum() * _BINS, _BINS - 1e-9).astype(int)
+    bins = np.minimum((np.cumsum(weight) - weight / 2) / weight.sum() * _BINS,
+                      _BINS - 1e-9).astype(int)
     found = [(float(np.average(stated[bins == k], weights=weight[bins == k])),
               float(np.average(true[bins == k], weights=weight[bins == k])), int((bins == k).sum()))
              for k in np.unique(bins)]
     shares = [weight[bins == k].sum() / weight.sum() for k in np.unique(bins)]
-    return float(sum(share * abs(a - b) for share, (a, b, _) in zip(shares, found, strict=True))), found
+    return float(sum(share * abs(a - b) for share, (a, b, _) in zip(shares, found,
+                                                                    strict=True))), found
 
 
 def power(records: Sequence[Record]) -> list[tuple[float, float, Rate, Rate]]:
@@ -166,21 +185,25 @@ def power(records: Sequence[Record]) -> list[tuple[float, float, Rate, Rate]]:
     for low, high in pairwise(_EDGES):
         within = [one for one in single if low <= one.seen < high]
         if within:
-            found.append((low, high, _share("detected", within, _alarm), _share("named", within, _right)))
+            found.append((low, high, _share("detected", within, _alarm),
+                          _share("named", within, _right)))
     return found
 
 
 def page(records: Sequence[Record], about: str) -> str:
     """The page's text."""
-    lines = [_HEAD.format(seen=SEEN, told=TOLD), about, "", "| what | rate | 95 % interval | count | target | |",
-             "|---|---|---|---|---|---|", *(rate.row() for rate in rates(records)), "", _AFTER, "", _POWER, "",
+    lines = [_HEAD.format(seen=SEEN, told=TOLD), about, "",
+             "| what | rate | 95 % interval | count | target | |",
+             "|---|---|---|---|---|---|", *(rate.row() for rate in rates(records)), "", _AFTER, "",
+             _POWER, "",
              "| Δχ² | detected | named | trials |", "|---|---|---|---|"]
     for low, high, seen, named in power(records):
         lines.append(f"| {_bin(low, high)} | {seen.share:.0%} ({seen.interval[0]:.0%} to {seen.interval[1]:.0%}) | "
                      f"{named.share:.0%} | {seen.count} |")
     lines += ["", "Stated probability of the first cause, and how often it was there:", "",
               "| stated | there | trials |", "|---|---|---|"]
-    lines += [f"| {stated:.2f} | {true:.2f} | {count} |" for stated, true, count in calibration(records)[1]]
+    lines += [f"| {stated:.2f} | {true:.2f} | {count} |"
+              for stated, true, count in calibration(records)[1]]
     lines += ["", "What strangers were called (those the library cannot mend):", "",
               "| stranger | trials | verdicts |", "|---|---|---|"]
     outside = [one for one in records if one.population == "outside" and one.seen >= SEEN]
@@ -202,14 +225,16 @@ def draw_power(records: Sequence[Record], file: Path) -> None:
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     axes = figure.subplots()
     bins = power(records)
-    for place, (label, colour) in enumerate((("detected", "#1f6f8b"), ("named, rightly", "#c8553d"))):
+    for place, (label, colour) in enumerate((("detected", "#1f6f8b"),
+                                             ("named, rightly", "#c8553d"))):
         shares = [one[2 + place] for one in bins]
         at = np.arange(len(bins)) + 0.08 * (place - 0.5)
         middle = np.array([rate.share for rate in shares])
         error = np.abs(np.array([rate.interval for rate in shares]).T - middle)
         axes.errorbar(at, middle, error, fmt="o-", color=colour, capsize=3, label=label)
     names = [_bin(low, high) for low, high, *_ in bins]
-    axes.set_xticks(range(len(bins)), [f"{name}\n({one[2].count})" for name, one in zip(names, bins, strict=True)],
+    axes.set_xticks(range(len(bins)),
+                    [f"{name}\n({one[2].count})" for name, one in zip(names, bins, strict=True)],
                     fontsize=8)
     axes.set(xlabel="Δχ² of the hidden effect after stiffness and permittivity are fitted (trials)",
              ylabel="share of trials", ylim=(-0.02, 1.02))

@@ -1,9 +1,11 @@
 """Hundreds of random specimens solved, checked and told in a table.
 
-    python -m benchmarks.trials.robustness [--count 500] [--seed 1] [--workers 1] [-o docs/robustness.md]
+    python -m benchmarks.trials.robustness [--count 500] [--seed 1] [--workers 1] [-o
+    docs/robustness.md]
 
-Every case is solved in a process of its own with a limit on its time; an equilibrium's forces are summed again
-(tests/balance.py), and a sample of all statuses is reached from another direction (tests/other_direction.py).
+Every case is solved in a process of its own with a limit on its time; an equilibrium's forces are
+summed again (tests/balance.py), and a sample of all statuses is reached from another direction
+(tests/other_direction.py).
 """
 
 from __future__ import annotations
@@ -34,16 +36,17 @@ from tympan.studies.files import write_text
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
 PATIENCE = 1800.0  #: seconds on the clock, with the checks from other directions, after which a case counts as hanging
-#: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is summed by another
-#: quadrature here; and slope of the potential.
+#: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is
+#: summed by another quadrature here; and slope of the potential.
 UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
 
 
 @dataclass(frozen=True)
 class Record:
     """What became of a case. ``status`` is the outcome's, or "refused" (by the mesher: input that is
-    wrong), "raised" or "hung"; ``words`` its advice or the error. ``again``: solved on the default mesh, since
-    on the coarse one something was wrong. ``spread``: of limits that the mesh does not resolve.
+    wrong), "raised" or "hung"; ``words`` its advice or the error. ``again``: solved on the default
+    mesh, since on the coarse one something was wrong. ``spread``: of limits that the mesh does not
+    resolve.
     """
 
     number: int
@@ -67,10 +70,13 @@ class Record:
     @property
     def wrong(self) -> str:
         """What is wrong with this case; empty where nothing is."""
-        differing = [f"{verdict.way}: {verdict.words}, error {verdict.error:.2g}" for verdict in self.verdicts
+        differing = [f"{verdict.way}: {verdict.words}, error {verdict.error:.2g}"
+                     for verdict in self.verdicts
                      if verdict.says == "differs"]
-        faults = [self.status] * (self.status in ("raised", "hung")) + ["unbalanced"] * (not self.balanced)
-        faults += ["no advice"] * (self.status in ("no_equilibrium", "not_converged") and not self.words)
+        faults = [self.status] * (self.status in ("raised",
+                                                  "hung")) + ["unbalanced"] * (not self.balanced)
+        faults += ["no advice"] * (self.status in ("no_equilibrium", "not_converged")
+                                   and not self.words)
         return "; ".join([*faults, *differing])
 
 
@@ -85,7 +91,8 @@ def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
         record = replace(record, balance=balance(model, found.state))
     record = replace(record, verdicts=tuple(_verdicts(model, drawn, found, sample)))
     finer = MeshSettings()
-    return replace(judged(drawn, finer, sample), again=True) if record.wrong and mesh != finer else record
+    return replace(judged(drawn, finer, sample),
+                   again=True) if record.wrong and mesh != finer else record
 
 
 def _verdicts(model: Model, drawn: Drawn, found: Outcome, sample: int) -> Iterator[Verdict]:
@@ -107,7 +114,8 @@ def _serve(pipe: Connection, sample: int) -> None:
         except InputError as error:
             pipe.send(Record(drawn.number, drawn.refused, "refused", str(error), case=str(drawn)))
         except Exception as error:
-            pipe.send(Record(drawn.number, drawn.refused, "raised", f"{error!r} {traceback.format_exc()[-800:]}",
+            pipe.send(Record(drawn.number, drawn.refused, "raised",
+                             f"{error!r} {traceback.format_exc()[-800:]}",
                              case=str(drawn)))
 
 
@@ -154,7 +162,8 @@ def study(count: int, seed: int, sample: int, workers: int,
         worker = free.pop()
         record = worker.judge(drawn)
         free.append(worker)
-        print(f"{record.number:4d} {record.status:14s} {record.seconds:6.1f} s  {record.wrong}", file=sys.stderr)
+        print(f"{record.number:4d} {record.status:14s} {record.seconds:6.1f} s  {record.wrong}",
+              file=sys.stderr)
         if record.wrong or record.status == "not_converged":
             print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
         done.append(record)
@@ -190,10 +199,12 @@ def table(records: Sequence[Record]) -> str:
               f"{sum(not r.balance.plate_stable for r in found)}",
               f"  film pressed, with negative eigenvalues of its own: {sum(r.balance.film_modes > 0 for r in found)}"]
     spreads = sorted(record.spread for record in records if record.spread)
-    lines += ["", "limits that the mesh does not resolve, on which two kinds of smooth motions agree: "
+    lines += ["",
+              "limits that the mesh does not resolve, on which two kinds of smooth motions agree: "
               + (f"{len(spreads)}; all kinds tried differ by {spreads[len(spreads) // 2]:.1%} of the load or U² in the "
                  f"median, {spreads[-1]:.1%} at most" if spreads else "0")]
-    lines += ["", f"solved again on the default mesh, since on the coarse one a direction differed: "
+    lines += ["",
+              f"solved again on the default mesh, since on the coarse one a direction differed: "
               f"{sum(record.again for record in records)}"]
     lines += ["", f"{'from another direction':36}agrees differs silent  largest error"]
     lines += _directions(records)
@@ -201,11 +212,13 @@ def table(records: Sequence[Record]) -> str:
     slowest = max(records, key=lambda record: record.seconds)
     lines += ["", f"processor time of a search: median {times[len(times) // 2]:.2f} s, 95 % below "
               f"{times[int(0.95 * len(times))]:.1f} s, slowest {slowest.seconds:.1f} s (#{slowest.number})"]
-    lines += [f"above {SECONDS:g} s: {sum(seconds > SECONDS for seconds in times)}", "", "why not converged"]
+    lines += [f"above {SECONDS:g} s: {sum(seconds > SECONDS for seconds in times)}", "",
+              "why not converged"]
     reasons = Counter(record.words for record in records if record.status == "not_converged")
     lines += [f"{number:5d}  {words}" for words, number in reasons.most_common()] or ["  none"]
     lines += ["", "differing, unbalanced, raised or hung"]
-    lines += [f"  #{record.number} {record.status}: {record.wrong}" for record in records if record.wrong] or ["  none"]
+    lines += [f"  #{record.number} {record.status}: {record.wrong}" for record in records
+              if record.wrong] or ["  none"]
     return "\n".join(lines)
 
 
@@ -213,11 +226,13 @@ def _directions(records: Sequence[Record]) -> Iterator[str]:
     ways = {verdict.way: None for record in records for verdict in record.verdicts}
     for way in ways:
         for status in ("equilibrium", "no_equilibrium"):
-            heard = [verdict for record in records if record.status == status for verdict in record.verdicts
+            heard = [verdict for record in records if record.status == status
+                     for verdict in record.verdicts
                      if verdict.way == way]
             says = Counter(verdict.says for verdict in heard)
             if heard:
-                error = max((verdict.error for verdict in heard if verdict.says == "agrees"), default=0.0)
+                error = max((verdict.error for verdict in heard if verdict.says == "agrees"),
+                            default=0.0)
                 yield (f"  {way + ', ' + status:34}{says['agrees']:6d} {says['differs']:7d} {says['silent']:6d}  "
                        f"{error:.1e}")
 
@@ -227,7 +242,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Solve and check random specimens.")
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--sample", type=int, default=8, help="every how manieth case to reach from another direction")
+    parser.add_argument("--sample", type=int, default=8,
+                        help="every how manieth case to reach from another direction")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="Markdown file to put the table in")
     options = parser.parse_args()

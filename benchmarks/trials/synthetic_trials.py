@@ -1,9 +1,10 @@
 """Readings with an effect hidden in them, made by other means than those a diagnosis fits them with.
 
-The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at heaves, polynomials
-between. The readings here come from (a) elements of order 3 or 2 on other, finer meshes under loads, ramp by ramp; (b)
-the membrane's differential equations (tests/axisymmetric.py, nothing of the project in it) for circular specimens; (c)
-elements with a film of another material family that makes nearly the stresses of the fitted one.
+The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at
+heaves, polynomials between. The readings here come from (a) elements of order 3 or 2 on other,
+finer meshes under loads, ramp by ramp; (b) the membrane's differential equations
+(tests/axisymmetric.py, nothing of the project in it) for circular specimens; (c) elements with a
+film of another material family that makes nearly the stresses of the fitted one.
 """
 
 from __future__ import annotations
@@ -48,10 +49,13 @@ HEAVE, TOP = 8e-3, 7500.0
 #: The meshes readings are made on, one or the other.
 MESHES = (Settings(MeshSettings(order=3, around_plate=9, growth=0.7, across=0.8)),
           Settings(MeshSettings(order=2, around_plate=18, growth=0.4, across=0.5)))
-#: Effects that a circular specimen bears without ceasing to be axisymmetric, as the equations have them.
-ROUND = ("permittivity_stretch", "strain_stiffening", "prestretch_loss", "unaccounted_mass", "parallel_spring",
+#: Effects that a circular specimen bears without ceasing to be axisymmetric, as the equations have
+#: them.
+ROUND = ("permittivity_stretch", "strain_stiffening", "prestretch_loss", "unaccounted_mass",
+         "parallel_spring",
          "voltage_sag", "sensor_gain", "sensor_zero", "drift", "amplifier_gain")
-#: Causes that nobody can see in readings of the heave, by dimensional analysis (they are permittivity).
+#: Causes that nobody can see in readings of the heave, by dimensional analysis (they are
+#: permittivity).
 ALIASES = frozenset({"amplifier_gain"})
 
 _ACTUATORS = Path(__file__).parents[2] / "studies" / "paper" / "actuators"
@@ -103,7 +107,8 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
         range(len(specimens)), MASSES, range(len(voltages)), indexing="ij"))
     way = np.where(np.arange(len(voltages)) > np.argmax(voltages), -1.0, 1.0)
     elapsed = np.arange(len(numbers)) * PACE
-    states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed, way[places.astype(int)])
+    states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed,
+                       way[places.astype(int)])
     causes = tuple(Cause(name, which) for name in effects for which in REGISTRY[name].choices(setup)
                    if way.min() < 0 or "direction" not in REGISTRY[name].columns)
     return Design(name, setup, _read(states), causes)
@@ -112,14 +117,16 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
 def paper(voltages: Array = UP) -> Design:
     """The paper's circle and two ellipses."""
     return design("paper", [load_specimen(_ACTUATORS / f"{name}.toml")
-                            for name in ("circular", "elliptical-small", "elliptical-large")], voltages=voltages)
+                            for name in ("circular", "elliptical-small", "elliptical-large")],
+                  voltages=voltages)
 
 
 def circles() -> Design:
     """Three circular specimens with other frames and plates, for the axisymmetric equations."""
     nominal = load_specimen(_ACTUATORS / "circular.toml")
     sizes = (("A", 45e-3, 10e-3), ("B", 60e-3, 10e-3), ("C", 45e-3, 15e-3))
-    return design("circles", [replace(nominal, name=name, frame=Circle(frame), plate=Plate(Circle(plate)))
+    return design("circles",
+                  [replace(nominal, name=name, frame=Circle(frame), plate=Plate(Circle(plate)))
                               for name, frame, plate in sizes], ROUND)
 
 
@@ -155,9 +162,11 @@ def look_alike(nominal: Material) -> tuple[Material, float]:
     wanted = stresses(nominal)
 
     def law(x: Array) -> Material:
-        return Sum(Gent(float(np.exp(x[0])), float(np.exp(x[1]))), MooneyRivlin(0.0, float(1e2 * x[2])))
+        return Sum(Gent(float(np.exp(x[0])), float(np.exp(x[1]))),
+                   MooneyRivlin(0.0, float(1e2 * x[2])))
 
-    found = least_squares(lambda x: stresses(law(x)) / wanted - 1, [np.log(18e3), np.log(110.0), 0.0])
+    found = least_squares(lambda x: stresses(law(x)) / wanted - 1,
+                          [np.log(18e3), np.log(110.0), 0.0])
     best = law(found.x)
     return best, float(np.abs(stresses(best) / wanted - 1).max())
 
@@ -219,10 +228,13 @@ class Truth:
         return np.array([np.log(self.stiffness), np.log(self.permittivity), *self.sizes])
 
 
-def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means, stranger: Stranger = NOBODY) -> Truth:
+def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
+         stranger: Stranger = NOBODY) -> Truth:
     """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors."""
-    sizes = [float(item.draw(generator, 1)[0]) for cause in hypothesis for item in cause.of_registry.parameters]
-    return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))), hypothesis,
+    sizes = [float(item.draw(generator, 1)[0]) for cause in hypothesis
+             for item in cause.of_registry.parameters]
+    return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
+                 hypothesis,
                  tuple(sizes), means, int(generator.integers(len(MESHES))), stranger)
 
 
@@ -247,7 +259,8 @@ def _readings(design: Design, truth: Truth) -> Array | None:
         law = MATERIALS["vhb-4910-gent"].material
     shown = np.empty(len(design.table))
     for number, ramp in enumerate(design.ramps()):
-        found = _ramp(design, truth, scaled(law, truth.stiffness * truth.stranger.stiffness(number)), ramp)
+        found = _ramp(design, truth,
+                      scaled(law, truth.stiffness * truth.stranger.stiffness(number)), ramp)
         if found is None:
             return None
         shown[ramp] = found
@@ -266,7 +279,8 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     blank = replace(specimen, membrane=design.setup.specimens[number].membrane)
     model = build_model(blank, MESHES[truth.mesh], rig.loading).with_specimen(specimen)
     force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
-    voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction) for nominal, direction in
+    voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
+                for nominal, direction in
                 zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
     heaves = []
     for outcome in voltage_path(model, force, voltages):

@@ -37,12 +37,13 @@ _MISJUDGED = 1.5
 class Record:
     """A trial and its end.
 
-    ``seen``: χ² by which the nominal model misses the readings without noise more than the truth does (of a stranger:
-    by which the best of the library does); ``told``: the same for the best hypothesis that is not the truth. ``ranked``
-    are the causes with their stated probabilities. ``covered``: whether the 95 % set of hypotheses has the truth,
-    ``inside``: whether the 95 % intervals of its sizes have the true ones, None where that was not asked. ``reported``:
-    whether an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended model over the
-    nominal one, over all splits that can show it; None where there is none.
+    ``seen``: χ² by which the nominal model misses the readings without noise more than the truth
+    does (of a stranger: by which the best of the library does); ``told``: the same for the best
+    hypothesis that is not the truth. ``ranked`` are the causes with their stated probabilities.
+    ``covered``: whether the 95 % set of hypotheses has the truth, ``inside``: whether the 95 %
+    intervals of its sizes have the true ones, None where that was not asked. ``reported``: whether
+    an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
+    model over the nominal one, over all splits that can show it; None where there is none.
     """
 
     population: str
@@ -109,7 +110,8 @@ class Lab:
         return (*(self.paper, self.circles, self.loops, self.paper)[number % 4], means)
 
 
-def measured(design: Design, values: Array, generator: np.random.Generator | None, number: int) -> Table:
+def measured(design: Design, values: Array, generator: np.random.Generator | None,
+             number: int) -> Table:
     """Readings with the noise of that trial, and its standard deviation; without a generator only the latter."""
     sigma = _NOISES[number // 4 % len(_NOISES)]
     noise = 0.0 if generator is None else generator.normal(0, sigma, len(values))
@@ -128,14 +130,16 @@ def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
     causes = _visible(design)
     hypothesis = (causes[int(generator.integers(len(causes)))],)
     truth, values, again = hidden(design, generator, hypothesis, means)
-    return [_of_one("single", number, design, simulation, truth, measured(design, values, generator, number), values,
+    return [_of_one("single", number, design, simulation, truth,
+                    measured(design, values, generator, number), values,
                     again)]
 
 
 def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     """An effect drawn until the fitted model foretells that it stands out."""
     design, simulation, means = lab.by(number)
-    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)],
+                                     means, generator,
                                      number)
     table = measured(design, values, generator, number)
     found = _of_one("strong", number, design, simulation, truth, table, values, again)
@@ -145,14 +149,16 @@ def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
 def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     """An effect that stands out, and what the model extended by causes chosen without them gains on other readings."""
     design, simulation, means = lab.by(number)
-    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)], means, generator,
+    truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)],
+                                     means, generator,
                                      number)
     table = measured(design, values, generator, number)
     seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
                             [(cause,) for cause in _visible(design)])
     record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, seen, told)
     found, verdict = _judged(record, design, simulation, table, truth)
-    gained = gain_of(simulation, table, design.causes, verdict, number).overall if verdict is not None else None
+    gained = gain_of(simulation, table, design.causes, verdict,
+                     number).overall if verdict is not None else None
     return [replace(found, ratio=None if gained is None else gained.ratio)]
 
 
@@ -162,7 +168,8 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
     again, singles = 0, [(cause,) for cause in _visible(design)]
     while True:
         truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
-        exact = measured(design, simulation.predict(truth.hypothesis, truth.unknowns, design.table), None, number)
+        exact = measured(design, simulation.predict(truth.hypothesis, truth.unknowns, design.table),
+                         None, number)
         seen, told = stands_out(simulation, truth.hypothesis, exact, singles)
         if seen >= SEEN and told >= TOLD:
             values = readings(design, truth)
@@ -175,7 +182,8 @@ def _visible(design: Design) -> list[Cause]:
     return [cause for cause in design.causes if cause.effect not in ALIASES]
 
 
-def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
+            table: Table,
             values: Array, again: int) -> Record:
     """A trial with one effect."""
     seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
@@ -184,12 +192,14 @@ def _of_one(population: str, number: int, design: Design, simulation: Simulation
     return judged(record, design, simulation, table, truth)
 
 
-def _deleted(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> list[Record]:
+def _deleted(record: Record, design: Design, simulation: Simulation, table: Table,
+             truth: Truth) -> list[Record]:
     """The same readings with the true effect not in the library, if it is identifiable."""
     if not record.identifiable:
         return []
     kept = tuple(cause for cause in design.causes if cause.effect != truth.hypothesis[0].effect)
-    blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen, record.told)
+    blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen,
+                   record.told)
     return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
 
 
@@ -197,8 +207,10 @@ def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     design, simulation = lab.loops if number % 3 == 1 else lab.paper
     pairs = _pairs(design)
     means: Means = "another law" if number % 3 == 2 else "elements"
-    truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))], means)
-    return [_of_two("pair", number, design, simulation, truth, measured(design, values, generator, number), values,
+    truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))],
+                                  means)
+    return [_of_two("pair", number, design, simulation, truth,
+                    measured(design, values, generator, number), values,
                     again)]
 
 
@@ -207,7 +219,8 @@ def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation = lab.loops if number % 3 == 1 else lab.paper
     means: Means = "another law" if number % 3 == 2 else "elements"
     truth, values, again = _foretold(design, simulation, _pairs(design), means, generator, number)
-    return [_of_two("duo", number, design, simulation, truth, measured(design, values, generator, number), values,
+    return [_of_two("duo", number, design, simulation, truth,
+                    measured(design, values, generator, number), values,
                     again)]
 
 
@@ -215,11 +228,14 @@ def _pairs(design: Design) -> list[Hypothesis]:
     return [one for one in hypotheses_of(_visible(design)) if len(one) == 2]
 
 
-def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth, table: Table,
+def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
+            table: Table,
             values: Array, again: int) -> Record:
     """A trial with two effects."""
-    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values), hypotheses_of(_visible(design)))
-    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
+                            hypotheses_of(_visible(design)))
+    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, seen,
+                    told)
     return judged(record, design, simulation, table, truth)
 
 
@@ -245,7 +261,8 @@ def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
         design = design.after(3 * 3600.0)
     truth, values, again = hidden(design, generator, (Cause(effect),), "elements")
     record = Record("alias", number, "elements", (effect,), again, 0.0, 0.0)
-    found, verdict = _judged(record, design, simulation, measured(design, values, generator, number), truth)
+    found, verdict = _judged(record, design, simulation,
+                             measured(design, values, generator, number), truth)
     if verdict is None:
         return [found]
     group = {Cause("drift"), Cause("sensor_zero")}
@@ -258,7 +275,8 @@ def _noise(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     design, simulation, means = lab.by(number)
     truth, values, again = hidden(design, generator, (), means)
     table = measured(design, values, generator, number)
-    return [judged(Record(f"noise stated {words}", number, means, (), again, 0.0, 0.0), design, simulation,
+    return [judged(Record(f"noise stated {words}", number, means, (), again, 0.0, 0.0), design,
+                   simulation,
                    table.with_sigma(table.sigma * factor), truth)
             for words, factor in (("too small", 1 / _MISJUDGED), ("too large", _MISJUDGED))]
 
@@ -270,17 +288,20 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     truth, values, again = hidden(design, generator, hypothesis, "form error")
     table = measured(design, values, generator, number)
     library = [(cause,) for cause in causes]
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values), library) if hypothesis else (0.0, 0.0)
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values),
+                            library) if hypothesis else (0.0, 0.0)
     record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, seen, told)
     return [judged(record, design, simulation, table, truth)]
 
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
-    "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo, "outside": _outside,
+    "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo,
+    "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain}
 
 
-def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table, nominal: Fit) -> float:
+def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table,
+                 nominal: Fit) -> float:
     """Of the best fit, the priors counting for little."""
     first = fit(simulation, hypothesis, table, nominal.unknowns)
     found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.found else first
@@ -291,7 +312,8 @@ def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: 
                ) -> tuple[float, float]:
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does.
 
-    Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not told from one.
+    Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not
+    told from one.
     """
     nominal = fit(simulation, (), exact)
     if not nominal.found:
@@ -312,10 +334,12 @@ def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: Table)
     nominal = fit(simulation, (), exact)
     if not nominal.found or nominal.chi_squared < SEEN:
         return nominal.chi_squared if nominal.found else 0.0
-    return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns, _LOOSE))
+    return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns,
+                                                  _LOOSE))
 
 
-def judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth) -> Record:
+def judged(record: Record, design: Design, simulation: Simulation, table: Table,
+           truth: Truth) -> Record:
     """The record with what the diagnosis said."""
     return _judged(record, design, simulation, table, truth)[0]
 
@@ -326,7 +350,8 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Table
         found = judge(simulation, table, design.causes, seed=record.number)
     except ArithmeticError as error:
         return replace(record, words=str(error)), None
-    record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)), p_value=found.test.p_value,
+    record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)),
+                     p_value=found.test.p_value,
                      noise=found.test.noise, words=found.test.strongest)
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
@@ -334,9 +359,12 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Table
     if found.weighing is None or found.after is None:
         return record, found
     weighing = found.weighing
-    ranked = tuple((str(cause), float(share)) for cause, share in list(weighing.of_causes().items())[:5])
-    covered = any(set(one.hypothesis) == set(truth.hypothesis) for one in weighing.credible()) if asked else None
-    return replace(record, ranked=ranked, best=tuple(map(str, weighing.best.hypothesis)), wrong=weighing.wrong,
+    ranked = tuple((str(cause), float(share))
+                   for cause, share in list(weighing.of_causes().items())[:5])
+    covered = any(set(one.hypothesis) == set(truth.hypothesis)
+                  for one in weighing.credible()) if asked else None
+    return replace(record, ranked=ranked, best=tuple(map(str, weighing.best.hypothesis)),
+                   wrong=weighing.wrong,
                    unknown=weighing.unknown, after=found.after.p_value, covered=covered), found
 
 
@@ -346,7 +374,8 @@ def _inside(simulation: Simulation, found: Judgement, truth: Truth) -> tuple[boo
     if not one.found:
         return tuple(False for _ in truth.sizes)
     limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]
-    sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size for number, size in enumerate(truth.sizes)]
+    sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size
+             for number, size in enumerate(truth.sizes)]
     return tuple(low <= size <= high for size, (low, high) in zip(sizes, limits, strict=True))
 
 

@@ -22,7 +22,8 @@ class Thickness(Stranger):
     which: str
 
     def setup(self, setup: Setup) -> Setup:
-        return setup.with_films(lambda film: replace(film, thickness=film.thickness * (1 + self.share)), self.which)
+        return setup.with_films(lambda film: replace(film, thickness=film.thickness
+                                                     * (1 + self.share)), self.which)
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class Frame(Stranger):
     def setup(self, setup: Setup) -> Setup:
         def change(specimen: Specimen) -> Specimen:
             x, y = (axis + self.excess for axis in specimen.frame.semi_axes)
-            return replace(specimen, frame=Circle(x) if isinstance(specimen.frame, Circle) else Ellipse((x, y)))
+            return replace(specimen, frame=Circle(x) if isinstance(specimen.frame, Circle)
+                           else Ellipse((x, y)))
 
         return setup.with_specimens(change, self.which)
 
@@ -112,7 +114,9 @@ class Stick(Stranger):
     def shown(self, reading: Array, states: States) -> Array:
         held = reading.copy()
         for row in range(1, len(held)):
-            if states.voltage[row] > states.voltage[row - 1] and abs(reading[row] - held[row - 1]) < self.threshold:
+            if states.voltage[row] > states.voltage[row - 1] and abs(reading[row]
+                                                                     - held[row
+                                                                            - 1]) < self.threshold:
                 held[row] = held[row - 1]
         return held
 

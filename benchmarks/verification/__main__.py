@@ -16,7 +16,8 @@ ROOT = Path(__file__).parents[2]
 def main(arguments: list[str] | None = None) -> int:
     """The command; progress goes to standard error."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs", help="folder of the page and its picture")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs",
+                        help="folder of the page and its picture")
     output = parser.parse_args(arguments).output
     if str(ROOT / "tests") not in sys.path:  # the references are the tests'
         sys.path.insert(0, str(ROOT / "tests"))

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 class Pair:
     """One number computed by the program and its independent reference, in the same ``unit``.
 
-    The error is relative to the reference, or absolute where that is 0. ``at_least``: only falling short counts, and
-    counts absolutely; that is for orders of convergence.
+    The error is relative to the reference, or absolute where that is 0. ``at_least``: only falling
+    short counts, and counts absolutely; that is for orders of convergence.
     """
 
     quantity: str

@@ -28,7 +28,8 @@ def nominal(material: FilmMaterial, stretch: float, voltage_squared: float) -> f
     """Equibiaxial nominal stress of the program's film density, by virgin area [Pa]."""
     film = annulus(material, prestretch=(1.0, 1.0))
     c = (np.array([stretch**2]), np.array([stretch**2]), np.array([0.0]))
-    return float(FilmDensity(film, voltage_squared, 1.0, wrinkles=False)(c, tangent=False).stress[0, 0]) * stretch
+    return float(FilmDensity(film, voltage_squared, 1.0,
+                             wrinkles=False)(c, tangent=False).stress[0, 0]) * stretch
 
 
 def elastic(material: Material, stretch: float) -> float:
@@ -38,7 +39,8 @@ def elastic(material: Material, stretch: float) -> float:
 
 def free_stretch(material: FilmMaterial, voltage_squared: float, start: float) -> float:
     """Stretch at which the program's film, free at its edges, is in balance; near ``start``."""
-    return float(brentq(lambda one: nominal(material, one, voltage_squared), 0.97 * start, 1.03 * start, xtol=1e-14))
+    return float(brentq(lambda one: nominal(material, one, voltage_squared), 0.97 * start,
+                        1.03 * start, xtol=1e-14))
 
 
 def stress_free(material: Material) -> float:
@@ -82,7 +84,8 @@ def homogeneous_pull_in() -> Iterator[Pair]:
         stretch, voltage = homogeneous_limit(stress)
         critical = 2 ** (1 / 3)
         if stress:
-            critical = float(brentq(lambda one, s=stress: 2 * one / 3 - 8 / (3 * one**5) - s / MU, 1.2, 5.0))
+            critical = float(brentq(lambda one, s=stress: 2 * one / 3 - 8 / (3 * one**5) - s / MU,
+                                    1.2, 5.0))
         yield Pair(f"{words}, λ", stretch, critical)
         yield Pair(f"{words}, λ₃", stretch**-2, critical**-2)
         exact = (MU * (critical - critical**-5) - stress) / (_UNIT * critical**3)
@@ -94,7 +97,8 @@ def balloon(material: FilmMaterial, stretch: float) -> float:
     return 2 * T * nominal(material, stretch, 0.0) / stretch**2
 
 
-@claim("Pressure in a spherical balloon, every law", reference="closed form p = 2hσ/r", tolerance=1e-9)
+@claim("Pressure in a spherical balloon, every law", reference="closed form p = 2hσ/r",
+       tolerance=1e-9)
 def balloon_pressure() -> Iterator[Pair]:
     """At small and large stretch; the law that stiffens to a limit stays below it."""
     for name, sample in SAMPLES.items():
@@ -104,11 +108,13 @@ def balloon_pressure() -> Iterator[Pair]:
                        2 * (T / stretch**2) * stress / stretch, "Pa")
 
 
-@claim("Largest pressure in a neo-Hooke balloon", reference="closed form: Λ = 7^(1/6), p = 2μT/r (1/Λ − 1/Λ⁷)",
+@claim("Largest pressure in a neo-Hooke balloon",
+       reference="closed form: Λ = 7^(1/6), p = 2μT/r (1/Λ − 1/Λ⁷)",
        tolerance=1e-6)
 def balloon_limit() -> Iterator[Pair]:
     """Beyond it the balloon grows at falling pressure."""
-    found = minimize_scalar(lambda stretch: -balloon(NeoHooke(MU), stretch), bounds=(1.05, 3.0), method="bounded",
+    found = minimize_scalar(lambda stretch: -balloon(NeoHooke(MU), stretch), bounds=(1.05, 3.0),
+                            method="bounded",
                             options={"xatol": 1e-10})
     limit = 7 ** (1 / 6)
     yield Pair("Λ", float(found.x), limit)

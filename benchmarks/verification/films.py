@@ -28,7 +28,8 @@ MU = 20e3
 def annulus(material: Material, **film: Any) -> Specimen:
     """The annulus of 10 mm to 45 mm, 1 mm thick before it is stretched by √5."""
     values = {"thickness": T, "prestretch": (ROOT5, ROOT5), "relative_permittivity": PERMITTIVITY}
-    return Specimen("annulus", Circle(B), Plate(Circle(A)), Film(material=material, **(values | film)))
+    return Specimen("annulus", Circle(B), Plate(Circle(A)),
+                    Film(material=material, **(values | film)))
 
 
 def oracle(material: axisymmetric.Material) -> axisymmetric.Film:
@@ -72,7 +73,8 @@ def quarter_disc(order: int, count: int, radius: float, film: Film) -> Model:
         return radius * ((1 - s**2) * unit + s**3 * np.stack([np.cos(angle), np.sin(angle)]))
 
     mesh = _tagged(_curved(order, corners.T / count, triangles, place), 2 * radius)
-    return Model(Specimen("disc", Circle(radius), Plate(Circle(radius / 10)), film), mesh, frozenset("xy"))
+    return Model(Specimen("disc", Circle(radius), Plate(Circle(radius / 10)), film), mesh,
+                 frozenset("xy"))
 
 
 def bulge(model: Model, pressures: list[float], apex: float) -> list[float]:
@@ -95,7 +97,8 @@ def _curved(order: int, unit: np.ndarray, triangles: np.ndarray, place: Any) -> 
     triangles = np.sort(triangles, axis=0)
     xy = ELEMENTS[order].doflocs
     weights = np.column_stack([1 - xy.sum(1), xy])
-    return curved_mesh(place(unit), triangles, order, place(np.einsum("lv,kve->kle", weights, unit[:, triangles])))
+    return curved_mesh(place(unit), triangles, order,
+                       place(np.einsum("lv,kve->kle", weights, unit[:, triangles])))
 
 
 def _tagged(mesh: CurvedTriangles, between: float) -> CurvedTriangles:
@@ -104,7 +107,8 @@ def _tagged(mesh: CurvedTriangles, between: float) -> CurvedTriangles:
     x, y = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
     tiny = 1e-9 * mesh.p.max()
     arc, near = (x > tiny) & (y > tiny), np.hypot(x, y) < between
-    return mesh.with_boundaries({"axis_x": facets[y <= tiny], "axis_y": facets[x <= tiny], "plate": facets[arc & near],
+    return mesh.with_boundaries({"axis_x": facets[y <= tiny], "axis_y": facets[x <= tiny],
+                                 "plate": facets[arc & near],
                                  "frame": facets[arc & ~near]})
 
 

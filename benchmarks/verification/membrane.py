@@ -47,25 +47,29 @@ def every_law() -> Iterator[Pair]:
             yield Pair(f"{words}, F", held(model, HEAVE, voltage).state.force,
                        solve_deflection(film, HEAVE, voltage).force, "N")
             outcome = equilibrium(model, FORCE, voltage)
-            yield Pair(f"{words}, deflection", outcome.state.plate.heave, solve_load(film, FORCE, voltage).deflection,
+            yield Pair(f"{words}, deflection", outcome.state.plate.heave,
+                       solve_load(film, FORCE, voltage).deflection,
                        "m")
 
 
-@claim("Largest stress at the plate at 10 mm heave, every law", reference="axisymmetric equations, spectral Ritz",
+@claim("Largest stress at the plate at 10 mm heave, every law",
+       reference="axisymmetric equations, spectral Ritz",
        tolerance=1e-3)
 def rim_stress() -> Iterator[Pair]:
     """The hardest number of a membrane: at the default mesh."""
     for name, sample in SAMPLES.items():
         model = build_model(annulus(sample.law), Settings())
         exact = solve_deflection(oracle(sample.reference), HEAVE)
-        yield Pair(f"{name}, σ₁", rim_peak(model, held(model, HEAVE).state), float(exact.sigma1(A)), "Pa")
+        yield Pair(f"{name}, σ₁", rim_peak(model, held(model, HEAVE).state), float(exact.sigma1(A)),
+                   "Pa")
 
 
 @claim("Gas pressure on film and plate, and on the film alone", tolerance=1e-6,
        reference="axisymmetric equations with follower pressure, Ritz on the enclosed volume")
 def gas_pressure() -> Iterator[Pair]:
     """The plate's share is a force p πa²."""
-    model, film, plate = build_model(annulus(NeoHooke(MU)), Settings()), oracle(neo_hooke(MU)), math.pi * A**2
+    model, film, plate = build_model(annulus(NeoHooke(MU)),
+                                     Settings()), oracle(neo_hooke(MU)), math.pi * A**2
     for pressure, voltage in ((50.0, 0.0), (50.0, 4000.0), (400.0, 0.0)):
         words = f"{pressure:g} Pa, {voltage / 1e3:g} kV"
         both = equilibrium(model, 0.05, voltage, pressure).state
@@ -76,12 +80,14 @@ def gas_pressure() -> Iterator[Pair]:
                    minimise(film, Loads(pressure, 0.05, voltage)).apex, "m")
 
 
-@claim("The film's own weight", reference="axisymmetric equations with weight, Ritz", tolerance=1e-6)
+@claim("The film's own weight", reference="axisymmetric equations with weight, Ritz",
+       tolerance=1e-6)
 def own_weight() -> Iterator[Pair]:
     """Of 1 000 kg/m³ and, to be seen, of ten times as much."""
     for density in (1e3, 1e4):
         model = build_model(annulus(NeoHooke(MU), density=density), Settings(), Loading(gravity=G))
-        yield Pair(f"{density:g} kg/m³, heave without load", equilibrium(model, 0.0, 0.0).state.plate.heave,
+        yield Pair(f"{density:g} kg/m³, heave without load",
+                   equilibrium(model, 0.0, 0.0).state.plate.heave,
                    minimise(oracle(neo_hooke(MU)), Loads(weight=density * G * T)).apex, "m")
 
 
@@ -92,7 +98,8 @@ def vm218() -> Iterator[Pair]:
     film = Film(0.5 * INCH, (1.0, 1.0), MooneyRivlin(80 * PSI, 20 * PSI), 0.0)
     model = quarter_disc(4, 6, 7.5 * INCH, film)
     steps = [4, 10, 17, 24, 29, 33, 36, 38]
-    heights = dict(zip(steps, bulge(model, [step * PSI for step in steps], 2.3 * INCH), strict=True))
+    heights = dict(zip(steps, bulge(model, [step * PSI for step in steps], 2.3 * INCH),
+                       strict=True))
     for pressure, _ in VM218:
         yield Pair(f"apex at {pressure} psi", heights[pressure] / INCH,
                    minimise(rubber_disc(), Loads(pressure * PSI)).apex / INCH, "in")
@@ -107,20 +114,24 @@ def hencky_disc() -> Iterator[Pair]:
     exact = B * (pressure * B / (3 * MU * T)) ** (1 / 3) * hencky(0.5)[1]
     apex = bulge(model, [pressure], exact)[0]
     yield Pair("apex at 1 mPa", apex, exact, "m")
-    yield Pair("apex at 1 mPa, by the ODE", apex, minimise(disc(B, T, neo_hooke(MU)), Loads(pressure)).apex, "m")
+    yield Pair("apex at 1 mPa, by the ODE", apex,
+               minimise(disc(B, T, neo_hooke(MU)), Loads(pressure)).apex, "m")
 
 
-@claim("Prestretched disc under pressure", reference="axisymmetric equations with follower pressure, Ritz",
+@claim("Prestretched disc under pressure",
+       reference="axisymmetric equations with follower pressure, Ritz",
        tolerance=1e-6)
 def prestretched_disc() -> Iterator[Pair]:
     """Without a plate, stretched by √5, up to a high dome."""
     model = quarter_disc(4, 6, B, annulus(NeoHooke(MU)).membrane)
     film = Disc(0.0, B, T, math.sqrt(5), neo_hooke(MU))
-    for pressure, apex in zip((20.0, 100.0, 200.0), bulge(model, [20.0, 100.0, 200.0], 1e-3), strict=True):
+    for pressure, apex in zip((20.0, 100.0, 200.0), bulge(model, [20.0, 100.0, 200.0], 1e-3),
+                              strict=True):
         yield Pair(f"apex at {pressure:g} Pa", apex, minimise(film, Loads(pressure)).apex, "m")
 
 
-#: Element order, sizes of the meshes, and the orders that are asked for: of force and deflection, of the peak stress.
+#: Element order, sizes of the meshes, and the orders that are asked for: of force and deflection,
+#: of the peak stress.
 ORDERS = ((1, (8, 16, 32), 2, 1), (2, (4, 8, 16), 4, 2), (3, (4, 8), 6, 3), (4, (2, 4), 8, 4))
 
 
@@ -134,14 +145,17 @@ def errors(order: int, count: int) -> tuple[float, float, float]:
             abs(rim_peak(model, state) / float(exact.sigma1(A)) - 1))
 
 
-@claim("Observed orders of convergence on meshes of one family, elements of order 1 to 4", tolerance=0.2,
+@claim("Observed orders of convergence on meshes of one family, elements of order 1 to 4",
+       tolerance=0.2,
        reference="theory: 2p for force and deflection, p for the peak stress at the rim")
 def orders() -> Iterator[Pair]:
     """Base-two logarithm of the errors' ratio at the last halving."""
     for order, counts, energy, stress in ORDERS:
         coarse, fine = (np.array(errors(order, count)) for count in counts[-2:])
         rates = np.log2(coarse / fine)
-        for name, rate, theory in zip(("force", "deflection", "rim stress"), rates, (energy, energy, stress),
+        for name, rate, theory in zip(("force", "deflection", "rim stress"), rates,
+                                      (energy, energy, stress),
                                       strict=True):
-            yield Pair(f"P{order}, {name}, {counts[-2]} to {counts[-1]} elements a side", float(rate), theory,
+            yield Pair(f"P{order}, {name}, {counts[-2]} to {counts[-1]} elements a side",
+                       float(rate), theory,
                        at_least=True)

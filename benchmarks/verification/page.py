@@ -77,7 +77,8 @@ def _word(fine: bool) -> str:
 
 
 def _versions() -> str:
-    packages = ", ".join(f"{name} {version(name)}" for name in ("tympan", "numpy", "scipy", "scikit-fem", "gmsh"))
+    packages = ", ".join(f"{name} {version(name)}" for name in ("tympan", "numpy", "scipy",
+                                                                "scikit-fem", "gmsh"))
     return f"## Versions\n\nPython {platform.python_version()}, {packages}."
 
 
@@ -92,7 +93,8 @@ def draw(path: Path) -> None:
             counts = np.array([2, 4, 8, 16][: 6 - order])
             values = np.array([errors(order, int(count))[column] for count in counts])
             axes.loglog(counts, values, "o-", label=f"P{order}")
-        axes.set(xlabel="elements along a side of the quarter", ylabel=f"relative error of the {words}", xticks=counts)
+        axes.set(xlabel="elements along a side of the quarter",
+                 ylabel=f"relative error of the {words}", xticks=counts)
         axes.set_xticks([2, 4, 8, 16], ["2", "4", "8", "16"])
         axes.minorticks_off()
         axes.grid(True, alpha=0.3)

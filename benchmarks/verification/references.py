@@ -14,7 +14,8 @@ from tests.oracles.inflation import Disc, Loads, hencky, minimise, shoot
 from tests.oracles.laws import rivlin
 
 INCH, PSI = 0.0254, 6894.757293168361
-#: Pressure [psi] and apex [in] of the disc of ANSYS VM218: 7.5 in, half an inch thick, Mooney 80 and 20 psi.
+#: Pressure [psi] and apex [in] of the disc of ANSYS VM218: 7.5 in, half an inch thick, Mooney 80
+#: and 20 psi.
 VM218 = ((4, 2.2503), (24, 5.6823), (38, 10.1054))
 
 
@@ -25,10 +26,12 @@ def rubber_disc() -> Disc:
 
 def mooney(first: float, second: float) -> Material:
     """Mooney's law from its invariants, constants in Pa."""
-    return rivlin(lambda i1, i2: first * (i1 - 3) + second * (i2 - 3), lambda i1: first + 0 * i1, second)
+    return rivlin(lambda i1, i2: first * (i1 - 3) + second * (i2 - 3), lambda i1: first + 0 * i1,
+                  second)
 
 
-@claim("Axisymmetric equations of the annulus by two methods", reference="shooting against a spectral Ritz method",
+@claim("Axisymmetric equations of the annulus by two methods",
+       reference="shooting against a spectral Ritz method",
        tolerance=1e-9)
 def annulus_by_two_methods() -> Iterator[Pair]:
     """Held plate; force, gas pressure and own weight on a free one."""
@@ -36,7 +39,8 @@ def annulus_by_two_methods() -> Iterator[Pair]:
     for heave, voltage in ((15e-3, 0.0), (10e-3, 5e3)):
         ritz, shot = (solve(film, heave, voltage) for solve in (solve_deflection, shoot_deflection))
         yield Pair(f"F at {heave * 1e3:g} mm, {voltage / 1e3:g} kV", ritz.force, shot.force, "N")
-        yield Pair(f"σ₁ at the rim at {heave * 1e3:g} mm, {voltage / 1e3:g} kV", float(ritz.sigma1(A)),
+        yield Pair(f"σ₁ at the rim at {heave * 1e3:g} mm, {voltage / 1e3:g} kV",
+                   float(ritz.sigma1(A)),
                    float(shot.sigma1(A)), "Pa")
     for loads in (Loads(30.0, 0.1, 3e3), Loads(100.0), Loads(weight=9.80665, voltage=5e3)):
         ritz, shot = minimise(film, loads), shoot(film, loads)
@@ -44,7 +48,8 @@ def annulus_by_two_methods() -> Iterator[Pair]:
                    f"{loads.weight:.3g} Pa weight", ritz.apex, shot.apex, "m")
 
 
-@claim("ANSYS VM218, inflated rubber disc, by shooting", reference="Ritz method; Mooney 80/20 psi, R 7.5 in, h 0.5 in",
+@claim("ANSYS VM218, inflated rubber disc, by shooting",
+       reference="Ritz method; Mooney 80/20 psi, R 7.5 in, h 0.5 in",
        tolerance=1e-8)
 def vm218_by_two_methods() -> Iterator[Pair]:
     """With the slope at the centre found by shooting, and the enclosed volume in the Ritz method's potential."""
@@ -60,7 +65,8 @@ def vm218_by_two_methods() -> Iterator[Pair]:
 def vm218_rounded() -> Iterator[Pair]:
     """The published 6.2 and 10.9 in at the two higher pressures were read off a graph and are wrong."""
     for pressure, rounded in VM218:
-        yield Pair(f"apex at {pressure} psi", minimise(rubber_disc(), Loads(pressure * PSI)).apex / INCH, rounded, "in")
+        yield Pair(f"apex at {pressure} psi",
+                   minimise(rubber_disc(), Loads(pressure * PSI)).apex / INCH, rounded, "in")
 
 
 @claim("Hencky's series for a clamped membrane under pressure: b₀", tolerance=3e-5,
@@ -74,7 +80,8 @@ def hencky_constants() -> Iterator[Pair]:
 def hencky_ratio(pressure: float) -> float:
     """Apex of a neo-Hooke disc of the project's size by the ODE over Hencky's, E = 3μ, ν = 1/2."""
     film = disc(B, T, neo_hooke(MU))
-    return minimise(film, Loads(pressure)).apex / (B * (pressure * B / (3 * MU * T)) ** (1 / 3) * hencky(0.5)[1])
+    return minimise(film, Loads(pressure)).apex / (B * (pressure * B / (3 * MU * T)) ** (1 / 3)
+                                                   * hencky(0.5)[1])
 
 
 @claim("Inflated neo-Hooke disc tends to Hencky's as the pressure goes to zero", tolerance=2e-6,

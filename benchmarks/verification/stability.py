@@ -87,7 +87,8 @@ def loss_of_tension() -> Iterator[Pair]:
         outcome = equilibrium(model, FORCE, voltage, start=start)
         if outcome.status != "equilibrium":
             raise ArithmeticError(outcome.advice)
-        return float(edge_fields(*whole(model, outcome.state), "plate").fields.stress_circumferential.mean())
+        return float(edge_fields(*whole(model, outcome.state),
+                                 "plate").fields.stress_circumferential.mean())
 
     exact = slack_voltage(reference(), FORCE, 6700.0)
     yield Pair("U", float(brentq(hoop, 6400.0, 6680.0, xtol=1e-2)), exact, "V")

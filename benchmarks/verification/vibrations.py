@@ -26,7 +26,8 @@ DENSITY, MASS = 960.0, 17.9e-3
 def heavy_film() -> Model:
     """The film with a mass."""
     specimen = annulus(NeoHooke(MU))
-    return build_model(replace(specimen, membrane=replace(specimen.membrane, density=DENSITY)), Settings())
+    return build_model(replace(specimen, membrane=replace(specimen.membrane, density=DENSITY)),
+                       Settings())
 
 
 def per_area() -> float:
@@ -37,7 +38,8 @@ def per_area() -> float:
 
 def hertz(wave_number: float, voltage: float) -> float:
     """Frequency of a wave number: the flat film's waves run at √(tension/mass per area)."""
-    return wave_number * math.sqrt(oracle(neo_hooke(MU)).resultant(voltage) / per_area()) / (2 * math.pi)
+    return wave_number * math.sqrt(oracle(neo_hooke(MU)).resultant(voltage)
+                                   / per_area()) / (2 * math.pi)
 
 
 def transverse(model: Model, voltage: float, plate: RigidPlate) -> list[float]:
@@ -52,11 +54,13 @@ def transverse(model: Model, voltage: float, plate: RigidPlate) -> list[float]:
 def annulus_held() -> Iterator[Pair]:
     """The lowest five across the film, twins counted twice; a voltage lowers them by the Maxwell tension."""
     waves = [annulus_modes.held(m, 2, A, B) for m in range(4)]
-    exact = np.sort(np.concatenate([np.repeat(wave, 1 if m == 0 else 2) for m, wave in enumerate(waves)]))
+    exact = np.sort(np.concatenate([np.repeat(wave, 1 if m == 0 else 2)
+                                    for m, wave in enumerate(waves)]))
     for voltage in (0.0, 5000.0):
         found = transverse(heavy_film(), voltage, RigidPlate.held())
         for number, wave in enumerate(exact[:5]):
-            yield Pair(f"f{number + 1} at {voltage / 1e3:g} kV", found[number], hertz(float(wave), voltage), "Hz")
+            yield Pair(f"f{number + 1} at {voltage / 1e3:g} kV", found[number],
+                       hertz(float(wave), voltage), "Hz")
 
 
 @claim("Heave frequency of a 17.9 g plate on the flat film", tolerance=1e-6,
@@ -64,6 +68,7 @@ def annulus_held() -> Iterator[Pair]:
 def plate_on_film() -> Iterator[Pair]:
     """The lowest mode: plate and film swing together."""
     wave = annulus_modes.heaving(1, A, B, MASS / per_area())[0]
-    found = vibrations(heavy_film(), State.mounted(heavy_film()), RigidPlate.uniform(Circle(A), MASS), count=6)
+    found = vibrations(heavy_film(), State.mounted(heavy_film()),
+                       RigidPlate.uniform(Circle(A), MASS), count=6)
     heave = int(np.argmax(found.shares[:, HEAVE]))
     yield Pair("f", float(found.frequencies_Hz[heave]), hertz(float(wave), 0.0), "Hz")

@@ -23,8 +23,9 @@ _REFINEMENTS = 12
 class Adjoint:
     """Solves with an equilibrium's own tangent, by the factors of one nearby.
 
-    Newton factorises the tangent of an iterate some 1e-4 of the frame's extent before the equilibrium. Iterative
-    refinement with the equilibrium's own tangent, which needs no factors, gains three digits a step.
+    Newton factorises the tangent of an iterate some 1e-4 of the frame's extent before the
+    equilibrium. Iterative refinement with the equilibrium's own tangent, which needs no factors,
+    gains three digits a step.
     """
 
     own: Stiffness
@@ -36,7 +37,8 @@ class Adjoint:
         solution = found.solution if isinstance(found, Outcome) else found
         tangent = solution.tangent if isinstance(solution, Solution) else None
         state = solution if isinstance(solution, State) else solution.state
-        if tangent is None or not isinstance(tangent.motions, AllMotions) or tangent.model.unknowns != model.unknowns:
+        if tangent is None or not isinstance(tangent.motions,
+                                             AllMotions) or tangent.model.unknowns != model.unknowns:
             tangent = Tangent(model, model.linearised(state), state)
         return cls(Stiffness(model, state), tangent)
 

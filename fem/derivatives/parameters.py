@@ -1,7 +1,8 @@
 """What an equilibrium can be differentiated by: numbers of film, electrode, shape, loads and surroundings, by name.
 
-A parameter says how model and state change with it, for a real change and for an imaginary one. So the same few lines
-serve the complex step, which gives derivatives exact to rounding, and finite changes, which check them.
+A parameter says how model and state change with it, for a real change and for an imaginary one. So
+the same few lines serve the complex step, which gives derivatives exact to rounding, and finite
+changes, which check them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ LOADS = ("force", "voltage", "pressure")
 class Parameter(Protocol):
     """One number that model or state depend on.
 
-    ``moves``: whether it moves nodes. ``odd``: the mirror planes in which its mirror image is its opposite.
+    ``moves``: whether it moves nodes. ``odd``: the mirror planes in which its mirror image is its
+    opposite.
     """
 
     @property
@@ -135,7 +137,8 @@ class Parameters:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """All names: of film and electrode, loads, surroundings, shape."""
-        loading = (name for name in numbers(self.model.loading, "loading") if isfinite(at_name(self.model, name)))
+        loading = (name for name in numbers(self.model.loading, "loading")
+                   if isfinite(at_name(self.model, name)))
         return (*film_names(self.model.specimen), *LOADS, *loading, *self._lengths)
 
     @cached_property
@@ -157,7 +160,8 @@ class Parameters:
             return LoadNumber(name)
         if path[0] == "loading":
             return LoadingNumber(path[1:])
-        return ShapeNumber(path, velocities(self.model)) if name in self._lengths else FilmNumber(path)
+        return ShapeNumber(path,
+                           velocities(self.model)) if name in self._lengths else FilmNumber(path)
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:
@@ -179,10 +183,12 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
     """Names of the lengths of frame and plate, and of those of the electrode that have an edge within the film.
 
-    Corners and points that an outline is drawn through are among them where the specimen has no mirror plane.
+    Corners and points that an outline is drawn through are among them where the specimen has no
+    mirror plane.
     """
     electrode = specimen.electrode
-    margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate") if getattr(electrode, name) > 0)
+    margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate")
+               if getattr(electrode, name) > 0)
     names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
              *numbers(electrode.outline, "electrode.outline"))
     # Moving one corner alone would break a mirror symmetry that the model may use.
@@ -195,7 +201,8 @@ def numbers(value: Any, path: str) -> tuple[str, ...]:
     if isinstance(value, float | int):
         return (path,)
     if isinstance(value, tuple):
-        return tuple(name for index, item in enumerate(value) for name in numbers(item, f"{path}.{index}"))
+        return tuple(name for index, item in enumerate(value)
+                     for name in numbers(item, f"{path}.{index}"))
     if is_dataclass(value):
         inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value)
                  if not item.metadata.get("discrete"))

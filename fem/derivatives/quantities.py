@@ -1,7 +1,8 @@
 """Scalar results of an equilibrium: their values, and how they change when film and plate move.
 
-A quantity works for complex models and states (:mod:`tympan.fem.derivatives.parameters`), so its own dependence on
-material, loads and shape needs no further code. :data:`QUANTITIES` has those with a name.
+A quantity works for complex models and states (:mod:`tympan.fem.derivatives.parameters`), so its
+own dependence on material, loads and shape needs no further code. :data:`QUANTITIES` has those with
+a name.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _STEP = 1e-40
 class Quantity(Protocol):
     """A scalar result of the whole film.
 
-    ``even``: whether the mirror image of a state has the same value, so that a change and its opposite do the same.
+    ``even``: whether the mirror image of a state has the same value, so that a change and its
+    opposite do the same.
     """
 
     @property
@@ -72,7 +74,8 @@ class Tilt:
         x, y, _ = state.plate.rotation[:, 2]
         sine = float(np.hypot(x, y))
         if sine < 1e-9:
-            raise InputError("has no derivative where the plate does not tilt", key="quantity", given="tilt")
+            raise InputError("has no derivative where the plate does not tilt", key="quantity",
+                             given="tilt")
         return _of_plate(model, {3: -y / sine, 4: x / sine})
 
 
@@ -84,7 +87,8 @@ class Reaction:
 
     def value(self, model: Model, state: State) -> Any:
         """Sum of the nodal forces on the plate's edge."""
-        return model.forces(state.positions, state.voltage_squared)[model.plate_nodes, 2].sum() * model.mirrored
+        return model.forces(state.positions, state.voltage_squared)[model.plate_nodes,
+                                                                    2].sum() * model.mirrored
 
     def slope(self, model: Model, state: State) -> Parts:
         """The film's tangent times a lift of the plate's edge, by a complex step."""
@@ -117,7 +121,8 @@ class Capacitance:
     def value(self, model: Model, state: State) -> Any:
         """−2 ∂energy/∂U²; the electrostatic energy is linear in U² where the film does not wrinkle."""
         if model.wrinkles:
-            raise InputError("has derivatives only for films that do not wrinkle", key="quantity", given="capacitance")
+            raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
+                             given="capacitance")
         c = cauchy_green(model.deformation(state.positions))
         stretches = principal_stretches(c, model.specimen.membrane.prestretch)
         energy = model.density(1.0).maxwell.derivatives(*stretches)[0]
@@ -156,8 +161,8 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
 class Largest:
     """A smooth largest value of a positive field: its norm (mean of hᵖ over the mounted film)^(1/p).
 
-    From the quadrature points; below the true maximum, which it nears as p grows, and which has no derivative where
-    two places share it.
+    From the quadrature points; below the true maximum, which it nears as p grows, and which has no
+    derivative where two places share it.
     """
 
     field: Field
@@ -176,7 +181,8 @@ class Largest:
         return _by_strain(model, state, self.field, (h / norm) ** (self.power - 1) * share)
 
     def _field(self, model: Model, state: State) -> Any:
-        return self.field(model, state.voltage_squared, cauchy_green(model.deformation(state.positions)))
+        return self.field(model, state.voltage_squared,
+                          cauchy_green(model.deformation(state.positions)))
 
 
 @dataclass(frozen=True)
@@ -189,7 +195,8 @@ class Local:
 
     def value(self, model: Model, state: State) -> Any:
         """The field there."""
-        h = self.field(model, state.voltage_squared, cauchy_green(model.deformation(state.positions)))
+        h = self.field(model, state.voltage_squared,
+                       cauchy_green(model.deformation(state.positions)))
         return np.broadcast_to(h, model.weights.shape)[self._point(model)]
 
     def slope(self, model: Model, state: State) -> Parts:
@@ -199,7 +206,8 @@ class Local:
         return _by_strain(model, state, self.field, only)
 
     def _point(self, model: Model) -> tuple[int, int]:
-        x, y = np.moveaxis(np.einsum("pl,elc->epc", model.shapes, model.reference.real[model.connectivity, :2]), -1, 0)
+        x, y = np.moveaxis(np.einsum("pl,elc->epc", model.shapes,
+                                     model.reference.real[model.connectivity, :2]), -1, 0)
         away = (x - self.place[0]) ** 2 + (y - self.place[1]) ** 2
         element, point = np.unravel_index(np.argmin(away), away.shape)
         return int(element), int(point)
@@ -234,7 +242,8 @@ def quantity(name: str) -> Quantity:
 def _norm(h: Any, weights: Array, power: int) -> Any:
     scale = np.abs(np.real(h)).max()
     if scale == 0:
-        raise InputError("has no derivative where it is zero all over", key="quantity", given="a largest value")
+        raise InputError("has no derivative where it is zero all over", key="quantity",
+                         given="a largest value")
     return scale * ((weights * (h / scale) ** power).sum() / weights.sum()) ** (1 / power)
 
 
@@ -260,6 +269,7 @@ def _by_strain(model: Model, state: State, field: Field, weights: Array) -> Part
         stepped[component] = stepped[component] + 1j * _STEP
         moved = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
         by.append(weights * np.imag(moved) / _STEP)
-    nodal = scattered(model, element_forces(model, f, np.stack([2 * by[0], 2 * by[1], by[2]], axis=-1)))
+    nodal = scattered(model,
+                      element_forces(model, f, np.stack([2 * by[0], 2 * by[1], by[2]], axis=-1)))
     # A mean over the part is one over the whole: what a node does, its mirror images do.
     return nodal[model.free], model.plate_forces(nodal, state.plate)

@@ -1,11 +1,12 @@
 """Virtual work of all forces along fixed motions, and how it changes with what model and state depend on.
 
-Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a number of the film costs
-no more than the materials it changes: their W₁δλ₁ + W₂δλ₂. A change of shape moves the nodes in the plane by V at
-constant displacements. The work then changes as if the film moved by V, and because its virgin state changes at fixed
-positions: by ∫ T·∇V, with T = (S·δE) I − δ(C S) for the stored energy (Eshelby's energy-momentum tensor,
-*J. Elasticity* 5, 1975, along the motion). Collected at the nodes both serve all lengths. The gas needs no T: the
-volume under the film does not depend on what the virgin film was.
+Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
+number of the film costs no more than the materials it changes: their W₁δλ₁ + W₂δλ₂. A change of
+shape moves the nodes in the plane by V at constant displacements. The work then changes as if the
+film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (S·δE)
+I − δ(C S) for the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along
+the motion). Collected at the nodes both serve all lengths. The gas needs no T: the volume under the
+film does not depend on what the virgin film was.
 """
 
 from __future__ import annotations
@@ -47,8 +48,10 @@ class Work:
             result = result - self._nodal[:, :, 2] @ model.weight[:, 2].imag
         if np.imag(state.pressure):
             result = result - np.imag(state.pressure) * self._by_pressure
-        if model.loading is not mine.loading or np.any(np.imag([state.force, state.pressure, model.plate_area])):
-            on_plate = model.loading.on_plate(state, model.centre, model.plate_area)[1][list(model.plate_freedoms)]
+        if model.loading is not mine.loading or np.any(np.imag([state.force, state.pressure,
+                                                                model.plate_area])):
+            on_plate = model.loading.on_plate(state, model.centre,
+                                              model.plate_area)[1][list(model.plate_freedoms)]
             result = result + self._plate @ on_plate.imag / model.mirrored
         return result + self._by_shape(model, state) if np.iscomplexobj(model.reference) else result
 
@@ -70,7 +73,8 @@ class Work:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N]."""
         if part.prestretch == self._stretching.prestretch:
             return self._stretching.power(part.material)
-        # Where stretches are all but equal, directions have no derivative by another prestretch; the stress has.
+        # Where stretches are all but equal, directions have no derivative by another prestretch;
+        # the stress has.
         stress = plane_stress((part.material,), self.own.c, part.prestretch, tangent=False).stress
         return np.tensordot(self._strains, stress * self.own.model.weights[..., None], axes=3)
 
@@ -80,7 +84,8 @@ class Work:
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
         follows = np.einsum("nip,mp,ni->m", turned, self._plate, self.own.forces[mine.plate_nodes])
         moved = np.tensordot(self._returned, state.positions.imag, axes=2)
-        return np.asarray(moved + np.tensordot(self._configurational, model.reference.imag[:, :2], axes=2) + follows)
+        return np.asarray(moved + np.tensordot(self._configurational, model.reference.imag[:, :2],
+                                               axes=2) + follows)
 
     @cached_property
     def _returned(self) -> Array:
@@ -95,7 +100,8 @@ class Work:
         for change, nodal in zip(self._strains, self._nodal, strict=True):
             by_stress = np.matmul(dw, change[..., None])[..., 0]
             doubled = change * [2, 2, 1]
-            tensor = -_matrix(doubled) @ _matrix(sw) - _matrix(np.stack(self.own.c, axis=-1)) @ _matrix(by_stress)
+            tensor = -_matrix(doubled) @ _matrix(sw) - _matrix(np.stack(self.own.c,
+                                                                        axis=-1)) @ _matrix(by_stress)
             lift = nodal[:, 2][model.connectivity] @ model.shapes.T
             own = (change * sw).sum(-1) - model.pull * model.weights * lift
             tensor[..., 0, 0] += own
@@ -107,7 +113,8 @@ class Work:
     @cached_property
     def _by_pressure(self) -> Array:
         """Change of the volume under the film [m³], shape (motions,)."""
-        return np.tensordot(self._nodal[:, self.own.model.connectivity], self.own.volume_forces, axes=3)
+        return np.tensordot(self._nodal[:, self.own.model.connectivity], self.own.volume_forces,
+                            axes=3)
 
     @cached_property
     def _parts(self) -> dict[str, Part]:
@@ -124,7 +131,8 @@ class Work:
     @cached_property
     def _strains(self) -> Array:
         """What the stress works on, shape (motions, elements, points, 3)."""
-        return np.stack([strains(self.own.deformation, self.own.model.deformation(row)) for row in self._nodal])
+        return np.stack([strains(self.own.deformation, self.own.model.deformation(row))
+                         for row in self._nodal])
 
     @cached_property
     def _stretching(self) -> Stretching:

@@ -1,13 +1,14 @@
 """Exact derivatives of scalar results by material, film, electrode, loads, surroundings and shape.
 
-A quantity q of an equilibrium R(u, p) = 0, u the displacements of nodes and plate, changes with a parameter p by
-dq/dp = ∂q/∂p − λ·∂R/∂p, the tangent being K and K λ = ∂q/∂u (adjoint method; Choi & Kim, *Structural Sensitivity
-Analysis and Optimization*, 2005). One back-substitution into the factors the solve left serves all parameters. Both
-partial derivatives are complex steps, exact to rounding; but what lengths do to the forces is read off those of λ
+A quantity q of an equilibrium R(u, p) = 0, u the displacements of nodes and plate, changes with a
+parameter p by dq/dp = ∂q/∂p − λ·∂R/∂p, the tangent being K and K λ = ∂q/∂u (adjoint method; Choi &
+Kim, *Structural Sensitivity Analysis and Optimization*, 2005). One back-substitution into the
+factors the solve left serves all parameters. Both partial derivatives are complex steps, exact to
+rounding; but what lengths do to the forces is read off those of λ
 (:mod:`tympan.fem.derivatives.residual_derivative`).
 
-The factors belong to an iterate of Newton shortly before the equilibrium; :mod:`tympan.fem.derivatives.adjoint` makes
-up for that.
+The factors belong to an iterate of Newton shortly before the equilibrium;
+:mod:`tympan.fem.derivatives.adjoint` makes up for that.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from tympan.geometry.errors import InputError
 
 _STEP = 1e-40
 
-#: Change of the load, relative to it, per arc length over the frame's half extent, below which a point is a limit.
+#: Change of the load, relative to it, per arc length over the frame's half extent, below which a
+#: point is a limit.
 _FOLD = 1e-2
 
 
@@ -38,14 +40,16 @@ def parameters(model: Model) -> tuple[str, ...]:
     return Parameters(model).names
 
 
-def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity, names: Sequence[str]
+def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity,
+             names: Sequence[str]
              ) -> dict[str, float]:
     """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
     Parameters
     ----------
     found
-        An equilibrium of the model. An outcome or a solution brings its factors; a bare state is factorised anew.
+        An equilibrium of the model. An outcome or a solution brings its factors; a bare state is
+        factorised anew.
     quantity
         One of :mod:`tympan.fem.derivatives.quantities`, or of your own.
     names
@@ -54,19 +58,22 @@ def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity
     Raises
     ------
     InputError
-        For a name that is no parameter of the model; on a part of a film, for a parameter that breaks the mirror
-        symmetry and a quantity that is not the same for mirror images; for quantities that have no derivative.
+        For a name that is no parameter of the model; on a part of a film, for a parameter that
+        breaks the mirror symmetry and a quantity that is not the same for mirror images; for
+        quantities that have no derivative.
     """
     known = Parameters(model)
     return gradient_many(model, found, {"": quantity}, {name: known[name] for name in names})[""]
 
 
-def gradient_many(model: Model, found: Outcome | Solution | State, quantities: Mapping[str, Quantity],
+def gradient_many(model: Model, found: Outcome | Solution | State,
+                  quantities: Mapping[str, Quantity],
                   by: Mapping[str, Parameter]) -> dict[str, dict[str, float]]:
     """Derivatives of several quantities by several parameters, by their names: one adjoint solve for each quantity."""
     state = found if isinstance(found, State) else found.state
     if isinstance(found, Outcome) and found.status != "equilibrium":
-        raise InputError("has no derivatives: no equilibrium was found", key="state", given=found.advice)
+        raise InputError("has no derivatives: no equilibrium was found", key="state",
+                         given=found.advice)
     solver = Adjoint.of(model, found)
     motions = [solver.solve(quantity.slope(model, state)) for quantity in quantities.values()]
     work = Work(solver.own, motions)
@@ -84,22 +91,26 @@ def gradient_many(model: Model, found: Outcome | Solution | State, quantities: M
     return result
 
 
-def heave_gradient(model: Model, found: Outcome | Solution | State, names: Sequence[str]) -> dict[str, float]:
+def heave_gradient(model: Model, found: Outcome | Solution | State,
+                   names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the heave at constant loads by each named parameter [m per SI unit of it]."""
     return gradient(model, found, Heave(), names)
 
 
-def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, Parameter]) -> dict[str, float]:
+def limit_gradient(model: Model, critical: Point, load: Load,
+                   by: Mapping[str, Parameter]) -> dict[str, float]:
     """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
 
-    At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p / φ·∂R/∂λ: no solve.
+    At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p /
+    φ·∂R/∂λ: no solve.
 
     Parameters
     ----------
     critical
         The limit point, such as :attr:`tympan.fem.equilibrium.ramp.Outcome.critical`.
     load
-        The load that has its limit there, such as :attr:`tympan.fem.equilibrium.ramp.Outcome.limited`.
+        The load that has its limit there, such as
+        :attr:`tympan.fem.equilibrium.ramp.Outcome.limited`.
 
     Raises
     ------
@@ -108,7 +119,8 @@ def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, P
     """
     state, mode = critical.state, critical.direction
     if abs(critical.rate) > _FOLD * abs(state.load(load)):
-        raise InputError("has no derivatives: the load has no smooth limit there", key="limit", given=load)
+        raise InputError("has no derivatives: the load has no smooth limit there", key="limit",
+                         given=load)
     work = Work(Stiffness(model, state), [mode])
     loads: dict[str, Any] = {load: state.load(load) + 1j * _STEP}
     share = work.change(model, state.under(**loads))[0]
@@ -127,8 +139,8 @@ def limit_gradient(model: Model, critical: Point, load: Load, by: Mapping[str, P
 def morphed(model: Model, state: State, name: str, change: float) -> tuple[Model, State]:
     """Model and a starting state after a finite change of one parameter, on the same elements.
 
-    A length moves the nodes linearly; so frames and plates that are circles or ellipses keep their shape exactly, and
-    the edges of electrodes to first order in the change.
+    A length moves the nodes linearly; so frames and plates that are circles or ellipses keep their
+    shape exactly, and the edges of electrodes to first order in the change.
     """
     return Parameters(model)[name].changed(model, state, change)
 

@@ -1,8 +1,9 @@
 """Meshes that move with a length of frame, plate or electrode, so that results can be differentiated by their shape.
 
-Nodes on the edges of frame, plate and electrode move as those edges do; the others follow smoothly (a harmonic
-extension). The derivative of a discrete result by a length then is exact. In the limit of fine meshes it depends only
-on how the edges move across themselves, not on how nodes slide along them or move between them.
+Nodes on the edges of frame, plate and electrode move as those edges do; the others follow smoothly
+(a harmonic extension). The derivative of a discrete result by a length then is exact. In the limit
+of fine meshes it depends only on how the edges move across themselves, not on how nodes slide along
+them or move between them.
 """
 
 from __future__ import annotations
@@ -71,8 +72,8 @@ class Velocities:
         Raises
         ------
         InputError
-            Where an edge of the electrode runs into another edge, so that nodes would have to slide along it, or where
-            the film's stress is infinite at a sharp corner.
+            Where an edge of the electrode runs into another edge, so that nodes would have to slide
+            along it, or where the film's stress is infinite at a sharp corner.
         """
         key = tuple(path)
         if key not in self._known:
@@ -118,13 +119,17 @@ class Velocities:
         inner = _electrode_nodes(model)
         if len(inner):
             places = self._places[inner]
-            miss = np.stack([np.linalg.norm(edge.at(edge.foot(places)) - places, axis=1) for edge in edges.values()])
+            miss = np.stack([np.linalg.norm(edge.at(edge.foot(places)) - places, axis=1)
+                             for edge in edges.values()])
             if (np.count_nonzero(miss < 1e-6 * model.size, axis=0) > 1).any():
                 raise InputError("must have an edge of its own, away from plate, frame and margins, whose nodes could "
-                                 "not follow both", key="electrode", given=str(model.specimen.electrode.outline))
+                                 "not follow both", key="electrode",
+                                 given=str(model.specimen.electrode.outline))
             owner = miss.argmin(axis=0)
-            rims |= {name: inner[owner == number] for number, name in enumerate(edges) if name not in rims}
-        return {name: (nodes, edges[name].foot(self._places[nodes])) for name, nodes in rims.items()}
+            rims |= {name: inner[owner == number] for number, name in enumerate(edges)
+                     if name not in rims}
+        return {name: (nodes, edges[name].foot(self._places[nodes]))
+                for name, nodes in rims.items()}
 
     def _extended(self, axis: int, known: Array) -> Array:
         """The harmonic extension of one component; it vanishes on the mirror plane across it."""
@@ -189,7 +194,8 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
 
 def _refuse_notches(specimen: Specimen) -> None:
     """Sharp corners of the plate, or of the frame into the film, make derivatives by lengths converge too slowly."""
-    for key, outline, inwards in (("plate", specimen.plate.outline, 1), ("frame", specimen.frame, -1)):
+    for key, outline, inwards in (("plate", specimen.plate.outline, 1),
+                                  ("frame", specimen.frame, -1)):
         turns = inwards * outline.curve.turns()
         if turns.max() > 1e-3:
             x, y = 1e3 * outline.curve.starts[int(turns.argmax())]
@@ -212,7 +218,8 @@ def _laplacian(model: Model) -> Any:
     gradients = model.gradients
     elements, points, local, _ = gradients.shape
     flat = gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
-    entries = np.matmul(flat * np.repeat(model.weights, 2, axis=1)[:, None], flat.transpose(0, 2, 1))
+    entries = np.matmul(flat * np.repeat(model.weights, 2, axis=1)[:, None],
+                        flat.transpose(0, 2, 1))
     nodes = model.connectivity
     rows, columns = np.repeat(nodes, local, axis=1).ravel(), np.tile(nodes, local).ravel()
     return coo_matrix((entries.ravel(), (rows, columns)), shape=(len(model.reference),) * 2).tocsr()

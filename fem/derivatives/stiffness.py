@@ -37,7 +37,8 @@ class Stiffness:
         elements = _gathered(model, _piola(change, sw) + _piola(self.deformation, by_stress))
         if state.pressure:
             local = motion[model.connectivity].reshape(len(elements), -1, 1)
-            elements -= state.pressure * np.matmul(self._volume.second(), local).reshape(elements.shape)
+            elements -= state.pressure * np.matmul(self._volume.second(),
+                                                   local).reshape(elements.shape)
         return scattered(model, elements)
 
     @cached_property
@@ -74,7 +75,8 @@ class Stiffness:
     @cached_property
     def _volume(self) -> FilmVolume:
         model = self.model
-        return FilmVolume(self.state.positions[model.connectivity], self.deformation, model.shapes, model.gradients,
+        return FilmVolume(self.state.positions[model.connectivity], self.deformation, model.shapes,
+                          model.gradients,
                           model.weights)
 
     @cached_property
@@ -99,7 +101,8 @@ def spread(model: Model, state: State, motion: Parts) -> Array:
 def strains(f: Array, change: Array) -> Array:
     """What S₁₁, S₂₂ and S₁₂ work on when F changes."""
     product = np.matmul(f.swapaxes(-1, -2), change)
-    return np.stack([product[..., 0, 0], product[..., 1, 1], product[..., 0, 1] + product[..., 1, 0]], axis=-1)
+    return np.stack([product[..., 0, 0], product[..., 1, 1],
+                     product[..., 0, 1] + product[..., 1, 0]], axis=-1)
 
 
 def element_forces(model: Model, f: Array, weighted: Array) -> Array:
@@ -115,12 +118,14 @@ def _piola(f: Array, weighted: Array) -> Array:
 
 def _gathered(model: Model, piola: Array) -> Array:
     g = model.gradients
-    result = np.matmul(g[..., 0].transpose(0, 2, 1), piola[0]) + np.matmul(g[..., 1].transpose(0, 2, 1), piola[1])
+    result = np.matmul(g[..., 0].transpose(0, 2, 1),
+                       piola[0]) + np.matmul(g[..., 1].transpose(0, 2, 1), piola[1])
     return np.asarray(result)
 
 
 def scattered(model: Model, elements: Array) -> Array:
     """Sums over the elements at each node, shape (nodes, components)."""
     nodes, count = model.connectivity.ravel(), len(model.reference)
-    parts = [np.bincount(nodes, elements[..., axis].ravel(), count) for axis in range(elements.shape[-1])]
+    parts = [np.bincount(nodes, elements[..., axis].ravel(), count)
+             for axis in range(elements.shape[-1])]
     return np.stack(parts, axis=1)

@@ -26,7 +26,8 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
     f
         Deformation gradient, shape (elements, points, 3, 2).
     stress
-        Second Piola–Kirchhoff (S₁₁, S₂₂, S₁₂) times the volume of the point, shape (elements, points, 3).
+        Second Piola–Kirchhoff (S₁₁, S₂₂, S₁₂) times the volume of the point, shape (elements,
+        points, 3).
     """
     elements, points, local, _ = gradients.shape
     piola = np.empty((elements, points, 2, 3), dtype=np.result_type(f, stress))
@@ -36,18 +37,20 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
     return np.matmul(left, piola.reshape(elements, points * 2, 3))
 
 
-def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
+def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
+                     volumes: Array) -> Array:
     """Tangents of the elements, shape (elements, 3 local, 3 local), node-major; temporaries do not grow with the mesh.
 
-    With A = ∂²ψ/∂F∂F an element's block for components i, j is Gᵀ A_ij G over its gradients G, and block ji is the
-    transpose of block ij.
+    With A = ∂²ψ/∂F∂F an element's block for components i, j is Gᵀ A_ij G over its gradients G, and
+    block ji is the transpose of block ij.
 
     Parameters
     ----------
     gradients, f
         As in :func:`element_forces`.
     stress, tangent
-        Second Piola–Kirchhoff stress (elements, points, 3) and its derivative by the strain (elements, points, 3, 3).
+        Second Piola–Kirchhoff stress (elements, points, 3) and its derivative by the strain
+        (elements, points, 3, 3).
     volumes
         Of the points, shape (elements, points).
     """
@@ -60,7 +63,8 @@ def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array, 
         moduli = _moduli(f[part], stress[part], tangent[part], volumes[part])
         right = np.matmul(moduli, g).reshape(len(g), points * 2, len(_PAIRS) * local)
         blocks = np.matmul(g.reshape(len(g), points * 2, local).transpose(0, 2, 1), right)
-        _place(blocks.reshape(len(g), local, len(_PAIRS), local), result[part].reshape(len(g), local, 3, local, 3))
+        _place(blocks.reshape(len(g), local, len(_PAIRS), local),
+               result[part].reshape(len(g), local, 3, local, 3))
     return result
 
 
@@ -78,7 +82,8 @@ def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
             result[1, pair, beta] = b[i] * by[beta][1, j] + a[i] * by[beta][2, j]
         if i == j:
             result[:, pair] += s[[0, 2, 2, 1]].reshape(2, 2, *volumes.shape)
-    return np.ascontiguousarray(np.moveaxis(result, (0, 1, 2), (-3, -2, -1))).reshape(*volumes.shape, 12, 2)
+    return np.ascontiguousarray(np.moveaxis(result, (0, 1, 2),
+                                            (-3, -2, -1))).reshape(*volumes.shape, 12, 2)
 
 
 def _place(blocks: Array, result: Array) -> None:

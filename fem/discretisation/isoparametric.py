@@ -18,7 +18,8 @@ def tabulated(order: int, points: Array) -> tuple[Array, Array]:
     return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
-def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: Array) -> tuple[Array, Array]:
+def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array,
+                  nodes: Array) -> tuple[Array, Array]:
     """Gradients of the shape functions and areas at quadrature points, of nodes that may be complex.
 
     Parameters
@@ -39,7 +40,8 @@ def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array, nodes: A
     jacobian = np.matmul(nodes.swapaxes(1, 2)[:, None], slopes)
     (a, b), (c, d) = np.moveaxis(jacobian, (2, 3), (0, 1))
     determinant = a * d - b * c
-    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2) / determinant[..., None, None]
+    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)],
+                       axis=-2) / determinant[..., None, None]
     gradients = np.matmul(slopes, inverse)
     return gradients, determinant * np.sign(determinant.real) * weights
 
@@ -50,5 +52,6 @@ def _tabulated(order: int, points: bytes) -> tuple[Array, Array]:
     element = ELEMENTS[order]()
     values = [element.lbasis(at, number) for number in range(element.doflocs.shape[0])]
     shapes = np.stack([np.broadcast_to(value, at.shape[1:]) for value, _ in values])
-    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape) for _, slope in values], axis=-1)
+    slopes = np.stack([np.broadcast_to(np.reshape(slope, (2, -1)), at.shape)
+                       for _, slope in values], axis=-1)
     return shapes, slopes.transpose(1, 2, 0)

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 class ArcSettings:
     """Steps along a branch, relative to the frame's half extent.
 
-    ``first``, ``longest`` and ``shortest`` step; ``turn``: largest angle between the directions at both ends of a step
-    [rad]; ``points``: limit on their number.
+    ``first``, ``longest`` and ``shortest`` step; ``turn``: largest angle between the directions at
+    both ends of a step [rad]; ``points``: limit on their number.
     """
 
     first: float = 5e-3
@@ -38,8 +38,8 @@ class ArcSettings:
 class Point:
     """An equilibrium on a branch.
 
-    ``direction``: unit motion of film and plate along it; ``rates``: change of the free loads per unit of arc length,
-    the followed one first.
+    ``direction``: unit motion of film and plate along it; ``rates``: change of the free loads per
+    unit of arc length, the followed one first.
     """
 
     solution: Solution
@@ -61,7 +61,8 @@ class Point:
 class Branch:
     """The equilibria of a model when one load is free and the others are given.
 
-    ``load`` is the one that is followed. Further loads may be freed by ``controls``, such as the voltage by a charge.
+    ``load`` is the one that is followed. Further loads may be freed by ``controls``, such as the
+    voltage by a charge.
     """
 
     model: Model
@@ -86,7 +87,8 @@ class Branch:
             following = None
             while following is None and step >= self.arc.shortest:
                 following = self._accepted(point, step)
-                step = step / 2 if following is None else min(self._longer(point, following, step), self.arc.longest)
+                step = step / 2 if following is None else min(self._longer(point, following, step),
+                                                              self.arc.longest)
             point = following
 
     def at(self, point: Point, step: float) -> Point | None:
@@ -96,7 +98,8 @@ class Branch:
         guess = moved(self.model, point.state, (change[0], loads), self._free)
         arc = Arc(point.state, point.direction, step)
         point.solution.release()
-        solution = newton(self.model, guess, self._free, (*self.controls, arc), self.newton, self.motions)
+        solution = newton(self.model, guess, self._free, (*self.controls, arc), self.newton,
+                          self.motions)
         return self._point(solution) if solution.converged else None
 
     def limit(self, before: Point, after: Point) -> Point | None:
@@ -144,7 +147,8 @@ class Branch:
         motion = self._unit(at_loads.tangent.solve(right))[0]
         arc = Arc(at_loads.state, motion, 0.0)
         at_loads.release()
-        solution = newton(self.model, at_loads.state, self._free, (*self.controls, arc), self.newton, self.motions)
+        solution = newton(self.model, at_loads.state, self._free, (*self.controls, arc),
+                          self.newton, self.motions)
         return self._point(solution) if solution.converged else None
 
     def _point(self, solution: Solution) -> Point:
@@ -159,7 +163,8 @@ class Branch:
         point.solution.release()
         controls = (*self.controls, Arc(state, point.direction, 0.0))
         equations = [control.equation(self.model, state, self._free) for control in controls]
-        tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations, self.motions)
+        tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations,
+                          self.motions)
         return self._point(replace(point.solution, tangent=tangent))
 
     def _unit(self, change: Parts) -> tuple[Parts, float]:
@@ -169,7 +174,8 @@ class Branch:
 
     def _accepted(self, point: Point, step: float) -> Point | None:
         following = self.at(point, step)
-        return None if following is None or self._turn(point, following) > self.arc.turn else following
+        return None if following is None or self._turn(point,
+                                                       following) > self.arc.turn else following
 
     def _turn(self, point: Point, following: Point) -> float:
         inner, plate = metric(self.model, point.direction)

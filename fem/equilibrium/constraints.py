@@ -42,7 +42,8 @@ class Heave:
         """Heave − value."""
         plate = np.zeros(len(model.plate_freedoms))
         plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.heave - self.value, np.zeros(int(model.free.sum())), plate, np.zeros(len(free)))
+        return Equation(state.plate.heave - self.value, np.zeros(int(model.free.sum())), plate,
+                        np.zeros(len(free)))
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ class Charge:
         voltage = max(float(np.sqrt(max(state.voltage_squared, 0.0))), 1e-6)
         capacitance = capacitance_of(model, state)
         inner, plate = model.by_load(state, "voltage")
-        loads = np.array([capacitance / (2 * voltage) if name == "voltage" else 0.0 for name in free])
+        loads = np.array([capacitance / (2 * voltage) if name == "voltage" else 0.0
+                          for name in free])
         share = -2 * voltage * model.mirrored
         return Equation(capacitance * voltage - self.value, share * inner, share * plate, loads)
 
@@ -86,15 +88,16 @@ def capacitance_of(model: Model, state: State) -> float:
 
 def difference(model: Model, state: State, origin: State) -> Parts:
     """Motion of the free components and of the plate from one state to another."""
-    plate = np.concatenate([state.plate.translation - origin.plate.translation, turned(state.plate, origin.plate)])
+    plate = np.concatenate([state.plate.translation - origin.plate.translation,
+                            turned(state.plate, origin.plate)])
     return (state.positions - origin.positions)[model.free], plate[list(model.plate_freedoms)]
 
 
 def metric(model: Model, motion: Parts) -> Parts:
     """The motion as a linear form, so that with itself it gives its squared length.
 
-    Length is relative to the frame: the mean square over the film plus the plate's; loads do not count, since without
-    motion they cannot change.
+    Length is relative to the frame: the mean square over the film plus the plate's; loads do not
+    count, since without motion they cannot change.
     """
     scale = model.size ** np.where(np.array(model.plate_freedoms, dtype=int) < 3, 2.0, 0.0)
     return motion[0] / (model.size**2 * max(1, motion[0].size)), motion[1] / scale

@@ -23,9 +23,9 @@ STRAINED = "the film would be strained beyond what its material can reach"
 class NewtonSettings:
     """Convergence and damping; all dimensionless.
 
-    ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest allowed unbalanced
-    force, relative to the largest nodal reaction. ``iterations``: limit on tangents. ``damping``: smallest step taken
-    before giving up.
+    ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest
+    allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: limit on
+    tangents. ``damping``: smallest step taken before giving up.
     """
 
     correction: float = 1e-7
@@ -60,7 +60,8 @@ class Solution:
             self.tangent.release()
 
 
-def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tuple[Control, ...] = (),
+def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
+           controls: tuple[Control, ...] = (),
            settings: NewtonSettings = NewtonSettings(), motions: Motions = EVERY) -> Solution:
     """Solve for the equilibrium near a guess.
 
@@ -77,9 +78,10 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
 
     Notes
     -----
-    Damping and convergence are those of NLEQ-ERR (Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, §3.3.3):
-    a step is accepted when the simplified correction at its end is shorter than the correction that led there. The
-    test compares displacements with displacements, so it does not depend on units or on the stiffness of the film.
+    Damping and convergence are those of NLEQ-ERR (Deuflhard, *Newton Methods for Nonlinear
+    Problems*, 2004, §3.3.3): a step is accepted when the simplified correction at its end is
+    shorter than the correction that led there. The test compares displacements with displacements,
+    so it does not depend on units or on the stiffness of the film.
     """
     problem = _Problem(model, free, controls, motions)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
@@ -89,7 +91,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
-            return Solution(state, False, iteration, np.inf, None, f"{STRAINED}: take smaller steps")
+            return Solution(state, False, iteration, np.inf, None,
+                            f"{STRAINED}: take smaller steps")
         equations = problem.equations(state)
         residual = problem.residual(state, part.forces, equations)
         balance = problem.balance(residual, part.forces)
@@ -98,7 +101,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
             tangent = Tangent(model, part, state, free, equations, motions)
             correction = tangent.solve(_negative(residual))
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
-            return Solution(state, False, iteration, balance, None, "the tangent is singular: a limit point is near")
+            return Solution(state, False, iteration, balance, None,
+                            "the tangent is singular: a limit point is near")
         step = _damped(problem, state, tangent, correction, min(1.0, 4 * damping), settings)
         if step is None:
             return Solution(state, False, iteration, balance, tangent,
@@ -107,7 +111,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (), controls: tu
         if damping == 1.0 and problem.length(simplified) < settings.correction:
             state = problem.moved(state, simplified, 1.0)
             forces = model.nodal_forces(state)
-            balance = problem.balance(problem.residual(state, forces, problem.equations(state)), forces)
+            balance = problem.balance(problem.residual(state, forces, problem.equations(state)),
+                                      forces)
             if balance < settings.residual:
                 return Solution(state, True, iteration, balance, tangent)
     return Solution(state, False, settings.iterations, balance, tangent,
@@ -145,7 +150,8 @@ class Prediction:
                      fraction=value - self.origin.load(self.load))
 
 
-def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] = (), fraction: float = 1.0) -> State:
+def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] = (),
+          fraction: float = 1.0) -> State:
     """The state after a fraction of a correction of film, plate and free loads."""
     count = len(model.plate_freedoms)
     positions = state.positions.copy()
@@ -180,7 +186,8 @@ class _Problem:
         """Largest unbalanced force, moments taken over the frame's half extent, over the largest nodal reaction."""
         count = len(self.model.plate_freedoms)
         inner, plate = self.motions.gather((residual[0], residual[1][:count]))
-        plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0, self.model.size)
+        plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0,
+                                         self.model.size)
         largest = max(np.abs(inner).max(initial=0.0), plate.max(initial=0.0))
         return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))
 
@@ -202,7 +209,8 @@ def _damped(problem: _Problem, state: State, tangent: Tangent, correction: Parts
         with np.errstate(all="ignore"):  # a step too long may press an element flat; it is then halved
             forces = problem.model.nodal_forces(trial)
         if np.isfinite(forces).all():
-            simplified = tangent.solve(_negative(problem.residual(trial, forces, problem.equations(trial))))
+            simplified = tangent.solve(_negative(problem.residual(trial, forces,
+                                                                  problem.equations(trial))))
             after = problem.length(simplified)
             if after <= (1 - damping / 4) * length or after < settings.correction:
                 return trial, simplified, damping

@@ -25,8 +25,9 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
 from tympan.fem.membrane.state import Load, State
 
-#: A natural step may miss its prediction by a share of its motion, and its end's rate must explain a share of it, but
-#: for motions that are small beside the frame. A film stiffening with the cube of its motion has 1/3 of it explained.
+#: A natural step may miss its prediction by a share of its motion, and its end's rate must explain
+#: a share of it, but for motions that are small beside the frame. A film stiffening with the cube
+#: of its motion has 1/3 of it explained.
 _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
@@ -42,13 +43,15 @@ _WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "p
 class PathSettings:
     """Steps of a ramp.
 
-    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U² reached, below which
-    the ramp is followed by its arc length instead; ``shortest``: step of a held plate at which to give up; ``reach``:
-    heave, relative to the frame's half extent, at which a search for equilibrium ends; ``smooth``: numbers of waves
-    around the plate, and degrees between plate and frame, of smooth motions tried in turn where the film has lost
-    tension, ``annular`` those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may leave at a
-    limit point, relative to the largest, if the mesh is to resolve it; ``agreement``: load, or U², relative to itself,
-    by which limits that it does not resolve may differ between two kinds of smooth motions, and must be exceeded.
+    ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U²
+    reached, below which the ramp is followed by its arc length instead; ``shortest``: step of a
+    held plate at which to give up; ``reach``: heave, relative to the frame's half extent, at which
+    a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
+    between plate and frame, of smooth motions tried in turn where the film has lost tension,
+    ``annular`` those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may
+    leave at a limit point, relative to the largest, if the mesh is to resolve it; ``agreement``:
+    load, or U², relative to itself, by which limits that it does not resolve may differ between two
+    kinds of smooth motions, and must be exceeded.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -72,10 +75,11 @@ class PathSettings:
 class Outcome:
     """How a search for an equilibrium ended.
 
-    ``solution`` is the equilibrium, or the last one before the ramp ended. With status "no_equilibrium" the film
-    pulled in: ``limit`` is the largest U² [V²], force [N] or pressure [Pa], as ``limited`` says, that has an
-    equilibrium on this path, and ``critical`` the point of the branch where it has it. ``spread``: where the mesh does
-    not resolve that, how far the limits found with other smooth motions are from it, relative.
+    ``solution`` is the equilibrium, or the last one before the ramp ended. With status
+    "no_equilibrium" the film pulled in: ``limit`` is the largest U² [V²], force [N] or pressure
+    [Pa], as ``limited`` says, that has an equilibrium on this path, and ``critical`` the point of
+    the branch where it has it. ``spread``: where the mesh does not resolve that, how far the limits
+    found with other smooth motions are from it, relative.
     """
 
     status: Status
@@ -92,7 +96,8 @@ class Outcome:
         return self.solution.state
 
 
-def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0, start: Solution | None = None,
+def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0,
+                start: Solution | None = None,
                 settings: PathSettings = PathSettings()) -> Outcome:
     """The equilibrium under a force on the plate, a gas pressure and a voltage across the film.
 
@@ -105,19 +110,24 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     pressure
         Of the gas below film and plate [Pa], pushing them along the load.
     start
-        A converged solution to start from; by default the flat mounted film, loaded first and then charged.
+        A converged solution to start from; by default the flat mounted film, loaded first and then
+        charged.
 
     Returns
     -------
     Outcome
-        "equilibrium" is stable under these loads and connected to the start without passing a limit point.
+        "equilibrium" is stable under these loads and connected to the start without passing a limit
+        point.
     """
     solution = start or _first(model, settings)
-    outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution, solution.advice)
+    outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
+                      solution.advice)
     targets: dict[Load, float] = {"force": force, "pressure": pressure, "voltage": voltage**2}
-    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds it.
+    # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
+    # it.
     pushed = start is None and solution.state.force != 0
-    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure", "voltage")
+    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure",
+                                                                               "voltage")
     for load in order:
         if outcome.status == "equilibrium":
             outcome = ramp(model, outcome.solution, load, targets[load], settings)
@@ -127,15 +137,19 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
 def _first(model: Model, settings: PathSettings) -> Solution:
     """The flat mounted film; or, where that is not taut, the film with the plate already pushed out.
 
-    An unstressed flat membrane has no stiffness across its plane, so its load path cannot start there.
+    An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
+    there.
     """
     flat = newton(model, State.mounted(model), settings=settings.newton)
     if flat.converged and flat.stable and model.tense(flat.state):
         return flat
     if HEAVE not in model.plate_freedoms:
-        return replace(flat, converged=False, advice="the film is slack when mounted, and its plate cannot move")
+        return replace(flat, converged=False,
+                       advice="the film is slack when mounted, and its plate cannot move")
     x, y, _ = model.reference.T
-    to_frame, to_plate = np.abs(model.specimen.frame.level(x, y)), np.abs(model.specimen.plate.level(x, y))
+    to_frame, to_plate = np.abs(model.specimen.frame.level(x,
+                                                           y)), np.abs(model.specimen.plate.level(x,
+                                                                                                  y))
     heave = 0.2 * model.size
     positions = model.reference.copy()
     positions[:, 2] = heave * to_frame / (to_frame + to_plate)
@@ -169,14 +183,16 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
-    solution = start or newton(model, State.mounted(model), ("force",), (Heave(0.0),), settings.newton)
+    solution = start or newton(model, State.mounted(model), ("force",), (Heave(0.0),),
+                               settings.newton)
     origin, charge = solution.state.plate.heave, solution.state.voltage_squared
     advice = solution.advice
     done, step = (0.0, 1.0) if (heave, voltage**2) != (origin, charge) else (1.0, 0.0)
     while solution.converged and done < 1:
         share = min(1.0, done + step)
         target = origin + share * (heave - origin)
-        guess = _lifted(model, solution, target).under(voltage=charge + share * (voltage**2 - charge))
+        guess = _lifted(model, solution,
+                        target).under(voltage=charge + share * (voltage**2 - charge))
         solution.release()
         trial = newton(model, guess, ("force",), (Heave(target),), settings.newton)
         if trial.converged:
@@ -198,7 +214,8 @@ def _lifted(model: Model, solution: Solution, heave: float) -> State:
     return moved(model, solution.state, (change * inner, change * border), tangent.free)
 
 
-def ramp(model: Model, start: Solution, load: Load, target: float, settings: PathSettings = PathSettings()) -> Outcome:
+def ramp(model: Model, start: Solution, load: Load, target: float,
+         settings: PathSettings = PathSettings()) -> Outcome:
     """Change one load to a target in steps as long as Newton converges to a stable state; then by arc length."""
     origin = start.state.load(load)
     if target == origin:
@@ -221,23 +238,27 @@ def ramp(model: Model, start: Solution, load: Load, target: float, settings: Pat
         if (step := step / 2) < max(settings.handover * (already + done), 1e-12):
             outcome = _followed(model, solution, taut, load, target, settings)
             locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
-            return replace(outcome, advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
+            return replace(outcome,
+                           advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
     return Outcome("equilibrium", solution)
 
 
 def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
     """Whether a step ended near enough to its prediction, and explains its motion, to have passed no limit points.
 
-    Up to a limit point the motion grows like a square root, to at most twice the prediction, and ever faster. A plate
-    that snapped to another branch went further than the predictions from either end say.
+    Up to a limit point the motion grows like a square root, to at most twice the prediction, and
+    ever faster. A plate that snapped to another branch went further than the predictions from
+    either end say.
     """
     model, found, origin = onward.model, onward.origin, ahead.origin
     back = onward.at(origin.load(ahead.load))
-    missed, gone, explained = (length(model, difference(model, found, state)) for state in (guess, origin, back))
+    missed, gone, explained = (length(model, difference(model, found, state))
+                               for state in (guess, origin, back))
     return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
 
 
-def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float, settings: PathSettings
+def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float,
+              settings: PathSettings
               ) -> Outcome:
     """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
 
@@ -254,7 +275,8 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
     found: list[Outcome] = []
     advice, reached = "", False
     for motions in settings.motions(model):
-        # From a state with wrinkles, however few, the smooth motions would go on along a branch that has them.
+        # From a state with wrinkles, however few, the smooth motions would go on along a branch
+        # that has them.
         trial = _along(model, taut, load, target, settings, motions)
         if trial.status == "no_equilibrium":
             found.append(trial)
@@ -266,12 +288,13 @@ def _followed(model: Model, start: Solution, taut: Solution, load: Load, target:
     return replace(outcome, advice=advice)
 
 
-def _assured(model: Model, found: list[Outcome], load: Load, target: float, settings: PathSettings, reached: bool
+def _assured(model: Model, found: list[Outcome], load: Load, target: float, settings: PathSettings,
+             reached: bool
              ) -> Outcome:
     """The last of the pull-ins found with different smooth motions: if the mesh resolves it, or another one is alike.
 
-    Where it does not, the limit is the motions' as much as the film's: two kinds must find the same, short of the
-    target by more than they may differ, and none before may have ``reached`` it.
+    Where it does not, the limit is the motions' as much as the film's: two kinds must find the
+    same, short of the target by more than they may differ, and none before may have ``reached`` it.
     """
     *before, last = found
     if _left(model, last) < settings.unbalanced:
@@ -279,10 +302,12 @@ def _assured(model: Model, found: list[Outcome], load: Load, target: float, sett
     for other in before:
         limits = np.array([_limit(other), _limit(last)])
         alike = np.ptp(limits) < settings.agreement * np.abs(limits).max()
-        if alike and not reached and (np.abs(target - limits) > settings.agreement * np.abs(limits)).all():
+        if alike and not reached and (np.abs(target - limits) > settings.agreement
+                                      * np.abs(limits)).all():
             best = min(other, last, key=lambda one: _left(model, one))
             return replace(best, spread=max(abs(_limit(one) / _limit(best) - 1) for one in found))
-    return Outcome("not_converged", last.solution, f"the film has lost tension: short of the {_WORDS[load]} it pulls "
+    return Outcome("not_converged", last.solution,
+                   f"the film has lost tension: short of the {_WORDS[load]} it pulls "
                    "in or wrinkles, and which depends on the mesh; a finer one may tell")
 
 
@@ -300,8 +325,8 @@ def branch_points(model: Model, start: State, load: Load, settings: PathSettings
                   ) -> Iterator[tuple[Branch, Point]]:
     """Points of the branch from an equilibrium on, one load growing at first, each with the branch it was found on.
 
-    With all motions until the film, its plate held, has a direction without stiffness, which in a membrane means that
-    it wrinkles; from there with smooth motions.
+    With all motions until the film, its plate held, has a direction without stiffness, which in a
+    membrane means that it wrinkles; from there with smooth motions.
     """
     last, sense = start, 1
     branch = Branch(model, load, newton=settings.newton, arc=settings.arc)
@@ -320,7 +345,8 @@ def branch_points(model: Model, start: State, load: Load, settings: PathSettings
             return
 
 
-def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings, motions: Motions
+def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings,
+           motions: Motions
            ) -> Outcome:
     """To where the branch reaches the target, where it turns back (pull-in), or where it cannot be followed."""
     branch = Branch(model, load, motions=motions, newton=settings.newton, arc=settings.arc)
@@ -339,7 +365,8 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
         if sense * after.state.load(load) >= sense * target:
             reached = branch.reach(before, after, target)
             return _landed(model, stable, reached, load, target, settings)
-        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign tells nothing.
+        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign
+        # tells nothing.
         if not after.solution.stable and _tangent_of(after).wrinkling == 0:
             return _pulled_in(stable, load, after, "loses its stability")
         if after.state.plate.heave > settings.reach * model.size:
@@ -349,7 +376,8 @@ def _along(model: Model, start: Solution, load: Load, target: float, settings: P
     return Outcome("not_converged", stable, _UNFOLLOWED)
 
 
-def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, target: float, settings: PathSettings
+def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, target: float,
+            settings: PathSettings
             ) -> Outcome:
     """The equilibrium at the target, of all motions, from the point of the branch that reaches it."""
     if reached is not None:

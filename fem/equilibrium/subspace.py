@@ -17,7 +17,8 @@ from tympan.fem.membrane.model import Linearised, Model, Parts
 
 Array = NDArray[np.float64]
 
-#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell two motions apart.
+#: Eigenvalue of the columns' products, relative to the largest, below which the nodes cannot tell
+#: two motions apart.
 _DEPENDENT = 1e-13
 
 
@@ -55,10 +56,11 @@ class AllMotions:
 class SmoothMotions:
     """Polynomials from plate to frame times the first few waves around it.
 
-    A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter wrinkles lower its
-    energy. The smooth equilibrium, which a membrane theory without wrinkles and the axisymmetric equations mean, still
-    exists and stays a regular solution within motions too long to wrinkle. ``film`` (free components, unknowns) has
-    orthonormal columns; ``follow`` (free components, plate freedoms) lets the film follow the plate.
+    A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter
+    wrinkles lower its energy. The smooth equilibrium, which a membrane theory without wrinkles and
+    the axisymmetric equations mean, still exists and stays a regular solution within motions too
+    long to wrinkle. ``film`` (free components, unknowns) has orthonormal columns; ``follow`` (free
+    components, plate freedoms) lets the film follow the plate.
     """
 
     film: Array
@@ -139,7 +141,8 @@ def _potential(model: Model) -> Array:
     value = np.zeros(len(model.reference))
     frame, plate = model.boundary_nodes("frame"), model.plate_nodes
     value[frame] = 1.0
-    return np.asarray(skfem.solve(*skfem.condense(stiffness, x=value, D=np.concatenate([frame, plate]))))
+    return np.asarray(skfem.solve(*skfem.condense(stiffness, x=value,
+                                                  D=np.concatenate([frame, plate]))))
 
 
 def _rigid(model: Model) -> Array:

@@ -20,16 +20,18 @@ Array = NDArray[np.float64]
 
 EVERY = AllMotions()
 
-#: Unknowns from which on factors that a path has left behind are dropped; below, they take less than some 100 MB.
+#: Unknowns from which on factors that a path has left behind are dropped; below, they take less
+#: than some 100 MB.
 _LARGE = 50_000
 
 
 class Tangent:
     """Block elimination with the film factorised once.
 
-    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns the same with the
-    free loads last. The film's matrix and its pattern are the same whatever is solved for. Right-hand sides and
-    corrections are pairs: free nodal components, and plate freedoms followed by equations or free loads.
+    Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns
+    the same with the free loads last. The film's matrix and its pattern are the same whatever is
+    solved for. Right-hand sides and corrections are pairs: free nodal components, and plate
+    freedoms followed by equations or free loads.
     """
 
     def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
@@ -42,7 +44,8 @@ class Tangent:
         loads = [motions.gather(model.by_load(state, name)) for name in free]
         rows = [_transposed(motions, equation) for equation in equations]
         self._plates = len(model.plate_freedoms)
-        self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows, strict=True)]
+        self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows,
+                                                                                  strict=True)]
         columns = np.column_stack([part.border, *(load[0] for load in loads)])
         self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
         corner = np.zeros((len(self._rows), columns.shape[1]))
@@ -62,7 +65,8 @@ class Tangent:
     @property
     def _factor(self) -> Any:
         if self._kept is None:
-            self._kept = _factorise(self.motions.reduced(self.model.linearised(self._state)).inner, self.model)
+            self._kept = _factorise(self.motions.reduced(self.model.linearised(self._state)).inner,
+                                    self.model)
         return self._kept
 
     @property
@@ -80,8 +84,9 @@ class Tangent:
     def stable(self) -> bool:
         """Whether film and plate return when pushed.
 
-        Of a film whose every node moves by itself only the plate is asked, as far as it can move: without tension
-        such a film wrinkles, whatever the plate does. Motions that cannot wrinkle are asked altogether.
+        Of a film whose every node moves by itself only the plate is asked, as far as it can move:
+        without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
+        are asked altogether.
         """
         return self.plate_stable if isinstance(self.motions, AllMotions) else self.negative == 0
 
@@ -107,11 +112,13 @@ class Tangent:
     def negative_closed(self) -> int:
         """Number of negative eigenvalues of film and plate when the controls hold, the free loads following.
 
-        That is stability at constant charge, or with the plate held: of the tangent K within the motions that a hard
-        equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the load, where the load gives way by
-        δq = −e·δx/l. Both have the inertia of K bordered by e (Haynsworth), less one negative eigenvalue for each.
+        That is stability at constant charge, or with the plate held: of the tangent K within the
+        motions that a hard equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the
+        load, where the load gives way by δq = −e·δx/l. Both have the inertia of K bordered by e
+        (Haynsworth), less one negative eigenvalue for each.
         """
-        plate, rows = self._corner[: self._plates, : self._plates], self._corner[self._plates :, : self._plates]
+        plate, rows = self._corner[: self._plates, : self._plates], self._corner[self._plates :,
+                                                                                 : self._plates]
         corner = np.block([[plate, rows.T], [rows, np.diag(self._closures)]])
         matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
         negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
@@ -130,7 +137,8 @@ class Tangent:
         count = self._plates
         inner, plate = self.motions.gather((right[0], right[1][:count]))
         particular = self._factor.solve(inner)
-        border = np.linalg.solve(self._schur[:count, :count], plate - self._rows[:count] @ particular)
+        border = np.linalg.solve(self._schur[:count, :count],
+                                 plate - self._rows[:count] @ particular)
         return self._spread(particular - self._influence[:, :count] @ border, border)
 
     def along(self, equation: int = -1) -> Parts:
@@ -152,7 +160,8 @@ def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
     """l t where an equation's row is e = t g and its derivative by the load of g is l; 0 if loads do not enter it."""
     index = int(np.argmax(np.abs(equation.loads)))
     give, load = float(equation.loads[index]), loads[index]
-    return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1] @ load[1])
+    return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1]
+                                                                     @ load[1])
 
 
 def _factorise(matrix: Any, model: Model) -> Any:

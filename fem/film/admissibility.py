@@ -60,6 +60,7 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
         if bad.any():
             worst = int(np.argmin(np.where(bad, np.nan_to_num(margins, nan=-np.inf), np.inf)))
             x, y = position[worst, :2]
-            found.append(Failure(criterion, (float(x), float(y)), (float(l1[worst]), float(l2[worst])),
+            found.append(Failure(criterion, (float(x), float(y)),
+                                 (float(l1[worst]), float(l2[worst])),
                                  float(bad.mean())))
     return found

@@ -47,7 +47,8 @@ class Constant:
 class Power:
     """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂), h the stretched thickness.
 
-    The strengths of films were measured in equibiaxial stretch; λ carries them to other stretches by the area.
+    The strengths of films were measured in equibiaxial stretch; λ carries them to other stretches
+    by the area.
 
     Examples
     --------
@@ -66,8 +67,10 @@ class Power:
     def from_table(cls, table: Table) -> Power:
         """Read ``strength``, ``exponent``, and optionally ``thickness_exponent`` with ``thickness``."""
         by_thickness = table.number("thickness_exponent", 0.0, _EXPONENT)
-        return cls(table.quantity("strength", "field", rule=_FIELD), table.number("exponent", rule=_EXPONENT),
-                   by_thickness, *([table.quantity("thickness", "length", rule=_THICKNESS)] if by_thickness else []))
+        return cls(table.quantity("strength", "field", rule=_FIELD),
+                   table.number("exponent", rule=_EXPONENT),
+                   by_thickness, *([table.quantity("thickness", "length", rule=_THICKNESS)]
+                                   if by_thickness else []))
 
     def field(self, l1: Any, l2: Any, thickness: Any) -> Any:
         """E_b [V/m]."""
@@ -133,5 +136,6 @@ def default_strength(material: str) -> Strength | None:
     >>> default_strength("vhb-4910-gent"), default_strength("rubber")
     (Power(strength=30600000.0, exponent=1.13, thickness_exponent=0.0, thickness=0.001), None)
     """
-    fitting = (entry for entry in STRENGTHS.values() if entry.film and material.startswith(entry.film))
+    fitting = (entry for entry in STRENGTHS.values() if entry.film
+               and material.startswith(entry.film))
     return next((entry.strength for entry in fitting), None)

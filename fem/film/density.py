@@ -1,8 +1,9 @@
 """Energy density of the film as a function of the in-plane deformation, with first and second derivatives.
 
-Everything here is per virgin volume and for arrays of quadrature points. Deformation enters as the Voigt triple
-c = (C₁₁, C₂₂, C₁₂) of C = FᵀF; the results are the second Piola–Kirchhoff stress S = 2∂ψ/∂C as (S₁₁, S₂₂, S₁₂)
-and its tangent D = ∂S/∂E in Voigt form with engineering shear, E = (C − I)/2.
+Everything here is per virgin volume and for arrays of quadrature points. Deformation enters as the
+Voigt triple c = (C₁₁, C₂₂, C₁₂) of C = FᵀF; the results are the second Piola–Kirchhoff stress S =
+2∂ψ/∂C as (S₁₁, S₂₂, S₁₂) and its tangent D = ∂S/∂E in Voigt form with engineering shear, E = (C −
+I)/2.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.film.tension_field import Rescaled, TensionField, Weighted
 from tympan.geometry.specimen import Film, Material, Specimen
 
-#: Below this relative distance of the squared stretches the divided difference of the stress becomes its limit.
-#: Both are then wrong by less than 1e-10, and only in the tangent: the stress multiplies it by that distance.
+#: Below this relative distance of the squared stretches the divided difference of the stress
+#: becomes its limit. Both are then wrong by less than 1e-10, and only in the tangent: the stress
+#: multiplies it by that distance.
 _EQUAL = 1e-5
 
-#: Tension a wrinkled film keeps across its wrinkles, as a share of the material's small-strain shear modulus. The film
-#: elsewhere does not feel it.
+#: Tension a wrinkled film keeps across its wrinkles, as a share of the material's small-strain
+#: shear modulus. The film elsewhere does not feel it.
 _RESIDUAL = 1e-3
 
 
@@ -30,8 +32,8 @@ _RESIDUAL = 1e-3
 class Maxwell:
     """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other.
 
-    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is design §3's ideal dielectric (n = 0) or one whose
-    permittivity falls as (J/J_p)^(−n).
+    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is design §3's ideal dielectric (n = 0) or one
+    whose permittivity falls as (J/J_p)^(−n).
     """
 
     coefficient: float | NDArray[np.float64]
@@ -41,7 +43,8 @@ class Maxwell:
         """ψ and ψ₁, ψ₂, ψ₁₁, ψ₁₂, ψ₂₂."""
         p = self.power
         w = -0.5 * self.coefficient * (l1 * l2) ** p
-        return w, p * w / l1, p * w / l2, p * (p - 1) * w / l1**2, p * p * w / (l1 * l2), p * (p - 1) * w / l2**2
+        return w, p * w / l1, p * w / l2, p * (p - 1) * w / l1**2, p * p * w / (l1 * l2), p * (p
+                                                                                               - 1) * w / l2**2
 
     def at(self, shape: tuple[int, ...], points: NDArray[np.bool_]) -> Maxwell:
         """The same for some of the points."""
@@ -75,18 +78,22 @@ class Stretching:
     changes: tuple[Any, Any]
 
     @classmethod
-    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any], weights: Any
+    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any],
+           weights: Any
            ) -> Stretching:
         """At C of the mounted film, points of any shape s, that changes, shapes (k, *s); ``weights`` of shape s.
 
-        Where the stretches are equal, their difference has no derivative; a stress that is equal too does not ask.
+        Where the stretches are equal, their difference has no derivative; a stress that is equal
+        too does not ask.
         """
         _, half, shear, radius = circle = _circle(c, prestretch)
         mean, by_half, by_shear, _ = _circle(changes, prestretch)
         l1, l2 = np.sqrt(circle[0] + radius), np.sqrt(circle[0] - radius)
         by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
-        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean - by_radius) / (2 * l2)
-        return cls(prestretch, (l1, l2), (first.reshape(len(first), -1), second.reshape(len(second), -1)))
+        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean
+                                                                            - by_radius) / (2 * l2)
+        return cls(prestretch, (l1, l2),
+                   (first.reshape(len(first), -1), second.reshape(len(second), -1)))
 
     def power(self, material: Any) -> Any:
         """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
@@ -98,9 +105,9 @@ class Stretching:
 class FilmDensity:
     """The film's energy at a given voltage: elastic, electrostatic where covered, electrode where covered.
 
-    ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature points. With ``wrinkles``
-    the film wrinkles rather than carry compression (:class:`~tympan.fem.film.tension_field.TensionField`), without it
-    carries any.
+    ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature
+    points. With ``wrinkles`` the film wrinkles rather than carry compression
+    (:class:`~tympan.fem.film.tension_field.TensionField`), without it carries any.
     """
 
     specimen: Specimen
@@ -117,7 +124,8 @@ class FilmDensity:
     def material(self) -> Any:
         """All that shares the film's principal axes, as one material."""
         film = self.specimen.membrane
-        materials = tuple(part.material for part in self._simple.values() if part.prestretch == film.prestretch)
+        materials = tuple(part.material for part in self._simple.values()
+                          if part.prestretch == film.prestretch)
         return TensionField(materials, residual_tension(film) if self.wrinkles else -np.inf)
 
     @property
@@ -127,7 +135,8 @@ class FilmDensity:
             return self._simple
         film = self.specimen.membrane
         key = film, self.specimen.electrode.stiffness, self.voltage_squared
-        apart = {name: part for name, part in self._simple.items() if part.prestretch != film.prestretch}
+        apart = {name: part for name, part in self._simple.items()
+                 if part.prestretch != film.prestretch}
         return {"film": Part(self.material, film.prestretch, key), **apart}
 
     @property
@@ -140,7 +149,8 @@ class FilmDensity:
             material = Weighted(Rescaled(_grease(grease), film.prestretch[0]), self.covered)
             result["grease"] = Part(material, film.prestretch, grease)
         elif grease:
-            # Stress-free at a state that is stretched unequally, the grease has principal axes of its own.
+            # Stress-free at a state that is stretched unequally, the grease has principal axes of
+            # its own.
             result["grease"] = Part(Weighted(_grease(grease), self.covered), (1.0, 1.0), grease)
         return result
 
@@ -152,13 +162,15 @@ class FilmDensity:
             return result
         own = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
         return Density(result.energy + own.energy, result.stress + own.stress,
-                       None if result.tangent is None or own.tangent is None else result.tangent + own.tangent)
+                       None if result.tangent is None or own.tangent is None
+                       else result.tangent + own.tangent)
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches of the material, wrinkles included, and in how many directions it is tense (2, 1, 0)."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
         own = self.material.natural(*seen)
-        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, own, strict=True)), np.array(0))
+        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, own, strict=True)),
+                    np.array(0))
         return *own, tense
 
 
@@ -185,7 +197,8 @@ def maxwell(specimen: Specimen, voltage_squared: Any) -> Maxwell:
     return Maxwell(unit * voltage_squared, 2 - n)
 
 
-def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any]:
+def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any,
+                                                                                           Any]:
     """Total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
     mean, _, _, radius = _circle(c, prestretch)
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
@@ -195,9 +208,9 @@ def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any
                  prestretch: tuple[float, float], *, tangent: bool = True) -> Density:
     """Sum of isotropic energies W(λ₁, λ₂) and its derivatives with respect to C of the mounted film.
 
-    The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of ΛCΛ, with mean m,
-    half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and is even in b; so W_b/b stays finite
-    at equal stretches and no eigenvectors are needed.
+    The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of
+    ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and
+    is even in b; so W_b/b stays finite at equal stretches and no eigenvectors are needed.
     """
     mean, half, shear, radius = _circle(c, prestretch)
     x1, x2 = mean + radius, mean - radius

@@ -22,9 +22,10 @@ Pair = tuple[float, float]
 class Examination:
     """What a law does over :data:`tympan.fem.film.laws.STRETCH_RANGE`.
 
-    True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is ``held``; nan where the
-    law cannot be stretched so far. ``hill`` and ``ellipticity`` are the failing stretches nearest to ``held``, each
-    None where there are none; ``peaks`` the first stretches from which the two stresses fall.
+    True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is
+    ``held``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the
+    failing stretches nearest to ``held``, each None where there are none; ``peaks`` the first
+    stretches from which the two stresses fall.
     """
 
     material: Material
@@ -42,16 +43,21 @@ class Examination:
             return [float(value) if np.isfinite(value) else None for value in values]
 
         return {"law": self.material.law, "material": str(self.material), "held_stretch": self.held,
-                "stretch": numbers(self.stretch), "equibiaxial_true_stress_Pa": numbers(self.equibiaxial),
-                "strip_true_stress_Pa": numbers(self.strip), "hill_fails_at": self.hill and list(self.hill),
+                "stretch": numbers(self.stretch),
+                "equibiaxial_true_stress_Pa": numbers(self.equibiaxial),
+                "strip_true_stress_Pa": numbers(self.strip),
+                "hill_fails_at": self.hill and list(self.hill),
                 "ellipticity_fails_at": self.ellipticity and list(self.ellipticity),
-                "equibiaxial_stress_falls_from": self.peaks[0], "strip_stress_falls_from": self.peaks[1]}
+                "equibiaxial_stress_falls_from": self.peaks[0],
+                "strip_stress_falls_from": self.peaks[1]}
 
     def __str__(self) -> str:
-        rows = [f"{self.material}", f"true stress in kPa; strip: the other stretch held at {self.held:.4g}",
+        rows = [f"{self.material}",
+                f"true stress in kPa; strip: the other stretch held at {self.held:.4g}",
                 f"{'stretch':>8} {'equibiaxial':>12} {'strip':>12}"]
         rows += [f"{stretch:8.3f} {both / 1e3:12.5g} {strip / 1e3:12.5g}"
-                 for stretch, both, strip in zip(self.stretch, self.equibiaxial, self.strip, strict=True)]
+                 for stretch, both, strip in zip(self.stretch, self.equibiaxial, self.strip,
+                                                 strict=True)]
         rows += [_failure("Hill's inequality", self.hill, self.held),
                  _failure("strong ellipticity within the film", self.ellipticity, self.held)]
         rows += [f"{name} stress falls from stretch {peak:.3f} on" for name, peak in
@@ -69,12 +75,14 @@ def subject(name: str, held: float | None = None) -> tuple[Material, float]:
     """
     if held is not None and not 0.2 <= held <= 10:
         raise InputError("must be a stretch between 0.2 and 10", key="--held", given=held)
-    known: dict[str, Material] = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
+    known: dict[str,
+                Material] = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
     if name in known:
         material = known[name]
         return material, held or float(np.real(getattr(material, "reference", 1.0)))
     if not Path(name).suffix:
-        raise InputError(f"must be a specimen file or one of {', '.join(known)}", key="material", given=name)
+        raise InputError(f"must be a specimen file or one of {', '.join(known)}", key="material",
+                         given=name)
     film = read_specimen(name, examine_material).membrane
     return film.material, held or film.area_prestretch**0.5
 
@@ -91,11 +99,14 @@ def examine(material: Material, held: float = 1.0) -> Examination:
     """
     fine = np.round(np.arange(STRETCH_RANGE[0], STRETCH_RANGE[1] + 0.005, 0.01), 2)
     with np.errstate(all="ignore"):
-        stresses = (np.real(fine * material.derivatives(fine, other)[1]) for other in (fine, np.full_like(fine, held)))
-        both, strip = (np.where(np.isfinite(stress), stress, np.nan).astype(float) for stress in stresses)
+        stresses = (np.real(fine * material.derivatives(fine, other)[1])
+                    for other in (fine, np.full_like(fine, held)))
+        both, strip = (np.where(np.isfinite(stress), stress, np.nan).astype(float)
+                       for stress in stresses)
     coarse = np.isclose(fine * 4 % 1, 0)
     return Examination(
-        material, held, fine[coarse], both[coarse], strip[coarse], inadmissible_stretch(material, nearest=held),
+        material, held, fine[coarse], both[coarse], strip[coarse],
+        inadmissible_stretch(material, nearest=held),
         inadmissible_stretch(material, margin=ellipticity_margin, nearest=held),
         (_peak(fine, both, held), _peak(fine, strip, held)))
 

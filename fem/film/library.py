@@ -26,8 +26,9 @@ from tympan.geometry.toml_reader import POSITIVE, Table
 class Entry:
     """A material of the library: its constants, where they come from and what to beware of.
 
-    Where a caveat says so, the constants are those the literature quotes from the source, not read in it again.
-    ``density`` [kg/m³] and ``relative_permittivity`` are the film's where known, with ``film_source``.
+    Where a caveat says so, the constants are those the literature quotes from the source, not read
+    in it again. ``density`` [kg/m³] and ``relative_permittivity`` are the film's where known, with
+    ``film_source``.
     """
 
     material: Material
@@ -118,9 +119,10 @@ REFUSED: dict[str, str] = {
 def read_material(table: Table, key: str) -> Material:
     """The material under a key: a name of the library, or a table with ``law`` and its constants.
 
-    ``range`` in the table are the in-plane stretches the law is meant for, such as those of the tests it was fitted
-    to: it must be admissible over them, by default over :data:`tympan.fem.film.laws.STRETCH_RANGE`. What a solution
-    visits beyond is checked there (:mod:`tympan.fem.film.admissibility`) and told in its warnings.
+    ``range`` in the table are the in-plane stretches the law is meant for, such as those of the
+    tests it was fitted to: it must be admissible over them, by default over
+    :data:`tympan.fem.film.laws.STRETCH_RANGE`. What a solution visits beyond is checked there
+    (:mod:`tympan.fem.film.admissibility`) and told in its warnings.
     """
     name = table.value(key)
     if isinstance(name, str) and name in REFUSED:
@@ -142,7 +144,8 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
     constants = table.table(key)
     low, high = constants.numbers("range", STRETCH_RANGE, POSITIVE, 2)
     if not low < high <= 20:
-        raise constants.error("range", "must be two stretches, the smaller first, at most 20", [low, high])
+        raise constants.error("range", "must be two stretches, the smaller first, at most 20",
+                              [low, high])
     try:
         material = check(constants.choice("law", LAWS)(constants), low, high)
     except InputError as error:

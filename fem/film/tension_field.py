@@ -49,13 +49,14 @@ class Rescaled:
 class TensionField:
     """The quasiconvex envelope of materials that act together, with a residual tension.
 
-    A film cannot bear compression: where the stress along its smaller stretch λ₂ would fall below zero it wrinkles,
-    takes its natural width λ₂*(λ₁), W₂(λ₁, λ₂*) = 0, and stores W(λ₁, λ₂*) (Pipkin, IMA J. Appl. Math. 36, 1986;
-    Steigmann, Proc. R. Soc. A 429, 1990; with voltage W includes the electrostatic energy, at constant potential).
-    That leaves no stiffness across the tension lines. So the film keeps a residual second Piola–Kirchhoff tension
-    ``residual`` there [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
-    tensions exceed κ is not touched at all. Under voltage a film may have no natural width: wrinkled, it would thin
-    without bound, and what is asked of it there is nan.
+    A film cannot bear compression: where the stress along its smaller stretch λ₂ would fall below
+    zero it wrinkles, takes its natural width λ₂*(λ₁), W₂(λ₁, λ₂*) = 0, and stores W(λ₁, λ₂*)
+    (Pipkin, IMA J. Appl. Math. 36, 1986; Steigmann, Proc. R. Soc. A 429, 1990; with voltage W
+    includes the electrostatic energy, at constant potential). That leaves no stiffness across the
+    tension lines. So the film keeps a residual second Piola–Kirchhoff tension ``residual`` there
+    [Pa]: the envelope is taken of W − ½κ(λ₁² + λ₂²) and ½κ(λ₁² + λ₂²) added again. A film whose
+    tensions exceed κ is not touched at all. Under voltage a film may have no natural width:
+    wrinkled, it would thin without bound, and what is asked of it there is nan.
 
     As a material it wants λ₁ ≥ λ₂ and is symmetric in them otherwise.
     """
@@ -106,8 +107,8 @@ class TensionField:
 
         slack = ~(np.real(both(a)[0]) > 0)
         width = _root(across, b, a)
-        # A film slack both ways: its natural stretch is sought up to four times what it has. Under voltage the tension
-        # falls again further out.
+        # A film slack both ways: its natural stretch is sought up to four times what it has. Under
+        # voltage the tension falls again further out.
         outer = 4 * a
         for factor in _OUTWARDS:
             outer = np.where(np.real(both(factor * a)[0]) > 0, factor * a, outer)
@@ -121,7 +122,8 @@ class TensionField:
         with np.errstate(invalid="ignore"):
             return _envelope(total(materials, first, second), k, (a, b), (first, second))
 
-    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[tuple[Any, ...], Array, Array]:
+    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[tuple[Any, ...], Array,
+                                                                       Array]:
         shape = loose.shape
         materials = tuple(m.at(shape, loose) if hasattr(m, "at") else m for m in self.materials)
         return materials, np.broadcast_to(l1, shape)[loose], np.broadcast_to(l2, shape)[loose]
@@ -129,10 +131,12 @@ class TensionField:
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     """Sum of the materials' W and derivatives."""
-    return tuple(sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials), strict=True))
+    return tuple(sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials),
+                                             strict=True))
 
 
-def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array], taken: tuple[Array, Array]) -> tuple[Array, ...]:
+def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array],
+              taken: tuple[Array, Array]) -> tuple[Array, ...]:
     """W and derivatives at the stretches seen, from those of the material at the stretches it takes."""
     (a, b), (first, second) = seen, taken
     w, w1, _, w11, w12, w22 = at
@@ -146,7 +150,8 @@ def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array], taken: tup
 def _root(function: Any, low: Array, high: Array) -> Array:
     """Where a function that is negative at ``low`` becomes positive below ``high``, else nan; Newton within bisection.
 
-    The last step is taken in the arguments' own arithmetic, so that an imaginary step on anything passes through.
+    The last step is taken in the arguments' own arithmetic, so that an imaginary step on anything
+    passes through.
     """
     with np.errstate(all="ignore"):
         lower, upper = np.real(low).copy(), np.real(high).copy()

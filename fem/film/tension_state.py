@@ -17,11 +17,12 @@ class Tension(IntEnum):
     SLACK = 2  #: in none
 
 
-def tension_state(stress_1: NDArray[Any], stress_2: NDArray[Any], tense: NDArray[Any]) -> NDArray[np.int64]:
+def tension_state(stress_1: NDArray[Any], stress_2: NDArray[Any],
+                  tense: NDArray[Any]) -> NDArray[np.int64]:
     """Of :class:`Tension`, from the larger and the smaller principal true stress [Pa].
 
-    ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive, but no more than
-    the residual tension of :class:`tympan.fem.film.tension_field.TensionField`.
+    ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
+    but no more than the residual tension of :class:`tympan.fem.film.tension_field.TensionField`.
 
     Examples
     --------

@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-#: Directions tried for each cut; four leave 5 % more fill than eight, and more than eight gain nothing.
+#: Directions tried for each cut; four leave 5 % more fill than eight, and more than eight gain
+#: nothing.
 _DIRECTIONS = 8
 
 
 def elimination_order(connectivity: Array, points: Array) -> Array:
     """Nodes in an order whose elimination fills in little, O(n log n) entries on a plane mesh of n nodes.
 
-    The elements are halved again and again; nodes that two halves share are eliminated after both of them.
+    The elements are halved again and again; nodes that two halves share are eliminated after both
+    of them.
 
     Parameters
     ----------
@@ -27,11 +29,13 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
 
     References
     ----------
-    A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973) 345–363.
+    A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973)
+    345–363.
 
     Examples
     --------
-    Of two triangles the nodes of one alone come first, then those of the other, then their common edge:
+    Of two triangles the nodes of one alone come first, then those of the other, then their common
+    edge:
 
     >>> import numpy as np
     >>> square = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
@@ -40,7 +44,8 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
     """
     codes = _bisected(connectivity, points)
     low, high = _ends(connectivity, codes)
-    # Elements 1011 and 1001 part at their third-last digit: their common nodes belong to part 10xx, whose end is 1011.
+    # Elements 1011 and 1001 part at their third-last digit: their common nodes belong to part 10xx,
+    # whose end is 1011.
     levels = np.frexp((low ^ high).astype(float))[1].astype(np.int64)
     ends = high | ((np.int64(1) << levels) - 1)
     return np.unique(connectivity)[np.lexsort((levels, ends))]

@@ -22,8 +22,8 @@ Array = NDArray[Any]
 _SYMMETRIC_INDEFINITE = -2
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 
-#: Settings other than zero, numbered from 0: not the defaults; nested dissection; pivots below 1e-10 are perturbed;
-#: pivots of order 1 and 2; indices from zero.
+#: Settings other than zero, numbered from 0: not the defaults; nested dissection; pivots below
+#: 1e-10 are perturbed; pivots of order 1 and 2; indices from zero.
 _SETTINGS = {0: 1, 1: 2, 9: 10, 20: 1, 34: 1}
 #: Where PARDISO reports how many pivots it perturbed and how many were negative.
 _PERTURBED, _NEGATIVE = 13, 22
@@ -32,8 +32,8 @@ _PERTURBED, _NEGATIVE = 13, 22
 class Pardiso:
     """Analyses of one sparsity, each good for one factorisation at a time.
 
-    A factorisation that nothing refers to any more gives its analysis back, so along a path there are as many as
-    tangents alive at once.
+    A factorisation that nothing refers to any more gives its analysis back, so along a path there
+    are as many as tangents alive at once.
     """
 
     def __init__(self, indices: Array, indptr: Array) -> None:
@@ -120,7 +120,8 @@ def _release(address: Array, settings: Array) -> None:
     _pardiso(address, settings, _RELEASE, (nothing, none, none), nothing, nothing, 1)
 
 
-def _pardiso(address: Array, settings: Array, phase: int, matrix: tuple[Array, Array, Array], right: Array,
+def _pardiso(address: Array, settings: Array, phase: int, matrix: tuple[Array, Array, Array],
+             right: Array,
              solution: Array, count: int) -> int:
     """Call the library with arrays of exactly the types it wants; its error code."""
     data, rows, columns = matrix
@@ -133,8 +134,10 @@ def _pardiso(address: Array, settings: Array, phase: int, matrix: tuple[Array, A
 
     unused, error = np.zeros(1, dtype=np.int32), ctypes.c_int32(0)
     _library().pardiso(
-        pointer(address), number(1), number(1), number(_SYMMETRIC_INDEFINITE), number(phase), number(len(rows) - 1),
-        pointer(data), pointer(rows), pointer(columns), pointer(unused), number(count), pointer(settings), number(0),
+        pointer(address), number(1), number(1), number(_SYMMETRIC_INDEFINITE), number(phase),
+        number(len(rows) - 1),
+        pointer(data), pointer(rows), pointer(columns), pointer(unused), number(count),
+        pointer(settings), number(0),
         pointer(right), pointer(solution), ctypes.byref(error))
     return error.value
 
@@ -146,7 +149,8 @@ def _library() -> ctypes.CDLL:
     # Its own handle of the library: pypardiso's expects other argument types.
     library = ctypes.CDLL(PyPardisoSolver().libmkl._name)
     library.pardiso.restype = None
-    # One thread: bitwise the same result every time, and workers of a sweep do not wait for each other's threads.
+    # One thread: bitwise the same result every time, and workers of a sweep do not wait for each
+    # other's threads.
     if "MKL_NUM_THREADS" not in os.environ:
         library.MKL_Set_Num_Threads(1)
     return library

@@ -13,7 +13,8 @@ from scipy.sparse.linalg import splu
 
 Array = NDArray[Any]
 
-#: A multiplier of the elimination above this has cost so many digits that the pivots' signs are not trusted.
+#: A multiplier of the elimination above this has cost so many digits that the pivots' signs are not
+#: trusted.
 _GROWTH = 1e6
 
 #: Order up to which eigenvalues are simply computed where pivots will not do.
@@ -32,7 +33,8 @@ class SuperLU:
         """Factorise; rows are exchanged only where a pivot is exactly zero."""
         spec = "MMD_AT_PLUS_A" if self.order is None else "NATURAL"
         options = {"SymmetricMode": True}
-        factors = splu(self._permuted(matrix), permc_spec=spec, diag_pivot_thresh=0.0, options=options)
+        factors = splu(self._permuted(matrix), permc_spec=spec, diag_pivot_thresh=0.0,
+                       options=options)
         return SuperLUFactors(factors, self.order, matrix)
 
     def _permuted(self, matrix: csc_matrix) -> csc_matrix:
@@ -45,7 +47,8 @@ class SuperLU:
     def _permutation(self) -> tuple[Array, Array, Array]:
         """For the permuted matrix: the place of each entry in the given one, and its sparsity."""
         count = len(self.indptr) - 1
-        places = csc_matrix((np.arange(len(self.indices), dtype=np.int32), self.indices, self.indptr), (count, count))
+        places = csc_matrix((np.arange(len(self.indices), dtype=np.int32), self.indices,
+                             self.indptr), (count, count))
         permuted = places[:, self.order][self.order]
         permuted.sort_indices()
         return permuted.data, permuted.indices, permuted.indptr
@@ -96,4 +99,5 @@ def negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
     factors = SuperLU(matrix.indices, matrix.indptr).factorise(csc_matrix(matrix[rest][:, rest]))
     coupling = matrix[rest][:, last].toarray()
     complement = matrix[last][:, last].toarray() - coupling.T @ factors.solve(coupling)
-    return factors.negative + int(np.count_nonzero(np.linalg.eigvalsh((complement + complement.T) / 2) < 0))
+    return factors.negative + int(np.count_nonzero(np.linalg.eigvalsh((complement + complement.T)
+                                                                      / 2) < 0))

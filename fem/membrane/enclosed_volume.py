@@ -1,7 +1,8 @@
 """The volume between the deformed film and its frame's plane, whose gas pressure is a follower load.
 
-V = ∫ z n_z da = ∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film, and the plate's area times its normal's z times its heave.
-With both, the virtual work of a uniform pressure p is p δV, so that its tangent is symmetric.
+V = ∫ z n_z da = ∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film, and the plate's area times its normal's z
+times its heave. With both, the virtual work of a uniform pressure p is p δV, so that its tangent is
+symmetric.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ _UP = _AXES[2]
 class FilmVolume:
     """Element contributions.
 
-    ``positions`` of the elements' nodes (elements, local, 3), ``deformation`` F (elements, points, 3, 2), ``shapes``
-    (points, local), ``gradients`` (elements, points, local, 2), ``weights`` (elements, points) of the mounted area.
+    ``positions`` of the elements' nodes (elements, local, 3), ``deformation`` F (elements, points,
+    3, 2), ``shapes`` (points, local), ``gradients`` (elements, points, local, 2), ``weights``
+    (elements, points) of the mounted area.
     """
 
     positions: Array

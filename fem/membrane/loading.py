@@ -82,8 +82,9 @@ class Spring:
 class Magnet:
     """A magnet below the plate that pulls it down with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
 
-    ``force`` F₀ at contact [N], ``gap`` at the mounted plate [m], ``decay`` d [m], ``power`` n > 1. Far away
-    the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the actuator snap through.
+    ``force`` F₀ at contact [N], ``gap`` at the mounted plate [m], ``decay`` d [m], ``power`` n > 1.
+    Far away the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the
+    actuator snap through.
     """
 
     law: ClassVar[str] = "magnet"
@@ -95,8 +96,10 @@ class Magnet:
     @classmethod
     def from_table(cls, table: Table) -> Magnet:
         """Read ``force``, ``gap``, ``decay`` and ``power``."""
-        return cls(table.quantity("force", "force", rule=POSITIVE), table.quantity("gap", "length", rule=POSITIVE),
-                   table.quantity("decay", "length", rule=POSITIVE), table.number("power", 4.0, _POWER))
+        return cls(table.quantity("force", "force", rule=POSITIVE),
+                   table.quantity("gap", "length", rule=POSITIVE),
+                   table.quantity("decay", "length", rule=POSITIVE),
+                   table.number("power", 4.0, _POWER))
 
     def derivatives(self, heave: float) -> tuple[float, float, float]:
         """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
@@ -115,8 +118,8 @@ _POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 class Loading:
     """What acts on film and plate besides force, voltage and gas pressure.
 
-    ``arm``: where the force is applied, from the plate's centre in the mounted state [m]; it moves with the plate.
-    ``gravity``: on the film's own mass, along the load [m/s²].
+    ``arm``: where the force is applied, from the plate's centre in the mounted state [m]; it moves
+    with the plate. ``gravity``: on the film's own mass, along the load [m/s²].
     """
 
     biases: tuple[Bias, ...] = ()
@@ -142,7 +145,9 @@ class Loading:
         energy, push, stiffness = self.bias(plate.heave)
         energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
         first = push * _UP - state.force * self.lift(plate)
-        second = plate.curvature(self._arm, np.array([[0.0, 0.0, -state.force]])) + stiffness * np.outer(_UP, _UP)
+        second = plate.curvature(self._arm,
+                                 np.array([[0.0, 0.0, -state.force]])) + stiffness * np.outer(_UP,
+                                                                                              _UP)
         if state.pressure:
             volume, by, bend = plate_volume(area, plate)
             energy = energy - state.pressure * volume

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-#: A right-hand side or a correction: free nodal components, and plate freedoms in the model's order.
+#: A right-hand side or a correction: free nodal components, and plate freedoms in the model's
+#: order.
 Parts = tuple[Array, Array]
 
 _STEP = 1e-30
@@ -42,9 +43,10 @@ _ODD = {"x": frozenset({"x", "ry", "rz"}), "y": frozenset({"y", "rx", "rz"})}
 class Model:
     """One specimen on one mesh.
 
-    ``planes`` are the coordinates about whose zero the mesh is half of a mirrored whole. ``wrinkles`` says whether the
-    film wrinkles rather than carry compression (:mod:`tympan.fem.film.tension_field`). All nodal arrays have shape
-    (nodes, 3); node positions, not displacements, are the unknowns.
+    ``planes`` are the coordinates about whose zero the mesh is half of a mirrored whole.
+    ``wrinkles`` says whether the film wrinkles rather than carry compression
+    (:mod:`tympan.fem.film.tension_field`). All nodal arrays have shape (nodes, 3); node positions,
+    not displacements, are the unknowns.
     """
 
     specimen: Specimen
@@ -55,7 +57,8 @@ class Model:
 
     def __post_init__(self) -> None:
         """Refuse a weight that the mirror planes would repeat."""
-        if any(arm and plane in self.planes for plane, arm in zip("xy", self.loading.arm, strict=True)):
+        if any(arm and plane in self.planes
+               for plane, arm in zip("xy", self.loading.arm, strict=True)):
             raise ValueError("a weight beside a mirror plane needs a mesh that is not mirrored there")
 
     def with_specimen(self, specimen: Specimen) -> Model:
@@ -68,8 +71,10 @@ class Model:
 
     def _keeping(self, model: Model) -> Model:
         """The model, with what depends on the mesh and the outlines alone."""
-        kept = ("basis", "connectivity", "shapes", "gradients", "weights", "covered", "reference", "centre",
-                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern", "analysis",
+        kept = ("basis", "connectivity", "shapes", "gradients", "weights", "covered", "reference",
+                "centre",
+                "plate_nodes", "arms", "free", "size", "plate_area", "_plate_elements", "_pattern",
+                "analysis",
                 "velocities")
         vars(model).update({name: vars(self)[name] for name in kept if name in vars(self)})
         return model
@@ -95,7 +100,8 @@ class Model:
     @cached_property
     def shapes(self) -> Array:
         """φ at the quadrature points, shape (points, local)."""
-        return np.stack([np.atleast_2d(np.asarray(shape[0]))[0] for shape in self.basis.basis], axis=1)
+        return np.stack([np.atleast_2d(np.asarray(shape[0]))[0] for shape in self.basis.basis],
+                        axis=1)
 
     @cached_property
     def weights(self) -> Array:
@@ -105,7 +111,8 @@ class Model:
     @cached_property
     def _complex_geometry(self) -> tuple[Array, Array]:
         """Of complex nodes (``fem.derivatives.shape.moved_by``), which scikit-fem does not map."""
-        return isoparametric(self.mesh, self.basis.X, self.basis.W, self.reference[self.connectivity, :2])
+        return isoparametric(self.mesh, self.basis.X, self.basis.W,
+                             self.reference[self.connectivity, :2])
 
     @cached_property
     def volumes(self) -> Array:
@@ -227,7 +234,8 @@ class Model:
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
         f = self.deformation(positions)
-        return (self.density(voltage_squared)(cauchy_green(f), tangent=False).energy * self.volumes).sum()
+        return (self.density(voltage_squared)(cauchy_green(f), tangent=False).energy
+                * self.volumes).sum()
 
     def forces(self, positions: Array, voltage_squared: Any) -> Array:
         """Derivative of the energy by the node positions [N], shape (nodes, 3)."""
@@ -272,10 +280,12 @@ class Model:
     def _electric_forces(self, state: State) -> Array:
         """Derivative of the nodal forces by U² [N/V²]; where the film wrinkles they need not be linear in it."""
         if self.wrinkles:
-            return np.asarray(self.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP)
+            return np.asarray(self.forces(state.positions, state.voltage_squared + 1j * _STEP).imag
+                              / _STEP)
         f = self.deformation(state.positions)
         electric = self.density(1.0).maxwell
-        stress = plane_stress((electric,), cauchy_green(f), self.specimen.membrane.prestretch, tangent=False).stress
+        stress = plane_stress((electric,), cauchy_green(f), self.specimen.membrane.prestretch,
+                              tangent=False).stress
         return self._scatter(self._element_forces(f, stress))
 
     def linearised(self, state: State) -> Linearised:
@@ -291,8 +301,10 @@ class Model:
         inner = self._pattern.assemble(elements)
         gradient = state.plate.gradient(self.arms)[:, :, self.plate_freedoms]
         border, corner = self._plate_coupling(elements, gradient)
-        bend = state.plate.curvature(self.arms, forces[self.plate_nodes]) + self._on_plate(state)[2] / self.mirrored
-        return Linearised(forces, inner, border, corner + bend[np.ix_(self.plate_freedoms, self.plate_freedoms)])
+        bend = state.plate.curvature(self.arms,
+                                     forces[self.plate_nodes]) + self._on_plate(state)[2] / self.mirrored
+        return Linearised(forces, inner, border,
+                          corner + bend[np.ix_(self.plate_freedoms, self.plate_freedoms)])
 
     def plate_forces(self, forces: Array, plate: PlateMotion) -> Array:
         """Nodal forces gathered on the plate's allowed freedoms [N, N m]."""
@@ -303,7 +315,8 @@ class Model:
         return self.loading.on_plate(state, self.centre, self.plate_area)
 
     def _film_volume(self, positions: Array) -> FilmVolume:
-        return FilmVolume(positions[self.connectivity], self.deformation(positions), self.shapes, self.gradients,
+        return FilmVolume(positions[self.connectivity], self.deformation(positions), self.shapes,
+                          self.gradients,
                           self.weights)
 
     def _volume_forces(self, positions: Array) -> Array:
@@ -365,8 +378,8 @@ class Model:
 class Linearised:
     """Forces and tangent at one state.
 
-    ``forces`` (nodes, 3); ``inner`` the tangent of the free components (n, n); ``border`` (n, p) and ``corner`` (p, p)
-    couple the plate's allowed freedoms.
+    ``forces`` (nodes, 3); ``inner`` the tangent of the free components (n, n); ``border`` (n, p)
+    and ``corner`` (p, p) couple the plate's allowed freedoms.
     """
 
     forces: Array

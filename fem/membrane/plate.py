@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the load.
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
+#: load.
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
 

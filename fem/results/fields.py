@@ -1,7 +1,7 @@
 """Recovered fields: displacement, stretches, true stress, thickness and electric field at points of the film.
 
-Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours show the
-discretisation error.
+Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours
+show the discretisation error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ Array = NDArray[Any]
 
 _RIMS = ("plate", "frame")
 
-#: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12, 02.
+#: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12,
+#: 02.
 _EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
 
 
@@ -34,9 +35,9 @@ _EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
 class Fields:
     """Fields at points; each array's first axis runs over the points.
 
-    True stresses are those of design §3: elastic minus the Maxwell part; add ``maxwell_stress`` for the elastic part
-    alone. Radial and circumferential directions are the deformed radial fibre through the plate's centre and the
-    normal to it within the film.
+    True stresses are those of design §3: elastic minus the Maxwell part; add ``maxwell_stress`` for
+    the elastic part alone. Radial and circumferential directions are the deformed radial fibre
+    through the plate's centre and the normal to it within the film.
     """
 
     position: Array  #: in the flat mounted film [m], shape (n, 3)
@@ -98,7 +99,8 @@ class EdgeFields:
     weights: Array
 
 
-def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadrature: bool = False) -> EdgeFields:
+def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
+                quadrature: bool = False) -> EdgeFields:
     """Fields along the edges of a named boundary of the mesh.
 
     Parameters
@@ -106,8 +108,8 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
     quadrature
         Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
 
-    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut across the line to
-    the plate's centre.
+    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a
+    cut across the line to the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)
@@ -124,9 +126,11 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *, quadr
         cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
         if len(cells):
             tangent = _edge_tangent(model, cells, local, s)
-            parts.append(_fields(model, [state], cells, np.array(edge(s)), tangent if name in _RIMS else None))
+            parts.append(_fields(model, [state], cells, np.array(edge(s)),
+                                 tangent if name in _RIMS else None))
             weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
-    joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Fields)))
+    joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts])
+                      for item in fields(Fields)))
     return EdgeFields(joined, np.concatenate(weights))
 
 
@@ -154,12 +158,15 @@ def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> li
     """The same at several states of one model, which are computed together."""
     points = _middles(parts)
     slopes = tabulated(model.mesh.order, points)[1]
-    areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5 / parts**2)
+    areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5
+                                                                                               / parts**2)
     whole_area = float(areas.sum())
     result = []
     for found in _tension(model, states, slopes):
-        wrinkled, slack = (float(areas[found == kind].sum()) for kind in (Tension.WRINKLED, Tension.SLACK))
-        result.append(LostTension(wrinkled * model.mirrored, slack * model.mirrored, (wrinkled + slack) / whole_area))
+        wrinkled, slack = (float(areas[found == kind].sum())
+                           for kind in (Tension.WRINKLED, Tension.SLACK))
+        result.append(LostTension(wrinkled * model.mirrored, slack * model.mirrored,
+                                  (wrinkled + slack) / whole_area))
     return result
 
 
@@ -187,13 +194,17 @@ def _voltages(states: Sequence[State]) -> Array:
 
 def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Array) -> Array:
     """F, shape (states, cells, points, 3, 2)."""
-    local = np.stack([state.positions for state in states])[:, model.connectivity[cells]].swapaxes(-1, -2)
-    return np.asarray(np.matmul(local[:, :, None], np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
+    local = np.stack([state.positions for state in states])[:,
+                                                            model.connectivity[cells]].swapaxes(-1,
+                                                                                                -2)
+    return np.asarray(np.matmul(local[:, :, None],
+                                np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
 
 
 def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
     """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
-    return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None], slopes)
+    return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None],
+                     slopes)
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
@@ -203,7 +214,8 @@ def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
     return film.strength.field(l1, l2, thickness)
 
 
-def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, along: Array | None = None) -> Fields:
+def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
+            along: Array | None = None) -> Fields:
     """Fields in some elements, one state after the other; ``along`` is for one state.
 
     ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
@@ -213,7 +225,8 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, 
     shapes, slopes = tabulated(model.mesh.order, points)
     here = np.matmul(shapes.T, model.reference[nodes]).reshape(-1, 3)
     reference = np.tile(here, (len(states), 1))
-    current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3) for state in states])
+    current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3)
+                              for state in states])
     f = _deformation(model, states, cells, slopes).reshape(-1, 3, 2)
     covered = np.tile(np.repeat(model.covered[cells, 0], points.shape[1]), len(states))
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
@@ -233,11 +246,14 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array, 
     w1 = density.maxwell.derivatives(l1, l2)[1]
     thickness = film.thickness / (l1 * l2)
     return Fields(
-        position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2, thickness=thickness,
+        position=reference, displacement=current - reference, stretch_1=l1, stretch_2=l2,
+        thickness=thickness,
         electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
-        stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11, stress_circumferential=s22,
-        stress_shear=s12, plate_traction=traction, tension=tension_state(mean + radius, mean - radius, tense))
+        stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11,
+        stress_circumferential=s22,
+        stress_shear=s12, plate_traction=traction,
+        tension=tension_state(mean + radius, mean - radius, tense))
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
@@ -257,7 +273,8 @@ def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array
 
 def _normal(along: Array, towards: Array) -> Array:
     """Unit normals of vectors in the plane, on the side of ``towards``."""
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1,
+                                                                           keepdims=True)
     return normal * np.sign((normal * towards).sum(axis=1, keepdims=True))
 
 

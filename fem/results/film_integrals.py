@@ -29,7 +29,8 @@ class Totals:
 def totals(model: Model, states: Sequence[State]) -> Totals:
     """All three from one evaluation of the film's density, at U² with an imaginary step.
 
-    The reaction is the work of the stresses when the plate's edge is lifted by one, nothing else moving.
+    The reaction is the work of the stresses when the plate's edge is lifted by one, nothing else
+    moving.
     """
     local = np.stack([state.positions for state in states])[:, model.connectivity].swapaxes(-1, -2)
     f = np.matmul(local[:, :, None], model.gradients)
@@ -39,7 +40,8 @@ def totals(model: Model, states: Sequence[State]) -> Totals:
     stress = density.stress.real * model.volumes[..., None]
     edge = np.zeros(len(model.reference))
     edge[model.plate_nodes] = 1.0
-    lift = np.matmul(model.gradients.swapaxes(-1, -2), edge[model.connectivity][:, None, :, None])[..., 0]
+    lift = np.matmul(model.gradients.swapaxes(-1, -2),
+                     edge[model.connectivity][:, None, :, None])[..., 0]
     rise = f[..., 2, :]
     work = (stress[..., 0] * rise[..., 0] + stress[..., 2] * rise[..., 1]) * lift[..., 0]
     work += (stress[..., 2] * rise[..., 0] + stress[..., 1] * rise[..., 1]) * lift[..., 1]

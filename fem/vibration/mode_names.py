@@ -12,7 +12,8 @@ from tympan.fem.vibration.modes import Modes
 
 Array = NDArray[np.float64]
 
-#: Plate freedoms that may mix, as numbers in FREEDOMS, and their names: together, and one of them alone.
+#: Plate freedoms that may mix, as numbers in FREEDOMS, and their names: together, and one of them
+#: alone.
 _MOTIONS = (((0, 1), "slide", "slide along {}"), ((2,), "heave", "heave"),
             ((3, 4), "tilt", "tilt about {}"), ((5,), "twist", "twist"))
 _MAINLY = 0.9  #: share from which a name says what a mode is
@@ -24,10 +25,11 @@ _LEAST = 0.02  #: of the largest amplitude; a smaller swing of the radial profil
 def names(model: Model, modes: Modes) -> tuple[str, ...]:
     """A name for each mode.
 
-    ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than half of the kinetic
-    energy, most of it in that freedom. Otherwise ``film``; with ``(m, n)`` for m nodal diameters and n nodal circles
-    between the edges when frame, plate and prestretch are round and nine tenths of the displacement along the load
-    follow such a pattern; and ``film, in plane`` when the film moves across the load.
+    ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than
+    half of the kinetic energy, most of it in that freedom. Otherwise ``film``; with ``(m, n)`` for
+    m nodal diameters and n nodal circles between the edges when frame, plate and prestretch are
+    round and nine tenths of the displacement along the load follow such a pattern; and ``film, in
+    plane`` when the film moves across the load.
 
     Parameters
     ----------

@@ -1,11 +1,13 @@
 """Small vibrations about an equilibrium: natural frequencies, growth rates and shapes of film and plate.
 
-With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second variation
-½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At constant charge the same
-state would be stiffer, since then the voltage falls where the capacitance rises.
+With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second
+variation ½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At
+constant charge the same state would be stiffer, since then the voltage falls where the capacitance
+rises.
 
-Mirror symmetry of the state splits the modes into classes, even or odd about each plane. All are solved on the part
-that is meshed, with other conditions on the planes, so none is lost and no double frequency meets its twin.
+Mirror symmetry of the state splits the modes into classes, even or odd about each plane. All are
+solved on the part that is meshed, with other conditions on the planes, so none is lost and no
+double frequency meets its twin.
 """
 
 from __future__ import annotations
@@ -45,8 +47,8 @@ _MASSLESS = 1e-13
 class RigidPlate:
     """What the plate's motion carries: ``mass`` [kg] and ``inertia`` about its centre of mass [kg m²], shape (3, 3).
 
-    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position and turn with the
-    plate. An infinite mass holds the plate.
+    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
+    and turn with the plate. An infinite mass holds the plate.
     """
 
     mass: float
@@ -59,12 +61,14 @@ class RigidPlate:
         return cls(inf)
 
     @classmethod
-    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0, arm: tuple[float, float] = (0.0, 0.0)
+    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
+                arm: tuple[float, float] = (0.0, 0.0)
                 ) -> RigidPlate:
         """A thin uniform plate that fills its outline, with ``point_mass`` of the whole ``mass`` in its centre of mass.
 
-        The rest, spread evenly, has the outline's second moments about its centroid, taken about the centre of mass
-        wherever ``arm`` puts that. The thickness does not count, nor the height of the weight above the film.
+        The rest, spread evenly, has the outline's second moments about its centroid, taken about
+        the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
+        of the weight above the film.
 
         Raises
         ------
@@ -103,9 +107,11 @@ class SymmetryClass(Model):
         """The 1, 2 or 4 classes of a model with 0, 1 or 2 planes, the even one first."""
         planes = sorted(model.planes)
         values = {item.name: getattr(model, item.name) for item in fields(Model)}
-        for odd in chain.from_iterable(combinations(planes, count) for count in range(len(planes) + 1)):
+        for odd in chain.from_iterable(combinations(planes, count)
+                                       for count in range(len(planes) + 1)):
             part = cls(**values, odd=frozenset(odd))
-            vars(part).update({name: getattr(model, name) for name in ("basis", "connectivity", "shapes", "gradients")})
+            vars(part).update({name: getattr(model, name)
+                               for name in ("basis", "connectivity", "shapes", "gradients")})
             yield part
 
     @cached_property
@@ -142,8 +148,9 @@ class SymmetryClass(Model):
 class Modes:
     """Modes about a state: unstable ones first, then vibrations by rising frequency; arrays' first axis is the mode.
 
-    Shapes are those of the whole film and mass-normalised: φᵀMφ = 1, in m/√(kg m²). ``shares`` is the part of a mode's
-    kinetic energy that each plate freedom carries; the rest of 1 is the film's.
+    Shapes are those of the whole film and mass-normalised: φᵀMφ = 1, in m/√(kg m²). ``shares`` is
+    the part of a mode's kinetic energy that each plate freedom carries; the rest of 1 is the
+    film's.
     """
 
     frequencies_Hz: Array  #: 0 for an unstable mode, shape (modes,)
@@ -165,10 +172,12 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     Parameters
     ----------
     plate
-        Mass and inertia of the whole plate with its weight; :meth:`RigidPlate.held` for modes of the film alone.
+        Mass and inertia of the whole plate with its weight; :meth:`RigidPlate.held` for modes of
+        the film alone.
     count
-        The lowest so many frequencies; of unstable modes at most so many, those of slowest growth. Where a film has
-        lost tension the fast ones are as fine as the mesh and mean no more than that it wrinkles.
+        The lowest so many frequencies; of unstable modes at most so many, those of slowest growth.
+        Where a film has lost tension the fast ones are as fine as the mesh and mean no more than
+        that it wrinkles.
 
     Raises
     ------
@@ -177,7 +186,8 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
 
     Notes
     -----
-    A weightless film (density 0) follows the plate at once; it is condensed out and at most six modes are left.
+    A weightless film (density 0) follows the plate at once; it is condensed out and at most six
+    modes are left.
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
@@ -195,8 +205,10 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     vectors = [(classes[number], spectra[number].vectors[:, mode]) for _, number, mode in chosen]
     motions, shares = zip(*(system.plate_part(vector) for system, vector in vectors), strict=True)
     shapes = [system.whole_shape(vector, full) for system, vector in vectors]
-    return Modes(np.sqrt(np.maximum(values, 0)) / (2 * np.pi), np.sqrt(np.maximum(-values, 0)), np.array(shapes),
-                 np.array(motions), np.array(shares), sum(spectrum.unstable for spectrum in spectra))
+    return Modes(np.sqrt(np.maximum(values, 0)) / (2 * np.pi), np.sqrt(np.maximum(-values, 0)),
+                 np.array(shapes),
+                 np.array(motions), np.array(shares),
+                 sum(spectrum.unstable for spectrum in spectra))
 
 
 def film_mass(model: Model) -> csr_matrix:
@@ -206,7 +218,8 @@ def film_mass(model: Model) -> csr_matrix:
     nodes = model.connectivity
     rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
     size = len(model.reference)
-    return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
+    return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())),
+                      shape=(size, size)).tocsr()
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +235,8 @@ class _Spectrum:
 class _System:
     """Stiffness and mass of one symmetry class, for the part that is meshed.
 
-    The unknowns are the free components, then the plate's ``freedoms``; ``coordinates`` makes all node components
-    of them.
+    The unknowns are the free components, then the plate's ``freedoms``; ``coordinates`` makes all
+    node components of them.
     """
 
     model: SymmetryClass
@@ -240,12 +253,15 @@ class _System:
         """The tangent at a state, with the plate's freedoms that the guide leaves, none if it is held."""
         tangent = model.linearised(state)
         allowed = frozenset() if isinf(plate.mass) else GUIDES[model.loading.guide]
-        kept = [place for place, number in enumerate(model.plate_freedoms) if FREEDOMS[number] in allowed]
+        kept = [place for place, number in enumerate(model.plate_freedoms)
+                if FREEDOMS[number] in allowed]
         freedoms = tuple(model.plate_freedoms[place] for place in kept)
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
-        weight = np.zeros((6, 6)) if isinf(plate.mass) else plate.matrix(state.plate) / model.mirrored
+        weight = np.zeros((6,
+                           6)) if isinf(plate.mass) else plate.matrix(state.plate) / model.mirrored
         return cls(model, tangent.inner, tangent.border[:, kept], tangent.corner[kept][:, kept],
-                   _coordinates(model, gradient), film_mass(model), weight[list(freedoms)][:, list(freedoms)], freedoms)
+                   _coordinates(model, gradient), film_mass(model),
+                   weight[list(freedoms)][:, list(freedoms)], freedoms)
 
     def solve(self, count: int) -> _Spectrum:
         """The lowest eigenvalues of this class, negative ones included."""
@@ -257,7 +273,8 @@ class _System:
             if self.freedoms else self.inner
         mass = self.coordinates.T @ kron(self.film, identity(3)) @ self.coordinates
         size, first = mass.shape[0], self.inner.shape[0]
-        rows = coo_matrix((self.plate.ravel(), np.indices(self.plate.shape).reshape(2, -1) + first), (size, size))
+        rows = coo_matrix((self.plate.ravel(), np.indices(self.plate.shape).reshape(2, -1) + first),
+                          (size, size))
         return _lowest(stiffness, (mass + rows).tocsc(), count)
 
     def plate_part(self, vector: Array) -> tuple[Array, Array]:
@@ -286,7 +303,8 @@ class _System:
         heavy = weight > _MASSLESS * weight.max(initial=0)
         heavy, light = scale[:, None] * axes[:, heavy], scale[:, None] * axes[:, ~heavy]
         if not heavy.size:
-            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(self.freedoms), 0)), unstable)
+            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(self.freedoms), 0)),
+                             unstable)
         follow = heavy - light @ np.linalg.solve(light.T @ schur @ light, light.T @ schur @ heavy)
         values, plate = scipy.linalg.eigh(follow.T @ schur @ follow, heavy.T @ self.plate @ heavy)
         motion = follow @ plate
@@ -319,7 +337,8 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     parts: list[Any] = []
     for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count))):
         if wanted:
-            parts.append(eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end, v0=start))
+            parts.append(eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end,
+                               v0=start))
     values = np.concatenate([values for values, _ in parts])
     vectors = np.hstack([vectors for _, vectors in parts])
     order = np.argsort(values)

@@ -32,7 +32,8 @@ def pieces_wire(pieces: Sequence[Piece], centre: tuple[float, float] = (0.0, 0.0
 
 def _edge(piece: Piece) -> cq.Edge:
     if isinstance(piece, Line):
-        return cq.Edge.makeLine(cq.Vector(*millimetres(*piece.start)), cq.Vector(*millimetres(*piece.end)))
+        return cq.Edge.makeLine(cq.Vector(*millimetres(*piece.start)),
+                                cq.Vector(*millimetres(*piece.end)))
     return _arc(piece) if isinstance(piece, Arc) else _spline(piece)
 
 

@@ -29,12 +29,14 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
     Parameters
     ----------
     planes
-        Coordinates about whose zero the film is mirrored: only the part where they are positive is built.
+        Coordinates about whose zero the film is mirrored: only the part where they are positive is
+        built.
 
     Returns
     -------
     dict of str to list of cq.Face
-        Faces in the plane z = 0 [mm]; neighbours share their common edges in shape, not in topology.
+        Faces in the plane z = 0 [mm]; neighbours share their common edges in shape, not in
+        topology.
 
     Raises
     ------
@@ -65,7 +67,8 @@ def electrode_part(specimen: Specimen) -> cq.Compound:
 
 def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
     """Shapes as one STEP file [mm]."""
-    cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file), exportType="STEP")
+    cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file),
+                        exportType="STEP")
 
 
 def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
@@ -86,7 +89,8 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     if electrode.margin_frame > 0:
         wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
     if electrode.margin_plate > 0:
-        wires.append(offset_wire(specimen.plate.outline, specimen.plate.offset, electrode.margin_plate))
+        wires.append(offset_wire(specimen.plate.outline, specimen.plate.offset,
+                                 electrode.margin_plate))
     rings = [_annulus(outer, inner) for outer, inner in pairwise([*wires, plate])]
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
@@ -94,12 +98,14 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     return _clipped(specimen, covered[0], rings, electrode.outline)
 
 
-def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face], region: Region) -> dict[str, list[cq.Face]]:
+def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
+             region: Region) -> dict[str, list[cq.Face]]:
     """The ring's part within the region, and what is left of the film."""
     disc = cq.Face.makeFromWires(_wire(region.outline, region.offset), [])
     inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
     lost = ring.Area() - sum(face.Area() for face in (*inside, *outside))
-    narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires()) for face in (*inside, *outside)),
+    narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
+                     for face in (*inside, *outside)),
                     default=0.0)
     if not inside or abs(lost) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode and what it leaves "
@@ -129,11 +135,13 @@ def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) 
     if corners or any(backwards) or any(shrunk):
         where = "needs an outline without sharp corners" if corners else \
             "must stay below the outline's radius of curvature"
-        raise InputError(f"an electrode margin {where}", key="electrode", given=f"{abs(distance) * METRE:.4g} mm")
+        raise InputError(f"an electrode margin {where}", key="electrode",
+                         given=f"{abs(distance) * METRE:.4g} mm")
     return pieces_wire(moved.pieces, centre)
 
 
-def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float], distance: float) -> cq.Wire:
+def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float],
+                   distance: float) -> cq.Wire:
     """As a periodic spline."""
     points = outline.points(96)
     ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)

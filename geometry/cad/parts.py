@@ -24,9 +24,10 @@ from tympan.geometry.units import METRE
 class PartOptions:
     """Sizes of the parts [m].
 
-    ``width`` of frame and clamp ring around the film, their heights and the plate's, ``screw`` the diameter of the
-    holes (3.2 mm lets an M3 through), one at least every ``spacing`` along the frame but at least four; in the plate
-    one in the middle, of at most a third of its smaller half extent.
+    ``width`` of frame and clamp ring around the film, their heights and the plate's, ``screw`` the
+    diameter of the holes (3.2 mm lets an M3 through), one at least every ``spacing`` along the
+    frame but at least four; in the plate one in the middle, of at most a third of its smaller half
+    extent.
     """
 
     width: float = 10e-3
@@ -43,9 +44,11 @@ class PartOptions:
             if not 1e-5 <= size <= 10:
                 raise InputError("must be from 10 um to 10 m", key=item.name, given=f"{size:g} m")
         if self.screw > self.width / 2:
-            raise InputError("must be at most half the width of the ring", key="screw", given=f"{self.screw:g} m")
+            raise InputError("must be at most half the width of the ring", key="screw",
+                             given=f"{self.screw:g} m")
         if self.spacing < 2 * self.screw:
-            raise InputError("must be at least two diameters of the holes", key="spacing", given=f"{self.spacing:g} m")
+            raise InputError("must be at least two diameters of the holes", key="spacing",
+                             given=f"{self.spacing:g} m")
 
     def holes(self, frame: Outline) -> Array:
         """Centres of the screw holes around a frame, shape (holes, 2) [m], evenly along its edge."""
@@ -56,7 +59,8 @@ class PartOptions:
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(ahead - points, axis=1))])
         near = np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1]) % len(points)
         tangent = (ahead - behind)[near]
-        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.linalg.norm(tangent, axis=1, keepdims=True)
+        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.linalg.norm(tangent, axis=1,
+                                                                                   keepdims=True)
         return np.asarray(points[near] + self.width / 2 * normal)
 
 
@@ -101,7 +105,8 @@ def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
     for face in (face for shape in shapes for face in shape.Faces() if _flat(face)):
         inner = sorted(face.innerWires(), key=lambda wire: -wire.Length())
         found += [("outline", face.outerWire())]
-        found += [("opening" if number == 0 else "holes", wire) for number, wire in enumerate(inner)]
+        found += [("opening" if number == 0 else "holes", wire)
+                  for number, wire in enumerate(inner)]
     return found
 
 
@@ -137,7 +142,8 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 def _path(loop: Drawn) -> str:
     start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
-    return " ".join([f"M {_numbers(start)}", *(word for piece in loop.segments for word in _words(piece)), "Z"])
+    return " ".join([f"M {_numbers(start)}",
+                     *(word for piece in loop.segments for word in _words(piece)), "Z"])
 
 
 def _words(piece: Piece) -> list[str]:
@@ -153,7 +159,8 @@ def _words(piece: Piece) -> list[str]:
     value, slope, _ = (METRE * part for part in piece.at(piece.breaks))
     third = np.diff(piece.breaks)[:, None] / 3
     first, second = value[:-1] + third * slope[:-1], value[1:] - third * slope[1:]
-    return [f"C {_numbers(np.concatenate(points))}" for points in zip(first, second, value[1:], strict=True)]
+    return [f"C {_numbers(np.concatenate(points))}" for points in zip(first, second, value[1:],
+                                                                      strict=True)]
 
 
 def _numbers(values: Array) -> str:

@@ -22,8 +22,10 @@ from tympan.geometry.outlines.shapes.stadium import Stadium
 from tympan.geometry.outlines.shapes.superellipse import Superellipse
 from tympan.geometry.toml_reader import Table
 
-__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced", "Polygon",
-           "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area", "check", "examples",
+__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced",
+           "Polygon",
+           "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area",
+           "check", "examples",
            "perimeter", "read_outline", "register"]
 
 REGISTRY.update(FILES)

@@ -10,7 +10,8 @@ from tympan.geometry.outlines.curve import Curve, piece_length
 from tympan.geometry.outlines.outline import Outline
 from tympan.geometry.outlines.pieces import Array
 
-#: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks are refused.
+#: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
+#: are refused.
 SMALLEST = 1e-3
 _POINTS = 6000
 
@@ -21,23 +22,26 @@ def check(outline: Outline, key: str) -> None:
     Raises
     ------
     InputError
-        Naming the place [mm], of an outline that runs clockwise, crosses or touches itself, or has features smaller
-        than a thousandth of its size.
+        Naming the place [mm], of an outline that runs clockwise, crosses or touches itself, or has
+        features smaller than a thousandth of its size.
     """
     if "checked" in vars(outline):
         return
     curve = outline.curve
     size = float(max(outline.semi_axes))
-    short = [(float(piece_length(piece)), start) for piece, start in zip(curve.pieces, curve.starts, strict=True)]
+    short = [(float(piece_length(piece)), start) for piece, start in zip(curve.pieces, curve.starts,
+                                                                         strict=True)]
     length, start = min(short, key=lambda item: item[0])
     if length < SMALLEST * size:
-        raise _error(outline, key, start, f"has a piece {length * 1e3:.3g} mm long, less than {SMALLEST:g} of its "
+        raise _error(outline, key, start,
+                     f"has a piece {length * 1e3:.3g} mm long, less than {SMALLEST:g} of its "
                      f"larger half extent of {size * 1e3:.4g} mm")
     _curvature(outline, curve, size, key)
     if not outline.simple:
         _crossing(outline, curve, size, key)
         if curve.area < 0:
-            raise _error(outline, key, curve.starts[0], "runs clockwise, with its inside out: list its points "
+            raise _error(outline, key, curve.starts[0],
+                         "runs clockwise, with its inside out: list its points "
                          "counterclockwise, beginning")
     vars(outline)["checked"] = True
 
@@ -51,7 +55,8 @@ def _curvature(outline: Outline, curve: Curve, size: float, key: str) -> None:
         if tight.any():
             worst = int(tight.argmax())
             radius = squared[worst] ** 1.5 / cross[worst]
-            raise _error(outline, key, value[worst], f"bends with a radius of {radius * 1e3:.3g} mm, less than "
+            raise _error(outline, key, value[worst],
+                         f"bends with a radius of {radius * 1e3:.3g} mm, less than "
                          f"{SMALLEST:g} of its larger half extent of {size * 1e3:.4g} mm")
 
 
@@ -72,7 +77,8 @@ def _crossing(outline: Outline, curve: Curve, size: float, key: str) -> None:
             if crossing is not None:
                 raise _error(outline, key, crossing, "crosses itself")
         first, second = points[meet[0, 0]], points[meet[0, 1]]
-        raise _error(outline, key, (first + second) / 2, f"has a neck narrower than {near * 1e3:.3g} mm")
+        raise _error(outline, key, (first + second) / 2,
+                     f"has a neck narrower than {near * 1e3:.3g} mm")
 
 
 def _meeting(points: Array, first: int, second: int) -> Array | None:
@@ -94,4 +100,5 @@ def _meeting(points: Array, first: int, second: int) -> Array | None:
 
 def _error(outline: Outline, key: str, place: Array, words: str) -> InputError:
     x, y = np.round(1e3 * place, 9) + 0.0
-    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre", key=key, given=outline.shape)
+    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre", key=key,
+                      given=outline.shape)

@@ -19,7 +19,8 @@ def filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
         Where sides are too short for the arcs at their ends.
     """
     count = len(vertices)
-    arcs = [_arc(vertices[k - 1], vertices[k], vertices[(k + 1) % count], radius) for k in range(count)]
+    arcs = [_arc(vertices[k - 1], vertices[k], vertices[(k + 1) % count], radius)
+            for k in range(count)]
     size = max(abs(np.real(number)) for vertex in vertices for number in vertex)
     result: list[Piece] = []
     for k, (arc, _, leave, reach) in enumerate(arcs):
@@ -30,7 +31,8 @@ def filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
             x, y = (1e3 * float(np.real(number)) for number in vertices[k])
             raise InputError(f"must leave room on every side: the side from {x:.4g}, {y:.4g} mm is "
                              f"{np.real(side) * 1e3:.4g} mm long, the arcs at its ends need "
-                             f"{np.real(reach + arcs[after][3]) * 1e3:.4g} mm", given=f"{np.real(radius) * 1e3:.4g} mm")
+                             f"{np.real(reach + arcs[after][3]) * 1e3:.4g} mm",
+                             given=f"{np.real(radius) * 1e3:.4g} mm")
         if arc is not None:
             result.append(arc)
         if rest > 1e-12 * size:
@@ -38,7 +40,8 @@ def filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
     return tuple(result)
 
 
-def _arc(before: Point, corner: Point, after: Point, radius: float) -> tuple[Arc | None, Point, Point, float]:
+def _arc(before: Point, corner: Point, after: Point, radius: float) -> tuple[Arc | None, Point,
+                                                                             Point, float]:
     """The arc at a corner, its ends, and how much of both sides it takes."""
     if np.real(radius) == 0:
         return None, corner, corner, 0.0
@@ -48,9 +51,11 @@ def _arc(before: Point, corner: Point, after: Point, radius: float) -> tuple[Arc
         return None, corner, corner, 0.0
     side = np.sign(np.real(turn))
     reach = radius * side * np.tan(turn / 2)
-    start, end = (corner[0] - reach * u, corner[1] - reach * v), (corner[0] + reach * w, corner[1] + reach * z)
+    start, end = (corner[0] - reach * u, corner[1] - reach * v), (corner[0] + reach * w,
+                                                                  corner[1] + reach * z)
     centre = start[0] - side * radius * v, start[1] + side * radius * u
-    return Arc(centre, (radius, radius), direction(u, v) - side * np.pi / 2, turn), start, end, reach
+    return Arc(centre, (radius, radius), direction(u, v) - side * np.pi / 2,
+               turn), start, end, reach
 
 
 def _unit(start: Point, end: Point) -> Point:

@@ -69,7 +69,8 @@ class Curve:
         share = lengths / lengths.sum() * (count - len(lengths))
         each = 1 + share.astype(int)
         each[np.argsort(each - 1 - share, kind="stable")[: count - each.sum()]] += 1
-        return np.vstack([piece.at(np.arange(n) / n)[0] for piece, n in zip(self.pieces, each, strict=True)]).T
+        return np.vstack([piece.at(np.arange(n) / n)[0]
+                          for piece, n in zip(self.pieces, each, strict=True)]).T
 
     @cached_property
     def length(self) -> Any:
@@ -88,7 +89,8 @@ class Curve:
     @cached_property
     def box(self) -> tuple[Point, Point]:
         """Least and largest x, and the same of y [m]."""
-        low_x, high_x, low_y, high_y = (self._extreme(axis, sign) for axis in range(2) for sign in (-1, 1))
+        low_x, high_x, low_y, high_y = (self._extreme(axis, sign) for axis in range(2)
+                                        for sign in (-1, 1))
         return (low_x, high_x), (low_y, high_y)
 
     def _extreme(self, axis: int, sign: int) -> Any:
@@ -153,7 +155,8 @@ def _integral(piece: Piece, form: Any) -> Any:
 def _extreme(piece: Piece, axis: int, sign: int) -> Any:
     """Largest of a coordinate times a sign; where it is depends on real parts alone."""
     breaks = piece.breaks
-    t = np.unique(np.concatenate([breaks, *(breaks[:-1] + share * np.diff(breaks) for share in (0.25, 0.5, 0.75))]))
+    t = np.unique(np.concatenate([breaks, *(breaks[:-1] + share * np.diff(breaks)
+                                            for share in (0.25, 0.5, 0.75))]))
     best = int(np.argmax(sign * piece.at(t)[0][:, axis].real))
     place, low, high = t[best : best + 1], t[max(best - 1, 0)], t[min(best + 1, len(t) - 1)]
     for _ in range(8):
@@ -167,4 +170,5 @@ def _extreme(piece: Piece, axis: int, sign: int) -> Any:
 
 def _unit_normal(slope: Array) -> Array:
     """To the right of the direction of travel."""
-    return np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1, keepdims=True)
+    return np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1,
+                                                                         keepdims=True)

@@ -83,7 +83,8 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
         major = float(np.hypot(x, y))
         sweep = dxf.end_param - dxf.start_param
         sweep = sweep if 0 < sweep <= 2 * np.pi else float(np.mod(sweep, 2 * np.pi)) or 2 * np.pi
-        return [Arc(place(dxf.center), (major, major * dxf.ratio), dxf.start_param, sweep, float(np.arctan2(y, x)))]
+        return [Arc(place(dxf.center), (major, major * dxf.ratio), dxf.start_param, sweep,
+                    float(np.arctan2(y, x)))]
     tool = entity.construction_tool()
     poles = np.array([place(point) for point in tool.control_points])
     weights = np.array(tool.weights()) if len(tool.weights()) else np.ones(len(poles))
@@ -111,7 +112,8 @@ def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[
         own = breaks[(breaks >= start) & (breaks <= end)].astype(float)
         inset = 1e-13 * (end - start)
 
-        def within(place: Array, low: float = start + inset, high: float = end - inset) -> tuple[Array, Array]:
+        def within(place: Array, low: float = start + inset,
+                   high: float = end - inset) -> tuple[Array, Array]:
             return local(np.clip(place, low, high))
 
         size = float(np.ptp(poles, axis=0).max())
@@ -126,19 +128,23 @@ def edge_pieces(edge: cq.Edge) -> list[Piece]:
     kind = edge.geomType()
     if kind == "LINE":
         start, end = (curve.Value(parameter) for parameter in (first, last))
-        return [Line((start.X() * _MILLI, start.Y() * _MILLI), (end.X() * _MILLI, end.Y() * _MILLI))]
+        return [Line((start.X() * _MILLI, start.Y() * _MILLI),
+                     (end.X() * _MILLI, end.Y() * _MILLI))]
     if kind in ("CIRCLE", "ELLIPSE"):
         conic = curve.Circle() if kind == "CIRCLE" else curve.Ellipse()
-        radii = (conic.Radius(),) * 2 if kind == "CIRCLE" else (conic.MajorRadius(), conic.MinorRadius())
+        radii = (conic.Radius(),) * 2 if kind == "CIRCLE" else (conic.MajorRadius(),
+                                                                conic.MinorRadius())
         up = float(np.sign(conic.Axis().Direction().Z()))
         centre, along = conic.Location(), conic.XAxis().Direction()
-        return [Arc((centre.X() * _MILLI, centre.Y() * _MILLI), (radii[0] * _MILLI, radii[1] * _MILLI), up * first,
+        return [Arc((centre.X() * _MILLI, centre.Y() * _MILLI),
+                    (radii[0] * _MILLI, radii[1] * _MILLI), up * first,
                     up * (last - first), float(np.arctan2(along.Y(), along.X())))]
     handle = BRep_Tool.Curve_s(edge.wrapped, 0.0, 1.0)
     spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(handle, first, last))
     if spline.IsPeriodic():
         spline.SetNotPeriodic()
-    poles = np.array([[spline.Pole(k).X(), spline.Pole(k).Y()] for k in range(1, spline.NbPoles() + 1)]) * _MILLI
+    poles = np.array([[spline.Pole(k).X(), spline.Pole(k).Y()]
+                      for k in range(1, spline.NbPoles() + 1)]) * _MILLI
     weights = np.array([spline.Weight(k) for k in range(1, spline.NbPoles() + 1)])
     knots = np.repeat([spline.Knot(k) for k in range(1, spline.NbKnots() + 1)],
                       [spline.Multiplicity(k) for k in range(1, spline.NbKnots() + 1)])

@@ -47,7 +47,8 @@ class Outline(Protocol):
 
 
 SIZE: Rule = (lambda x: 1e-5 <= x <= 10, "must be positive, from 10 um to 10 m")
-ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10, "must be 0 (sharp corners) or from 1 um to 10 m")
+ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,
+                  "must be 0 (sharp corners) or from 1 um to 10 m")
 
 REGISTRY: dict[str, Callable[[Table], Outline]] = {}
 CLASSES: dict[str, type[Any]] = {}

@@ -1,7 +1,8 @@
 """Pieces that outlines are made of and CAD draws exactly: straight lines, arcs of ellipses, cubic splines.
 
-A piece runs from ``t = 0`` to ``t = 1``. Its numbers may be complex, so that what is computed from a curve can be
-differentiated by its lengths with a complex step; what decides between cases looks at real parts.
+A piece runs from ``t = 0`` to ``t = 1``. Its numbers may be complex, so that what is computed from
+a curve can be differentiated by its lengths with a complex step; what decides between cases looks
+at real parts.
 """
 
 from __future__ import annotations
@@ -91,9 +92,11 @@ class Arc:
         """As for :class:`Line`."""
         a, b = self.radii
         angle = self.start + t * self.sweep
-        x, y = np.array([a * np.cos(angle), b * np.sin(angle)]), np.array([-a * np.sin(angle), b * np.cos(angle)])
+        x, y = np.array([a * np.cos(angle), b * np.sin(angle)]), np.array([-a * np.sin(angle),
+                                                                           b * np.cos(angle)])
         turn = _rotation(self.turn)
-        return (turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep, -(turn @ x).T * self.sweep**2
+        return (turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep, -(turn
+                                                                                  @ x).T * self.sweep**2
 
     def nearest(self, places: Array) -> Array:
         """As for :class:`Line`."""
@@ -107,7 +110,8 @@ class Arc:
 
     def placed(self, angle: Any, shift: Point) -> Arc:
         """As for :class:`Line`."""
-        return Arc(_placed(self.centre, angle, shift), self.radii, self.start, self.sweep, self.turn + angle)
+        return Arc(_placed(self.centre, angle, shift), self.radii, self.start, self.sweep,
+                   self.turn + angle)
 
     def beside(self, distance: Any) -> Piece:
         """As for :class:`Line`; that of an ellipse is a spline close to it."""
@@ -146,7 +150,8 @@ class Spline:
         a, b, c, d = coefficients[:, k]
         width = widths[k][:, None]
         u = (t[:, None] - self.breaks[k][:, None]) / width
-        return (a + u * (b + u * (c + u * d)), (b + u * (2 * c + 3 * u * d)) / width, (2 * c + 6 * u * d) / width**2)
+        return (a + u * (b + u * (c + u * d)), (b + u * (2 * c + 3 * u * d)) / width,
+                (2 * c + 6 * u * d) / width**2)
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array]:
@@ -154,9 +159,11 @@ class Spline:
         knots: Array = np.array(self.knots)
         points: Array = np.array(self.points)
         step, rise = np.diff(knots)[:, None], np.diff(points, axis=0)
-        slopes = np.vstack([np.array(self.slopes[:1]), self._inner_slopes(step, rise), np.array(self.slopes[1:])])
+        slopes = np.vstack([np.array(self.slopes[:1]), self._inner_slopes(step, rise),
+                            np.array(self.slopes[1:])])
         start, end = slopes[:-1] * step, slopes[1:] * step
-        return np.stack([points[:-1], start, 3 * rise - 2 * start - end, start + end - 2 * rise]), np.diff(self.breaks)
+        return np.stack([points[:-1], start, 3 * rise - 2 * start - end,
+                         start + end - 2 * rise]), np.diff(self.breaks)
 
     def _inner_slopes(self, step: Array, rise: Array) -> Array:
         """Derivatives at the inner knots that make the curvature continuous."""
@@ -178,7 +185,8 @@ class Spline:
     def placed(self, angle: Any, shift: Point) -> Spline:
         """As for :class:`Line`."""
         first, last = (_placed(slope, angle, (0.0, 0.0)) for slope in self.slopes)
-        return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points), (first, last))
+        return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points),
+                      (first, last))
 
     def beside(self, distance: Any) -> Spline:
         """As for :class:`Line`, close to it."""
@@ -223,7 +231,8 @@ class Samples:
         return np.where(first <= second, *found)
 
     def _refined(self, places: Array, seed: Array) -> Array:
-        low, high = self._t[np.maximum(seed - 1, 0)], self._t[np.minimum(seed + 1, len(self._t) - 1)]
+        low, high = self._t[np.maximum(seed - 1, 0)], self._t[np.minimum(seed + 1,
+                                                                         len(self._t) - 1)]
         t = self._t[seed]
         for _ in range(12):
             before = t
@@ -231,7 +240,8 @@ class Samples:
             away = value - places
             steepness = (slope * slope).sum(axis=1)
             curvature = steepness + (away * bend).sum(axis=1)
-            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness, curvature, steepness),
+            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness,
+                                                                  curvature, steepness),
                         low, high)
             if np.abs(t - before).max(initial=0.0) < _SETTLED:
                 break
@@ -255,7 +265,8 @@ def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: fl
         step = (high - low)[:, None]
         guess = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
         miss = guess - middle
-        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
+        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1]
+                        * tangent[:, 0]) / np.hypot(*tangent.T)
         wide = across > _FINE * size
         if not wide.any():
             break

@@ -48,9 +48,11 @@ def build(folder: Path) -> Path:
 
 def page(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
-    filled = template("diagnosis/diagnosis.html", number=number, percent=percent, chance=chance, error=error)
+    filled = template("diagnosis/diagnosis.html", number=number, percent=percent, chance=chance,
+                      error=error)
     return filled.render(
-        css=text("page.css"), found=content, headline=HEADLINES[content["verdict"]], sentence=sentence(content),
+        css=text("page.css"), found=content, headline=HEADLINES[content["verdict"]],
+        sentence=sentence(content),
         figure=figure, causes=[told(one) for one in content["causes"]],
         attempts=[told(one) for one in content["attempts"]])
 
@@ -81,7 +83,8 @@ def sentence(content: Content) -> str:
                 "something wrongly.")
     if content["verdict"] == "named":
         named = [one for one in causes if label(one) in content["after"]["effects"]]
-        told = " ".join(f"{REGISTRY[one['effect']].explanation} Found: {values(one)}." for one in named)
+        told = " ".join(f"{REGISTRY[one['effect']].explanation} Found: {values(one)}."
+                        for one in named)
         return f"{missed} {told} With that it misses them by {number(content['after']['rmse_um'])} µm."
     several = [label(one) for one in causes if one["probability"] >= 0.05][:4]
     return f"{missed} These readings cannot decide between {listed(several, 'and')}."
@@ -91,7 +94,8 @@ def ratio_words(misfit: Content) -> str:
     """The worst ratio of strokes of each kind that is clearly wrong."""
     found = []
     for kind in ("shape", "mass"):
-        worst = max((one for one in misfit["ratios"] if one["kind"] == kind and abs(one["off_by_noise"]) > CLEARLY),
+        worst = max((one for one in misfit["ratios"] if one["kind"] == kind
+                     and abs(one["off_by_noise"]) > CLEARLY),
                     key=lambda one: abs(one["off_by_noise"]), default=None)
         if worst:
             found.append(f"{worst['what']} is {worst['read']:.2f} as read, {worst['simulated']:.2f} as simulated")
@@ -147,11 +151,15 @@ def _read(folder: Path) -> tuple[Content, Residuals]:
     try:
         content = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
         with (folder / "readings.csv").open(encoding="utf-8", newline="") as stream:
-            rows = [row for row in csv.DictReader(stream) if row["kind"] in ("displacement", "range")]
+            rows = [row for row in csv.DictReader(stream) if row["kind"] in ("displacement",
+                                                                             "range")]
         column = {name: np.array([float(row[name]) for row in rows])
                   for name in ("mass_g", "voltage_kV", "read", "sigma", "baseline", "extended")}
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"cannot be read: {error}; run tympan diagnose again", file=folder) from None
-    return content, Residuals(np.array([row["specimen"] for row in rows]), column["mass_g"], column["voltage_kV"],
-                              1e6 * (column["read"] - column["baseline"]), 1e6 * (column["read"] - column["extended"]),
+        raise InputError(f"cannot be read: {error}; run tympan diagnose again",
+                         file=folder) from None
+    return content, Residuals(np.array([row["specimen"] for row in rows]), column["mass_g"],
+                              column["voltage_kV"],
+                              1e6 * (column["read"] - column["baseline"]),
+                              1e6 * (column["read"] - column["extended"]),
                               1e6 * column["sigma"])

@@ -55,7 +55,8 @@ def compose(residuals: Residuals) -> Figure:
     for row, name in enumerate(names):
         for column, (words, values) in enumerate((("nominal model", residuals.before),
                                                   ("extended model", residuals.after))):
-            axes = style.place(figure, _LEFT + column * (width + _BETWEEN), _TITLE + row * (_PANEL + _GAP), width,
+            axes = style.place(figure, _LEFT + column * (width + _BETWEEN),
+                               _TITLE + row * (_PANEL + _GAP), width,
                                _PANEL)
             _panel(axes, residuals, name, values if column == 0 or changed else None)
             axes.set_ylim(-reach, reach)
@@ -74,15 +75,19 @@ def _panel(axes: Axes, residuals: Residuals, name: str, values: Array | None) ->
     voltage = residuals.voltage[own]
     order = np.argsort(voltage)
     noise = residuals.noise[own][order]
-    edges = voltage[order] if np.ptp(voltage) > 0 else np.array([voltage[0] - 0.5, voltage[0] + 0.5])
+    edges = voltage[order] if np.ptp(voltage) > 0 else np.array([voltage[0] - 0.5,
+                                                                 voltage[0] + 0.5])
     band = noise if np.ptp(voltage) > 0 else np.full(2, noise.max())
-    axes.fill_between(edges, -2 * band, 2 * band, color="#e4e6ea", linewidth=0, label="95 % of the noise")
+    axes.fill_between(edges, -2 * band, 2 * band, color="#e4e6ea", linewidth=0,
+                      label="95 % of the noise")
     axes.axhline(0.0, color="#5a6475", linewidth=0.6)
     if values is None:
-        axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center", color="#5a6475")
+        axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
+                  color="#5a6475")
         return
     for number, mass in enumerate(np.unique(residuals.mass).tolist()):
         rows = own & (residuals.mass == mass)
         colour = style.PALETTE[number % len(style.PALETTE)]
-        axes.plot(residuals.voltage[rows], values[rows], _MARKERS[number % len(_MARKERS)], color=colour, markersize=3.2,
+        axes.plot(residuals.voltage[rows], values[rows], _MARKERS[number % len(_MARKERS)],
+                  color=colour, markersize=3.2,
                   markeredgewidth=0, alpha=0.9, label=f"{mass:.4g} g")

@@ -19,7 +19,8 @@ _LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
 _MARKERS = "os^Dv*"
 
 
-def draw(comparison: Comparison, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw(comparison: Comparison, folder: Path,
+         formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Draw readings and fits as folder/fit.png and .svg; answers the files."""
     style.check(formats)
     with style.look():
@@ -48,15 +49,18 @@ def _panel(axes: Axes, comparison: Comparison, mode: str) -> None:
     stretch = np.linspace(min(1.0, float(reach.min())), float(reach.max()), 201)
     for index, name in enumerate(dict.fromkeys(coupons.specimen)):
         own = coupons[coupons.specimen == name]
-        axes.plot(own.stretch, own.stress / 1e3, _MARKERS[index % len(_MARKERS)], color="black", markersize=3,
+        axes.plot(own.stretch, own.stress / 1e3, _MARKERS[index % len(_MARKERS)], color="black",
+                  markersize=3,
                   markerfacecolor="none", markeredgewidth=0.7, label=name or "readings", zorder=4)
     best = comparison.best or comparison.fits[0]
-    for index, fit in enumerate([best, *(other for other in comparison.fits if other is not best)][:6]):
+    for index, fit in enumerate([best,
+                                 *(other for other in comparison.fits if other is not best)][:6]):
         _curve(axes, fit, mode, stretch, style.PALETTE[index % len(style.PALETTE)], fit is best)
     highest = max((float(coupons.stress.max()) / 1e3 if tested else 0.0), _top(best, mode, stretch))
     lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
     axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
-    axes.set_title(mode.replace("_", " ") + ("" if tested else ", not tested"), weight="bold", loc="left")
+    axes.set_title(mode.replace("_", " ") + ("" if tested else ", not tested"), weight="bold",
+                   loc="left")
     axes.set_xlabel("stretch")
     axes.grid(color="#e4e6ea", linewidth=0.5)
     axes.set_axisbelow(True)
@@ -72,9 +76,11 @@ def _curve(axes: Axes, fit: Fit, mode: str, stretch: np.ndarray, colour: str, be
     stress, half = _stress(fit, mode, stretch)
     words = fit.family.name + ("" if fit.offered else " (not offered)")
     width, dashes, layer = (1.4, "-", 3) if best else (0.7, "--", 2)
-    axes.plot(stretch, stress, color=colour, linewidth=width, linestyle=dashes, label=words, zorder=layer)
+    axes.plot(stretch, stress, color=colour, linewidth=width, linestyle=dashes, label=words,
+              zorder=layer)
     if best:
-        axes.fill_between(stretch, stress - half, stress + half, color=colour, alpha=0.2, linewidth=0, zorder=1)
+        axes.fill_between(stretch, stress - half, stress + half, color=colour, alpha=0.2,
+                          linewidth=0, zorder=1)
 
 
 def _stress(fit: Fit, mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

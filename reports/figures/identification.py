@@ -21,30 +21,36 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
 _TITLE, _AXIS, _GAP, _VOLTAGE, _RESPONSE = 6.0, 12.0, 5.0, 22.0, 60.0
 _WHOLE, _LEFTOVER, _POINTS = 45.0, 18.0, 5000
 _BEGINNING = 30.0  # radians of the fast oscillation that are shown on their own
-_SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β₁", "beta_2": "β₂", "beta_3": "β₃",
-            "gamma_1": "γ₁", "gamma_2": "γ₂", "gamma_3": "γ₃", "k_1": "k₁", "eta_1": "η₁", "eta_2": "η₂"}
+_SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β₁", "beta_2": "β₂",
+            "beta_3": "β₃",
+            "gamma_1": "γ₁", "gamma_2": "γ₂", "gamma_3": "γ₃", "k_1": "k₁", "eta_1": "η₁",
+            "eta_2": "η₂"}
 _PANEL, _COLUMNS, _CELL, _BAR, _SHORTEST, _LETTER, _NARROWEST = 38.0, 3, 11.0, 20.0, 6.0, 1.3, 75.0
 
 
-def draw_static(fit: StaticFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw_static(fit: StaticFit, folder: Path,
+                formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Draw folder/static: what was read and the fit, above; what is left, below; a column for each mass."""
     style.check(formats)
     with style.look():
         return style.save(_static(fit), folder, "static", formats)
 
 
-def draw_dynamic(fit: DynamicFit, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw_dynamic(fit: DynamicFit, folder: Path,
+                 formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Draw folder/dynamic: a row for each mass; what was read and the fit, their beginning, and what is left."""
     style.check(formats)
     with style.look():
         return style.save(_dynamic(fit), folder, "dynamic", formats)
 
 
-def draw_profiles(judgement: Judgement, folder: Path, name: str = "profiles", formats: Sequence[str] = ("png", "svg")
+def draw_profiles(judgement: Judgement, folder: Path, name: str = "profiles",
+                  formats: Sequence[str] = ("png", "svg")
                   ) -> list[Path]:
     """Draw folder/name: of each constant that has one, √Δχ² over its value, with the 95 % limits.
 
-    A straight V is a linear problem; a branch that never meets the dotted line leaves its side open.
+    A straight V is a linear problem; a branch that never meets the dotted line leaves its side
+    open.
     """
     style.check(formats)
     with style.look():
@@ -80,7 +86,8 @@ def _static(fit: StaticFit) -> Figure:
             own = own[np.argsort(readings.voltage[own])]
             colour = style.PALETTE[number % len(style.PALETTE)]
             volts, at = 1e-3 * readings.voltage[own], fit.problem.read[own]
-            above.plot(volts, 1e3 * at, "o", color=colour, markersize=3, markerfacecolor="none", label=specimen.name)
+            above.plot(volts, 1e3 * at, "o", color=colour, markersize=3, markerfacecolor="none",
+                       label=specimen.name)
             above.plot(volts, 1e3 * (at + left[own]), color=colour, linewidth=0.8)
             below.plot(volts, 1e6 * left[own], "o-", color=colour, markersize=2, linewidth=0.5)
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
@@ -111,7 +118,8 @@ def _dynamic(fit: DynamicFit) -> Figure:
             if record.mass == mass:
                 colour = style.PALETTE[numbers.index(record.specimen) % len(style.PALETTE)]
                 name = fit.problem.actuator(record, fit.z).specimen.name
-                for (above, below), end in zip(columns, (np.inf, _BEGINNING * fit.fast), strict=True):
+                for (above, below), end in zip(columns, (np.inf, _BEGINNING * fit.fast),
+                                               strict=True):
                     _response(above, below, record, residual, end, colour, name)
         for above, below in columns:
             above.tick_params(labelbottom=False)
@@ -125,20 +133,25 @@ def _dynamic(fit: DynamicFit) -> Figure:
     return figure
 
 
-def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, end: float, colour: str, name: str
+def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, end: float,
+              colour: str, name: str
               ) -> None:
     """One run up to a time since its voltage changed, as dots read and a line fitted; the difference below."""
     since = record.time - record.begins
     inside = np.flatnonzero((since <= end) & (since >= -end / 5))
-    inside = inside[np.unique(np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int))]
+    inside = inside[np.unique(np.linspace(0, len(inside) - 1,
+                                          min(len(inside), _POINTS)).astype(int))]
     at, read = since[inside], 1e3 * record.displacement[inside]
-    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0, rasterized=True)
+    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0,
+               rasterized=True)
     above.plot(at, read + 1e3 * residual[inside], color=colour, linewidth=0.6, label=name)
-    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0, rasterized=True)
+    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0,
+               rasterized=True)
 
 
 def _profiles(judgement: Judgement) -> Figure:
-    drawn = [(one, line) for one, line in zip(judgement.constants, judgement.profiles, strict=True) if line is not None]
+    drawn = [(one, line) for one, line in zip(judgement.constants, judgement.profiles, strict=True)
+             if line is not None]
     rows = max(1, -(-len(drawn) // _COLUMNS))
     figure = style.page(rows * (_TOP + _PANEL + _BOTTOM))
     width = style.WIDTH / _COLUMNS - _LEFT - _RIGHT
@@ -154,7 +167,8 @@ def _profiles(judgement: Judgement) -> Figure:
         axes.axhline(judgement.quantile, color="black", linewidth=0.6, linestyle=":")
         for end in (line.low, line.high):
             if end is not None:
-                axes.axvline(judgement.to_value(one.name, end), color=colour, linewidth=0.6, linestyle="--")
+                axes.axvline(judgement.to_value(one.name, end), color=colour, linewidth=0.6,
+                             linestyle="--")
         axes.set_xlim(*_span(line, at))
         axes.set_ylim(0, 1.5 * judgement.quantile)
         axes.set_title(_symbol(one.name), loc="left", weight="bold")
@@ -185,14 +199,16 @@ def _correlations(judgement: Judgement) -> Figure:
     picture = axes.imshow(judgement.correlations, cmap="RdBu_r", vmin=-1, vmax=1)
     for row, line in enumerate(judgement.correlations):
         for column, value in enumerate(line):
-            axes.text(column, row, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=6,
+            axes.text(column, row, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center",
+                      fontsize=6,
                       color="white" if abs(value) > 0.6 else "black")
     axes.set_xticks(range(len(names)), names, rotation=60, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(len(names)), names)
     for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
         for label, determined in zip(labels, sure, strict=True):
             label.set_color("black" if determined else "#8a8f98")
-    figure.text(2 / wide, 1 - 2 / high, "correlations; in grey what is not determined", weight="bold", va="top")
+    figure.text(2 / wide, 1 - 2 / high, "correlations; in grey what is not determined",
+                weight="bold", va="top")
     for side in axes.spines.values():
         side.set_visible(False)
     bar = style.place(figure, margin + size + 4, _TOP, 3, size)

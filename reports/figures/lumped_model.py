@@ -18,7 +18,8 @@ _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α
           "cone": ("--", "cones, dashes in turn")}
 
 
-def draw_built(found: Sequence[Built], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw_built(found: Sequence[Built], folder: Path,
+               formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Draw folder/build: a column for each mass; all models above, the errors of those with membrane circles below."""
     style.check(formats)
     with style.look():
@@ -61,19 +62,23 @@ def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes
     for kind, (line, _) in _SHOWN.items():
         # Cones of several shapes may coincide: their dashes take turns.
         dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
-        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], linestyle=dashes, color=colour, linewidth=0.9)
+        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], linestyle=dashes,
+                   color=colour, linewidth=0.9)
         if kind != "cone":
             error = 100 * built.errors(kind)[row]
             below.plot(voltage, error, line, color=colour, linewidth=0.8)
             if kind == "corrected":
                 below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
-    above.plot(voltage, 1e3 * built.field.deflection[row], "o", color=colour, markersize=3, markerfacecolor="none",
+    above.plot(voltage, 1e3 * built.field.deflection[row], "o", color=colour, markersize=3,
+               markerfacecolor="none",
                label=built.model.specimen.name)
 
 
 def _key(axes: Axes) -> None:
     """What the lines are, in black, below and above alike."""
-    lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0] for line, words in _SHOWN.values()]
-    dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face, label=words)[0]
+    lines = [axes.plot([], [], line, color="black", linewidth=0.9, label=words)[0]
+             for line, words in _SHOWN.values()]
+    dots = [axes.plot([], [], "o", color="black", markersize=3, markerfacecolor=face,
+                      label=words)[0]
             for face, words in (("none", "field model"), ("black", "fitted here"))]
     axes.legend(handles=[*lines, *dots], loc="upper left", ncols=2)

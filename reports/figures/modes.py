@@ -60,12 +60,14 @@ def swung(vibration: Vibration) -> list[Film]:
         length = float(np.linalg.norm(shape, axis=1).max())
         unit = shape / (length if shape[:, 2].max() >= -shape[:, 2].min() else -length)
         swing = min(largest, _TURN * length / max(float(np.linalg.norm(plate[3:])), 1e-300))
-        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles, unit[:, 2],
+        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles,
+                           unit[:, 2],
                            np.zeros(len(unit)), np.zeros(len(unit))))
     return result
 
 
-def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range], width: float) -> Figure:
+def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range],
+             width: float) -> Figure:
     left, right, bottom, top = (pick(item.extent[side] for item in pictures)
                                 for side, pick in enumerate((min, max, min, max)))
     height = width * (top - bottom) / (right - left)
@@ -92,7 +94,8 @@ def _show(axes: Axes, image: Picture, name: str, speed: str) -> None:
 def _colour_bar(figure: Figure, top: float) -> None:
     wide = 70.0
     cax = style.place(figure, (style.WIDTH - wide) / 2, top, wide, 2.4)
-    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax, orientation="horizontal",
+    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax,
+                          orientation="horizontal",
                           ticks=(-1, 0, 1))
     bar.outline.set_linewidth(0.5)
     bar.set_label("motion along the load over the mode's largest motion; the size of the swing is arbitrary",

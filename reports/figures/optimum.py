@@ -56,8 +56,10 @@ def _strokes(axes: Axes, result: Optimised, optimum: Optimum) -> None:
     for run, colour in zip(optimum.runs, style.PALETTE[:1] + style.PALETTE[2:], strict=False):
         kept = [(number, 1e3 * station.design.stroke) for number, station in enumerate(run.stations)
                 if station.accepted]
-        axes.plot(*zip(*kept, strict=True), "o-", color=colour, markersize=2.5, label=f"start {run.start + 1}")
-    axes.axhline(1e3 * result.reference.stroke, color=style.PALETTE[1], linestyle="--", linewidth=0.8)
+        axes.plot(*zip(*kept, strict=True), "o-", color=colour, markersize=2.5,
+                  label=f"start {run.start + 1}")
+    axes.axhline(1e3 * result.reference.stroke, color=style.PALETTE[1], linestyle="--",
+                 linewidth=0.8)
     axes.set_xlabel("trial")
     axes.set_title("Stroke [mm]", loc="left")
     axes.legend()
@@ -65,10 +67,12 @@ def _strokes(axes: Axes, result: Optimised, optimum: Optimum) -> None:
 
 def _limits(axes: Axes, result: Optimised, optimum: Optimum) -> None:
     """How much of each limit is used along the best run."""
-    kept = [(number, station.design) for number, station in enumerate(optimum.best.stations) if station.accepted]
+    kept = [(number, station.design) for number, station in enumerate(optimum.best.stations)
+            if station.accepted]
     for limit, colour in zip(result.problem.limits, style.PALETTE, strict=False):
         upper = limit.unit in ("Pa", "V/m")
-        used = [design.limited[limit.name] / limit.bound if upper else limit.bound / design.limited[limit.name]
+        used = [design.limited[limit.name] / limit.bound if upper
+                else limit.bound / design.limited[limit.name]
                 for _, design in kept]
         axes.plot([number for number, _ in kept], used, "o-", color=colour, markersize=2.5,
                   label=limit.name.replace("_", " "))

@@ -33,10 +33,12 @@ def _frame(axes: Axes, row: Row) -> None:
     axes.add_patch(Circle((0, 0), 10, color="0.55", lw=0))
     for radius, colour in zip(row.two.circles, (style.SHORT, style.LONG), strict=False):
         axes.add_patch(Circle((0, 0), radius * 1e3, fill=False, color=colour, lw=0.9))
-    axes.add_patch(Circle((0, 0), row.one.circles[0] * 1e3, fill=False, color="0.4", lw=0.7, ls=":"))
+    axes.add_patch(Circle((0, 0), row.one.circles[0] * 1e3, fill=False, color="0.4", lw=0.7,
+                          ls=":"))
     weights = row.two.by_basis["membrane"]
     alpha = ", ".join(f"{weight:.3f}" for weight in weights.alpha)
     held = "" if weights.held_out_error is None else f"held-out error {weights.held_out_error:.1e}"
-    axes.set_title(f"{row.outline.shape.replace('_', ' ')}\nα {alpha}\n{held}", fontsize=6.5, linespacing=1.3)
+    axes.set_title(f"{row.outline.shape.replace('_', ' ')}\nα {alpha}\n{held}", fontsize=6.5,
+                   linespacing=1.3)
     axes.set(aspect="equal", xlim=(-80, 80), ylim=(-80, 80), xticks=[], yticks=[])
     axes.spines[:].set_visible(False)

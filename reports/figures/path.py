@@ -36,13 +36,16 @@ def draw(folder: Path, name: str, result: BranchResult) -> list[Path]:
         return style.save(figure, folder, name, ("png",))
 
 
-def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float], up: tuple[str, str, float]) -> None:
+def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float],
+           up: tuple[str, str, float]) -> None:
     x, y = (_values(result.stations, *quantity[1:]) for quantity in (across, up))
     stable = np.array([station.stable for station in result.stations])
     tense = np.array([station.tense for station in result.stations])
-    axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round", zorder=1,
+    axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round",
+              zorder=1,
               label="part of the film without tension")
-    for kind, colour, line, label in ((stable, _STABLE, "-", "stable"), (~stable, _UNSTABLE, "--", "unstable")):
+    for kind, colour, line, label in ((stable, _STABLE, "-", "stable"),
+                                      (~stable, _UNSTABLE, "--", "unstable")):
         _pieces(axes, x, y, kind, colour, line, label)
     for event in result.events:
         _mark(axes, event, across, up)
@@ -52,20 +55,24 @@ def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float], up:
     axes.set_axisbelow(True)
 
 
-def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str, label: str) -> None:
+def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str,
+            label: str) -> None:
     """The stretches of the curve that are of a kind, each drawn on to the next point."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
     for number, (start, end) in enumerate(edges.reshape(-1, 2)):
         piece = slice(start, min(end + 1, len(x)))
-        axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2, label=label if number == 0 else None)
+        axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2,
+                  label=label if number == 0 else None)
 
 
-def _mark(axes: Axes, event: Event, across: tuple[str, str, float], up: tuple[str, str, float]) -> None:
+def _mark(axes: Axes, event: Event, across: tuple[str, str, float],
+          up: tuple[str, str, float]) -> None:
     marker, label = _MARKS[event.what]
     x, y = (float(_values([event.station], *quantity[1:])[0]) for quantity in (across, up))
     known = axes.get_legend_handles_labels()[1]
     words = f"{label}: {event.value_text}"
-    axes.plot(x, y, marker, color="#303030", markersize=4.5, markerfacecolor="white", zorder=4, linestyle="none",
+    axes.plot(x, y, marker, color="#303030", markersize=4.5, markerfacecolor="white", zorder=4,
+              linestyle="none",
               label=None if words in known else words)
 
 

@@ -17,7 +17,8 @@ _VOLTAGE, _RESPONSE = 22.0, 60.0
 _POINTS, _COLUMNS = 20_000, 3
 
 
-def draw_simulated(found: Sequence[Simulated], folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw_simulated(found: Sequence[Simulated], folder: Path,
+                   formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     """Draw folder/response and, for periodic signals, folder/hysteresis; answers the files."""
     style.check(formats)
     with style.look():
@@ -35,7 +36,8 @@ def _responses(found: Sequence[Simulated]) -> Figure:
     for number, one in enumerate(found):
         thin = np.unique(np.linspace(0, len(one.time) - 1, min(len(one.time), _POINTS)).astype(int))
         colour = style.PALETTE[number % len(style.PALETTE)]
-        below.plot(one.time[thin], 1e3 * one.reading[thin], color=colour, linewidth=0.8, label=_label(one))
+        below.plot(one.time[thin], 1e3 * one.reading[thin], color=colour, linewidth=0.8,
+                   label=_label(one))
         if number == 0:
             voltage = np.append(one.response.signal.first, one.voltage[thin])
             above.plot(np.append(0.0, one.time[thin]), 1e-3 * voltage, color="black", linewidth=0.8)
@@ -61,7 +63,8 @@ def _loops(found: Sequence[Simulated]) -> Figure:
         row, column = divmod(number, columns)
         axes = style.place(figure, _LEFT + column * style.WIDTH / columns,
                            _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
-        axes.plot(1e-3 * loop.voltage, 1e3 * loop.deflection, color=style.PALETTE[number % len(style.PALETTE)],
+        axes.plot(1e-3 * loop.voltage, 1e3 * loop.deflection,
+                  color=style.PALETTE[number % len(style.PALETTE)],
                   linewidth=0.8)
         axes.set_title(_label(one), loc="left")
         axes.set_xlabel("voltage (kV)")

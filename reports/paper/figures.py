@@ -48,9 +48,11 @@ class Curves:
                 next(rows)
                 for row in rows:
                     first, second = row[keys:keys + 2]
-                    found.setdefault(tuple(row[:keys]), []).append((float(first), float(second or "nan")))
+                    found.setdefault(tuple(row[:keys]),
+                                     []).append((float(first), float(second or "nan")))
         except (OSError, ValueError, StopIteration) as error:
-            raise InputError(f"cannot be read: {error}; run tympan lumped paper again", file=file) from None
+            raise InputError(f"cannot be read: {error}; run tympan lumped paper again",
+                             file=file) from None
         columns = {key: np.array(pairs).T for key, pairs in found.items()}
         return {key: (both[0], both[1]) for key, both in columns.items()}
 
@@ -78,7 +80,8 @@ def read(folder: Path) -> dict[str, Any]:
         if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
             raise ValueError("something is missing")
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"cannot be read: {error}; run tympan lumped paper again", file=file) from None
+        raise InputError(f"cannot be read: {error}; run tympan lumped paper again",
+                         file=file) from None
     return dict(content)
 
 
@@ -87,7 +90,8 @@ def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
     style.check(formats)
     curves = Curves(folder)
     with style.look():
-        return [file for name, make in FIGURES.items() for file in style.save(make(curves), folder, name, formats)]
+        return [file for name, make in FIGURES.items() for file in style.save(make(curves), folder,
+                                                                              name, formats)]
 
 
 def _static(mass: float) -> Callable[[Curves], Figure]:
@@ -114,12 +118,14 @@ def _step(mass: float, zoom: bool) -> Callable[[Curves], Figure]:
                       label=f"{name}: {ours:.2f} s (paper: {settled:.2f} s)" if zoom else name)
             if zoom:
                 for at, marker in ((ours, "o"), (settled, "v")):
-                    axes.plot(at, np.interp(at, time, y), marker, color=colour, markeredgecolor="black", markersize=5,
+                    axes.plot(at, np.interp(at, time, y), marker, color=colour,
+                              markeredgecolor="black", markersize=5,
                               markeredgewidth=0.6)
         axes.set_xlim(0, end if zoom else None)
         axes.set_ylim(top=axes.get_ylim()[1] + 0.25 * np.ptp(axes.get_ylim()))
         axes.set_title(f"step {STEP[0] / 1e3:g} to {STEP[1] / 1e3:g} kV at 0 s, {1e3 * mass:g} g"
-                       + (", settled: ○ within 5 % of the largest swing, ▽ paper" if zoom else ""), loc="left")
+                       + (", settled: ○ within 5 % of the largest swing, ▽ paper" if zoom else ""),
+                       loc="left")
         return _finish(figure, axes, "time (s)")
 
     return make
@@ -132,7 +138,8 @@ def _loops(curves: Curves) -> Figure:
     width = style.WIDTH / 2 - left - _RIGHT
     for row, name in enumerate(NAMES):
         for column, (offset, amplitude) in enumerate(SINES):
-            axes = style.place(figure, left + column * style.WIDTH / 2, _TOP + row * (height + gap), width, height)
+            axes = style.place(figure, left + column * style.WIDTH / 2, _TOP + row * (height + gap),
+                               width, height)
             volts, y = loops[f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             letter = "abcdef"[2 * row + column]
@@ -162,7 +169,8 @@ def _random(curves: Curves) -> Figure:
                 row = curves.row(mass, name)
                 axes.plot(at, y, color=colour, linewidth=0.7,
                           label=f"{name} {row['at_levels_mm']:.2f} mm (paper {row['paper_mm']:.2f})")
-            axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g, ranges at the ends of the levels", loc="left")
+            axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g, ranges at the ends of the levels",
+                           loc="left")
             axes.set_ylabel("distance (mm)")
             axes.set_ylim(top=axes.get_ylim()[1] + 0.14 * np.ptp(axes.get_ylim()))
             axes.legend(loc="upper right", ncols=3, handlelength=1.2, columnspacing=1.0)
@@ -182,10 +190,13 @@ def _misfit(curves: Curves) -> Figure:
     lost = curves.content["lost"]
     least, rest = lost["smallest_worst"], lost["readings"]["rest"]
     edges = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.5, 6.0]) * least["worst_mm"]
-    filled = axes.contourf(permittivity, alpha, worst.T, levels=edges, cmap=style.COLOURS, extend="max")
-    axes.contour(permittivity, alpha, worst.T, levels=[2 * least["worst_mm"]], colors="white", linewidths=1.2)
+    filled = axes.contourf(permittivity, alpha, worst.T, levels=edges, cmap=style.COLOURS,
+                           extend="max")
+    axes.contour(permittivity, alpha, worst.T, levels=[2 * least["worst_mm"]], colors="white",
+                 linewidths=1.2)
     for one, marker, words in ((least, "o", "smallest worst misfit"), (rest, "x", "least squares")):
-        axes.plot(one["relative_permittivity"], one["alpha_1"][0], marker, color="white", markersize=4.5, label=words)
+        axes.plot(one["relative_permittivity"], one["alpha_1"][0], marker, color="white",
+                  markersize=4.5, label=words)
     axes.legend(loc="upper left", labelcolor="black")
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
     bar.ax.yaxis.set_major_formatter("{x:.2f}")
@@ -198,13 +209,16 @@ def _misfit(curves: Curves) -> Figure:
 #: Every figure by its file's name.
 FIGURES: dict[str, Callable[[Curves], Figure]] = {
     "fig7": _static(MASSES[0]), "fig8": _static(MASSES[1]), "fig9": _step(MASSES[0], False),
-    "fig10": _step(MASSES[0], True), "fig11": _step(MASSES[1], False), "fig12": _step(MASSES[1], True),
+    "fig10": _step(MASSES[0], True), "fig11": _step(MASSES[1], False),
+    "fig12": _step(MASSES[1], True),
     "fig13": _loops, "fig14": _random, "misfit": _misfit,
 }
 
 
-def _three(found: dict[Key, tuple[Array, Array]], mass: float) -> list[tuple[str, str, tuple[Array, Array]]]:
-    return [(style.PALETTE[number], name, found[f"{1e3 * mass:g}", name]) for number, name in enumerate(NAMES)]
+def _three(found: dict[Key, tuple[Array, Array]],
+           mass: float) -> list[tuple[str, str, tuple[Array, Array]]]:
+    return [(style.PALETTE[number], name, found[f"{1e3 * mass:g}", name])
+            for number, name in enumerate(NAMES)]
 
 
 def _single(share: float = 0.75) -> tuple[Figure, Axes]:

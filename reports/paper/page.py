@@ -48,7 +48,8 @@ def page(content: Content, pictures: Mapping[str, str]) -> str:
     columns = [f"{name}_{1e3 * mass:g}g_s" for mass in MASSES for name in NAMES]
     return template("paper/paper.html", shown=shown).render(
         css=text("page.css"), found=content, captions=CAPTIONS, pictures=pictures, columns=columns,
-        paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES], names=NAMES)
+        paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES],
+        names=NAMES)
 
 
 def shown(number: Mapping[str, Any]) -> str:
@@ -59,6 +60,7 @@ def shown(number: Mapping[str, Any]) -> str:
     >>> shown({"value": 231610.0, "unit": "Pa"}), shown({"value": 1.25, "unit": ""})
     ('231.6 kPa', '1.25')
     """
-    unit, factor = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "kg": ("g", 1e3), "m²": ("cm²", 1e4)}.get(
+    unit, factor = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "kg": ("g", 1e3),
+                    "m²": ("cm²", 1e4)}.get(
         number["unit"], (number["unit"], 1.0))
     return f"{factor * number['value']:.4g} {unit}".strip()

@@ -73,7 +73,8 @@ def _panel(axes: Axes, run: Run, mass: float) -> None:
             axes.plot(curve.voltage, curve.deflection, marker=marker, markersize=3.2, color=colour,
                       label=label(specimen.name, curve))
             # Hollow: part of the film has lost tension.
-            axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker, markersize=3.2,
+            axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker,
+                      markersize=3.2,
                       color=colour, markerfacecolor="white", linestyle="none", zorder=5)
             _mark_pull_in(axes, curve, colour)
     axes.set_title(f"{mass:g} g", weight="bold", loc="left")
@@ -94,7 +95,8 @@ def _mark_pull_in(axes: Axes, curve: Curve, colour: str) -> None:
 def _share(panels: Sequence[Axes], run: Run) -> None:
     """The same limits in all panels, from no deflection and with room for the legend."""
     curves = [curve for specimen in run.specimens for curve in specimen.curves]
-    deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()), default=0.0) or 1.0
+    deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()),
+                  default=0.0) or 1.0
     highest = max(float(curve.voltage.max()) for curve in curves) or 1.0
     for axes in panels:
         axes.set_xlim(-0.02 * highest, 1.03 * highest)

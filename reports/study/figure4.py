@@ -36,8 +36,8 @@ _LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02  # narrowest column and widest film [mm]
 class Plan:
     """Everything of the figure that is a number: one scale of paper, colours and view for all membranes.
 
-    ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on paper [mm],
-    ``reach`` mm of the curves' abscissa per mm of paper.
+    ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on
+    paper [mm], ``reach`` mm of the curves' abscissa per mm of paper.
     """
 
     rows: tuple[range, ...]
@@ -79,7 +79,8 @@ def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
     flat = (width for row in columns for width in row)
     reach = max(_farthest(item) / width for item, width in zip(specimens, flat, strict=True))
     # Twice the pixels of the print: the average of four makes smooth edges.
-    view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS, scale(*stress),
+    view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS,
+                scale(*stress),
                 bar_length(max(widths)) / 2, style.SHORT, style.LONG)
     return Plan(tuple(rows), columns, paper, 1.03 * reach, view)
 
@@ -87,7 +88,8 @@ def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
 def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
-    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR + (len(heights) - 1) * _SPACE)
+    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
+                        + (len(heights) - 1) * _SPACE)
     top = 0.0
     for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
         lefts = _lefts(columns)
@@ -107,7 +109,8 @@ def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
                 axes.tick_params(labelleft=False)
         top += _PANEL + _AXIS
         middle = (lefts[0] + lefts[-1] + columns[-1]) / 2
-        _write(figure, middle, top - _AXIS + 5.0, "distance from the plate's edge (mm)", ha="center", va="top")
+        _write(figure, middle, top - _AXIS + 5.0, "distance from the plate's edge (mm)",
+               ha="center", va="top")
     return figure
 
 
@@ -116,8 +119,10 @@ def end_values(specimen: Stored, scale: Scale) -> list[tuple[str, float, str]]:
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
     if specimen.alike or texts[0] == texts[1]:
-        return [(f"{scale.text((short + long) / 2, more=1)} on both axes", (short + long) / 2, "black")]
-    ends = zip(texts, specimen.axes, (short, long), (style.SHORT_TEXT, style.LONG_TEXT), strict=True)
+        return [(f"{scale.text((short + long) / 2, more=1)} on both axes", (short + long) / 2,
+                 "black")]
+    ends = zip(texts, specimen.axes, (short, long), (style.SHORT_TEXT, style.LONG_TEXT),
+               strict=True)
     return [(f"{text} on the {axis} axis", value, colour) for text, axis, value, colour in ends]
 
 
@@ -142,17 +147,20 @@ def _lefts(columns: Sequence[float]) -> list[float]:
     return [_LEFT + spare / 2 + float(start) for start in starts]
 
 
-def _show(axes: Axes, image: Picture, specimen: Stored, paper: float, size: tuple[float, float]) -> None:
+def _show(axes: Axes, image: Picture, specimen: Stored, paper: float,
+          size: tuple[float, float]) -> None:
     """One membrane in axes of millimetres of film; ``size`` of the axes on paper [mm]."""
     half, height = size[0] / paper / 2, size[1] / paper
     middle = (image.extent[2] + image.extent[3]) / 2
     axes.set_axis_off()
     axes.imshow(image.pixels, extent=image.extent, interpolation="hanning", aspect="auto")
     axes.set(xlim=(-half, half), ylim=(middle - height / 2, middle + height / 2))
-    lines = ((specimen.name, 4.2, "bold", 8.5), (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
+    lines = ((specimen.name, 4.2, "bold", 8.5),
+             (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
     for text, above, weight, points in lines:
         axes.annotate(text, (0.5, 1.0), (0, above * style.MM * 72), xycoords="axes fraction",
-                      textcoords="offset points", ha="center", va="bottom", weight=weight, fontsize=points)
+                      textcoords="offset points", ha="center", va="bottom", weight=weight,
+                      fontsize=points)
 
 
 def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
@@ -162,12 +170,14 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     bar.set_axis_off()
     bar.fill_between([0, 1], 0, 1, color="black", linewidth=0)
     bar.set(xlim=(0, 1), ylim=(0, 1))
-    _write(figure, _LEFT, top + 5.5, f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
+    _write(figure, _LEFT, top + 5.5,
+           f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
            "deflection true to scale")
     wide = 70.0
     left = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
     colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
-    shown = figure.colorbar(colours, cax=style.place(figure, left, top + 3.0, wide, 2.6), orientation="horizontal",
+    shown = figure.colorbar(colours, cax=style.place(figure, left, top + 3.0, wide, 2.6),
+                            orientation="horizontal",
                             ticks=view.scale.ticks)
     shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])
     shown.outline.set_linewidth(0.5)
@@ -175,7 +185,8 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     right = style.WIDTH - _RIGHT - 32.0
     _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.voltage:g} kV")
     names = next((item.axes for item in run.specimens if not item.round), run.specimens[0].axes)
-    for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"), strict=True)):
+    for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"),
+                                                     strict=True)):
         down = top + 8.3 + 3.6 * row
         sample = style.place(figure, right, down - 0.5, 8.0, 1.0)
         sample.set_axis_off()
@@ -189,7 +200,8 @@ def _explain_hatches(figure: Figure, left: float, top: float) -> None:
     """What a hatched zone is."""
     sample = style.place(figure, left, top, 8.0, 2.8)
     sample.set_axis_off()
-    sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////", linewidth=0.6))
+    sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////",
+                               linewidth=0.6))
     _write(figure, left + 9.5, top + 1.4, "tension lost", va="center")
 
 
@@ -202,7 +214,8 @@ def stress_label(scale: Scale) -> str:
 def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
     """Stress along both axes up to a distance ``reach`` [mm], with the values at the plate."""
     limits = design.view.scale
-    for line, colour, dashes in ((specimen.short, style.SHORT, "-"), (specimen.long, style.LONG, (0, (3.2, 1.6)))):
+    for line, colour, dashes in ((specimen.short, style.SHORT, "-"),
+                                 (specimen.long, style.LONG, (0, (3.2, 1.6)))):
         for side in line.sides:
             axes.plot(side.distance, side.stress, linestyle=dashes, color=colour)
         axes.plot(0, line.at_plate, "o", color=colour, markersize=3, clip_on=False, zorder=3)
@@ -211,7 +224,8 @@ def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
     values = end_values(specimen, limits)
     places = spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
     for (text, _, colour), place in zip(values, places, strict=True):
-        axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center", color=colour,
+        axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center",
+                      color=colour,
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6})
 
 
@@ -226,4 +240,5 @@ def _height(image: Picture) -> float:
 
 
 def _farthest(specimen: Stored) -> float:
-    return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y) for side in line.sides)
+    return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y)
+               for side in line.sides)

@@ -34,13 +34,15 @@ class Line:
         """The half at positive or negative distance, as distance from the plate's edge outwards."""
         outward = self.distance * sign
         order = np.flatnonzero(outward > 0)[np.argsort(outward[outward > 0], kind="stable")]
-        return Line(outward[order] - outward[order].min(initial=np.inf), self.deflection[order], self.stress[order])
+        return Line(outward[order] - outward[order].min(initial=np.inf), self.deflection[order],
+                    self.stress[order])
 
     @property
     def sides(self) -> tuple[Line, ...]:
         """Both halves, or one if the other repeats it."""
         right, left = self.side(1), self.side(-1)
-        same = len(right.stress) == len(left.stress) and np.allclose(right.distance, left.distance, atol=1e-6)
+        same = len(right.stress) == len(left.stress) and np.allclose(right.distance, left.distance,
+                                                                     atol=1e-6)
         # A hundredth of the curve's own height is less than the width of the line that draws it.
         if same and np.allclose(right.stress, left.stress, rtol=0, atol=0.01 * np.ptp(self.stress)):
             return (right,)
@@ -62,8 +64,8 @@ class Line:
 class Curve:
     """Deflection [mm] against voltage [kV] under one mass [g]; the deflection is NaN where ``status`` has none.
 
-    ``slack`` is the share of the film that has lost tension, ``margin`` the smallest strength over field, NaN where
-    there is none.
+    ``slack`` is the share of the film that has lost tension, ``margin`` the smallest strength over
+    field, NaN where there is none.
     """
 
     mass: float
@@ -90,15 +92,16 @@ class Curve:
         if not lost:
             return None
         before = np.flatnonzero(self.found[:lost[0]])
-        return (float(self.voltage[before[-1]]) if len(before) else np.nan), float(self.voltage[lost[0]])
+        return (float(self.voltage[before[-1]]) if len(before)
+                else np.nan), float(self.voltage[lost[0]])
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
     """The deformed film: ``points`` [mm], shape (n, 3), z along the load; triangles; largest true stress [kPa].
 
-    ``mounted`` is where the points lay in the flat film [mm], ``least`` the smaller principal true stress [kPa],
-    ``tension`` 0 where the film is taut, 1 wrinkled, 2 slack.
+    ``mounted`` is where the points lay in the flat film [mm], ``least`` the smaller principal true
+    stress [kPa], ``tension`` 0 where the film is taut, 1 wrinkled, 2 slack.
     """
 
     points: Array
@@ -199,7 +202,8 @@ def read_run(folder: Path) -> Run:
     table.text("python")
     return Run(
         table.text("name"), table.text("version"), table.text("finished"),
-        table.number("mass_kg", rule=NON_NEGATIVE) * 1e3, table.number("voltage_V", rule=NON_NEGATIVE) / 1e3,
+        table.number("mass_kg", rule=NON_NEGATIVE) * 1e3,
+        table.number("voltage_V", rule=NON_NEGATIVE) / 1e3,
         tuple(_specimen(row, folder) for row in rows),
         tuple(map(_alpha, _objects(weights, "", _json(weights)))), record)
 
@@ -234,14 +238,16 @@ def _film(file: Path) -> Film:
         # The reader itself, since meshio.read ends the whole process on a file it cannot read.
         mesh = vtu.read(file)
         points, displacement, stress, least, tension = (np.asarray(values, float) for values in (
-            mesh.points, *(mesh.point_data[name] for name in ("displacement", "stress_1", "stress_2", "tension"))))
+            mesh.points, *(mesh.point_data[name] for name in ("displacement", "stress_1",
+                                                              "stress_2", "tension"))))
         triangles = np.asarray(mesh.cells_dict["triangle"])
         mounted = points - displacement
         fitting = stress.shape == least.shape == tension.shape == points.shape[:1]
         if not fitting or not len(triangles) or triangles.max() >= len(points):
             raise ValueError("arrays do not belong together")
     except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
-        raise InputError(f"is not a film of a study: {type(error).__name__}: {error}", file=file) from None
+        raise InputError(f"is not a film of a study: {type(error).__name__}: {error}",
+                         file=file) from None
     if not all(np.isfinite(values).all() for values in (points, mounted, stress, least, tension)):
         raise InputError("holds values that are not finite", file=file)
     return Film(points * 1e3, mounted * 1e3, triangles, stress / 1e3, least / 1e3, tension)
@@ -258,7 +264,8 @@ def _line(file: Path, rows: Sequence[Mapping[str, str]], name: str) -> Line:
                for key in ("distance_mm", "deflection_mm", "stress_1_kPa")]
     line = Line(*columns)
     if not chosen or (name != "plate" and not line.distance.min() < 0 < line.distance.max()):
-        raise InputError(f"must have rows of the line {name!r} on both sides of the plate", file=file, key="line")
+        raise InputError(f"must have rows of the line {name!r} on both sides of the plate",
+                         file=file, key="line")
     return line
 
 
@@ -268,7 +275,8 @@ def _curves(file: Path) -> tuple[Curve, ...]:
     for number, row in enumerate(_rows(file, columns), 2):
         mass, voltage = (_number(file, number, key, row[key]) for key in ("mass_g", "voltage_kV"))
         there = row["status"] == "equilibrium"
-        deflection, slack = (_number(file, number, key, row[key]) if there else np.nan for key in columns[3:5])
+        deflection, slack = (_number(file, number, key, row[key]) if there else np.nan
+                             for key in columns[3:5])
         margin = _number(file, number, columns[5], row[columns[5]]) if row[columns[5]] else np.nan
         rows.setdefault(mass, []).append((voltage, row["status"], deflection, slack, margin))
     return tuple(_curve(mass, points) for mass, points in rows.items())
@@ -286,7 +294,8 @@ def _alpha(table: Table) -> AlphaResult:
         table.text("specimen"), circles,
         {name: _weights(bases.table(name), len(circles)) for name in get_args(Basis)},
         table.number("cone_scale"), _weights(from_fields, len(circles)),
-        tuple((pair[0], pair[1]) for pair in _pairs(from_fields, "range")), _texts(table, "warnings"))
+        tuple((pair[0], pair[1]) for pair in _pairs(from_fields, "range")),
+        _texts(table, "warnings"))
 
 
 def _pairs(table: Table, key: str) -> list[tuple[float, ...]]:
@@ -330,7 +339,8 @@ def _rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     rows = list(reader)
     if not rows:
         raise InputError("has no rows", file=file)
-    short = [number for number, row in enumerate(rows, 2) if any(row[column] is None for column in columns)]
+    short = [number for number, row in enumerate(rows, 2)
+             if any(row[column] is None for column in columns)]
     if short or not text.endswith("\n"):
         raise InputError(f"is cut short in line {short[0] if short else len(rows) + 1}", file=file)
     return rows

@@ -21,12 +21,16 @@ from tympan.studies.files import write_text
 _BASES = (
     ("membrane", "membrane circles", "circles of the same film solved by the same finite elements"),
     ("cone", "cones, Eq. (5)", "straight cones, the paper's formula, as it stands"),
-    ("cone_scaled", "scaled cones", "the same cones, their force multiplied to match the membrane on the first circle"),
-    ("from_fields", "from the fields", "shares of the plate's edge force within 45° of each axis; no fit"),
+    ("cone_scaled", "scaled cones",
+     "the same cones, their force multiplied to match the membrane on the first circle"),
+    ("from_fields", "from the fields",
+     "shares of the plate's edge force within 45° of each axis; no fit"),
 )
 _UNITS = {
-    "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V", "sensor_zero": "m",
-    "lag_voltage": "V", "masses": "kg", "voltages": "V", "weight_offset": "m", "plate_pressure": "Pa",
+    "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V",
+    "sensor_zero": "m",
+    "lag_voltage": "V", "masses": "kg", "voltages": "V", "weight_offset": "m",
+    "plate_pressure": "Pa",
     "gas_pressure": "Pa", "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
 }
 
@@ -72,18 +76,22 @@ def build(folder: Path) -> Path:
 def page(run: Run, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
     return template("study/report.html").render(
-        css=text("page.css"), run=run, summary=words.summary(run), warnings=words.warnings(run), fig4=fig4,
-        curves=curves_, hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
+        css=text("page.css"), run=run, summary=words.summary(run), warnings=words.warnings(run),
+        fig4=fig4,
+        curves=curves_,
+        hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
         design=figure4.plan(run.specimens, run.stress_range),
         results=[(item, result_row(item)) for item in run.specimens],
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
         circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
-                 for item in run.alphas if len(item.circles) == 1], settings=list(settings(run.record)))
+                 for item in run.alphas if len(item.circles) == 1],
+                 settings=list(settings(run.record)))
 
 
 def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
     """A page's template, with filters of its own."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True,
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
+                                     trim_blocks=True,
                                      lstrip_blocks=True)
     environment.filters |= filters
     return environment.from_string(text(name))
@@ -104,7 +112,8 @@ def result_row(specimen: Stored) -> tuple[str, ...]:
     """The columns of the table of results after the name, as text, in its units."""
     result = specimen.result
     scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),
-              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3), (result.max_field_V_per_m, 1e-6),
+              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3),
+              (result.max_field_V_per_m, 1e-6),
               (result.breakdown_margin, 1.0), (result.slack_share, 100.0))
     numbers = [digits(None if value is None else value * factor, 4) for value, factor in scaled]
     return (*numbers, f"{result.dofs}", digits(result.wall_s, 2))
@@ -121,7 +130,8 @@ def alpha_rows(item: AlphaResult) -> list[AlphaRow]:
 
 def settings(record: Mapping[str, Any]) -> Iterator[Setting]:
     """What the study was run with, flat, one setting each."""
-    for where, key in (("Rig", "rig"), ("Computation", "settings"), ("Loads for α", "alpha_settings"),
+    for where, key in (("Rig", "rig"), ("Computation", "settings"),
+                       ("Loads for α", "alpha_settings"),
                        ("Libraries", "libraries")):
         yield from (Setting(where, name, value) for name, value in _flat(record[key]))
     yield Setting("Libraries", "Python", record["python"])

@@ -15,7 +15,8 @@ from tympan.studies.alpha import AlphaResult
 def summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
     stress = stress_at_plate(run.specimens, run.stress_range[0])
-    said = (deflections(run), stress, tension(run), breakdown(run), strokes(run), weights(run.alphas))
+    said = (deflections(run), stress, tension(run), breakdown(run), strokes(run),
+            weights(run.alphas))
     return tied(" ".join(filter(None, said)))
 
 
@@ -62,13 +63,15 @@ def more(ratio: float) -> str:
 
 def tension(run: Run) -> str:
     """Which films of the picture have lost tension, and over how much of their area."""
-    lost = [f"{percent(item.result.slack_share)} of {item.name}" for item in run.specimens if item.loose]
+    lost = [f"{percent(item.result.slack_share)} of {item.name}" for item in run.specimens
+            if item.loose]
     return f"Tension is lost in {listed(lost)}: the film wrinkles there (hatched)." if lost else ""
 
 
 def breakdown(run: Run) -> str:
     """How far each film of the picture is from electrical breakdown, where a strength is known."""
-    known = [(item, item.result.breakdown_margin) for item in run.specimens if item.result.breakdown_margin is not None]
+    known = [(item, item.result.breakdown_margin) for item in run.specimens
+             if item.result.breakdown_margin is not None]
     if not known:
         return ""
     each = listed([f"{digits(margin)} ({item.name})" for item, margin in known])
@@ -82,7 +85,8 @@ def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
         chosen = [item for item in specimens if not item.alike and _larger(item) == axis]
         parts.append(f"{where} is higher on the {axis} axis {listed([_difference(item) for item in chosen])}. "
                      f"{_above(chosen, least)}".strip())
-    alike = [f"{item.name} ({digits(item.long.at_plate, 4)} kPa)" for item in specimens if item.alike]
+    alike = [f"{item.name} ({digits(item.long.at_plate, 4)} kPa)" for item in specimens
+             if item.alike]
     if alike:
         parts.append(f"{'It' if parts else where} is the same on both axes in {listed(alike)}.")
     return " ".join(parts)
@@ -119,7 +123,8 @@ def strokes(run: Run) -> str:
     if not there:
         return ""
     mass = run.mass if run.mass in there else there[0]
-    pairs = [(item.name, curve) for item in run.specimens for curve in item.curves if curve.mass == mass]
+    pairs = [(item.name, curve) for item in run.specimens for curve in item.curves
+             if curve.mass == mass]
     low = min(float(curve.voltage[0]) for _, curve in pairs)
     high = max(float(curve.voltage[-1]) for _, curve in pairs)
     return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by up to another "

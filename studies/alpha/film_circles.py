@@ -25,7 +25,8 @@ from tympan.studies.circles.cone import ConeCircle, radii_of
 
 Array = NDArray[np.float64]
 
-#: Radii among which those of the fit are interpolated, and how far these go beyond the frame's nearest and farthest.
+#: Radii among which those of the fit are interpolated, and how far these go beyond the frame's
+#: nearest and farthest.
 _GRID, _BEYOND = 9, 1.1
 
 
@@ -39,13 +40,15 @@ class Circles:
 
     def forces(self, radii: tuple[float, ...], samples: Samples) -> Array:
         """Force [N] of each circle held at each sample's deflection and voltage, shape (samples, circles)."""
-        return np.array([self._forces(radius, samples) for radius in radii]).reshape(len(radii), -1).T
+        return np.array([self._forces(radius, samples) for radius in radii]).reshape(len(radii),
+                                                                                     -1).T
 
     def cones(self, radii: tuple[float, ...], samples: Samples) -> Array:
         """The same of straight cones (Eq. 5)."""
         cones = [ConeCircle(self.specimen, radius) for radius in radii]
         pairs = zip(samples.deflection, samples.voltage, strict=True)
-        return np.array([[cone.force(y, u) for cone in cones] for y, u in pairs]).reshape(-1, len(radii))
+        return np.array([[cone.force(y, u) for cone in cones] for y, u in pairs]).reshape(-1,
+                                                                                          len(radii))
 
     def _forces(self, radius: float, samples: Samples) -> list[float]:
         model, column, start = self._model(radius), [], None
@@ -55,13 +58,15 @@ class Circles:
             if outcome.status != "equilibrium":
                 raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its deflection",
                                  key="alpha", given=self.specimen.name)
-            column.append(reaction(model, outcome.state))  # the film's alone, as the samples have it: no spring
+            column.append(reaction(model,
+                                   outcome.state))  # the film's alone, as the samples have it: no spring
         return column
 
     def _model(self, radius: float) -> Model:
         """The circular specimen of a radius with the same film, electrode and plate, its plate in the middle."""
         try:
-            circle = replace(self.specimen, name=f"circle {radius * 1e3:g} mm", frame=Circle(radius),
+            circle = replace(self.specimen, name=f"circle {radius * 1e3:g} mm",
+                             frame=Circle(radius),
                              plate=Plate(self.specimen.plate.outline))
         except InputError as error:
             raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: {error.allowed}",
@@ -96,14 +101,16 @@ def _fit(circles: Circles, samples: Samples, count: int) -> tuple[float, ...]:
 
     start = np.log(_sectors(circles, samples, count))
     low, high = family.logarithms[[0, -1]]
-    found = minimize(misfit, np.clip(start, low, high), method="Nelder-Mead", bounds=[(low, high)] * count,
+    found = minimize(misfit, np.clip(start, low, high), method="Nelder-Mead",
+                     bounds=[(low, high)] * count,
                      options={"xatol": 1e-5, "fatol": 1e-9})
     return tuple(float(radius) for radius in np.sort(np.exp(found.x)))
 
 
-#: Ways to choose the circles' radii, shortest first: the frame's half extents along x and y and a geometric series
-#: between them; parts of the directions around the plate, by the distance of the frame, each with the geometric mean of
-#: its distances (a film's force goes with 1/ln(R/r)); or those with which the forces fit best.
+#: Ways to choose the circles' radii, shortest first: the frame's half extents along x and y and a
+#: geometric series between them; parts of the directions around the plate, by the distance of the
+#: frame, each with the geometric mean of its distances (a film's force goes with 1/ln(R/r)); or
+#: those with which the forces fit best.
 RADII: dict[str, Chooser] = {"semi_axes": _semi_axes, "sectors": _sectors, "fit": _fit}
 
 

@@ -14,8 +14,8 @@ from tympan.studies.alpha.map_readings import Reading
 
 Array = NDArray[Any]
 
-#: Radius of the circle whose film is as stiff as that of an endless strip with a small plate in its middle, over the
-#: strip's half width: its conformal radius.
+#: Radius of the circle whose film is as stiff as that of an endless strip with a small plate in its
+#: middle, over the strip's half width: its conformal radius.
 _STRIP = 4 / np.pi
 
 
@@ -23,10 +23,10 @@ _STRIP = 4 / np.pi
 class Formula:
     """α₁(A, q), A = r₂/r₁, q = r/r₁, with four constants c.
 
-    A film under small tension changes pulls like 1/ln(R/r), so one circle of radius s r₁ is as stiff as the ellipse:
-    α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q)), with s = 1 + (4/π − 1)(1 − A^−p) between the circle (1) and
-    the endless strip (4/π), and p = c₀ + c₁ ln A + c₂ ln² A + c₃ q³ ln A. It holds for A and q in ``aspects`` and
-    ``ratios``.
+    A film under small tension changes pulls like 1/ln(R/r), so one circle of radius s r₁ is as
+    stiff as the ellipse: α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q)), with s = 1 + (4/π
+    − 1)(1 − A^−p) between the circle (1) and the endless strip (4/π), and p = c₀ + c₁ ln A + c₂ ln²
+    A + c₃ q³ ln A. It holds for A and q in ``aspects`` and ``ratios``.
     """
 
     constants: tuple[float, ...]
@@ -43,7 +43,8 @@ class Formula:
         0.61
         """
         logarithm = np.log(aspect)
-        power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm], -1) @ self.constants
+        power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm],
+                         -1) @ self.constants
         radius = 1 + (_STRIP - 1) * (1 - aspect**-power)
         same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
         return np.asarray((same - long) / (short - long))
@@ -77,6 +78,7 @@ def found(read: Sequence[Reading]) -> Formula:
 
 
 def _columns(read: Sequence[Reading]) -> tuple[Array, Array, Array]:
-    rows = [(one.place.aspect, one.place.ratio, one.alpha) for one in read if np.isfinite(one.alpha)]
+    rows = [(one.place.aspect, one.place.ratio, one.alpha) for one in read
+            if np.isfinite(one.alpha)]
     aspect, ratio, weight = np.array(rows).T
     return aspect, ratio, weight

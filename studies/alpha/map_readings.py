@@ -19,7 +19,8 @@ from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings, build_model
 from tympan.studies.paper.actuators import paper_film
 
-#: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the loads.
+#: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
+#: loads.
 SHORT = 45e-3
 
 
@@ -34,7 +35,8 @@ class Place:
     @property
     def specimen(self) -> Specimen:
         """An ellipse with the paper's film and short semi-axis."""
-        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.ratio:.4g}", Ellipse((self.aspect * SHORT, SHORT)),
+        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.ratio:.4g}",
+                        Ellipse((self.aspect * SHORT, SHORT)),
                         Plate(Circle(self.ratio * SHORT)), paper_film(self.material))
 
 
@@ -53,8 +55,9 @@ class Reading:
 class MapSettings:
     """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, grid of places, and random ones.
 
-    The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random materials of the
-    library, ``outside`` ones have aspects up to ``far[0]`` and ratios up to ``far[1]``.
+    The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
+    materials of the library, ``outside`` ones have aspects up to ``far[0]`` and ratios up to
+    ``far[1]``.
     """
 
     loads: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 2e3, 4e3)))
@@ -75,7 +78,8 @@ class MapSettings:
         """Places it is tested on, within its range."""
         rng = np.random.default_rng(self.seed)
         names = sorted(MATERIALS)
-        return [Place(rng.uniform(self.aspects[0], self.aspects[-1]), rng.uniform(self.ratios[0], self.ratios[-1]),
+        return [Place(rng.uniform(self.aspects[0], self.aspects[-1]),
+                      rng.uniform(self.ratios[0], self.ratios[-1]),
                       names[rng.integers(len(names))]) for _ in range(self.inside)]
 
     def outer(self) -> list[Place]:
@@ -83,7 +87,8 @@ class MapSettings:
         rng = np.random.default_rng(self.seed + 1)
         places: list[Place] = []
         while len(places) < self.outside:
-            place = Place(rng.uniform(self.aspects[0], self.far[0]), rng.uniform(self.ratios[0], self.far[1]))
+            place = Place(rng.uniform(self.aspects[0], self.far[0]),
+                          rng.uniform(self.ratios[0], self.far[1]))
             if place.aspect > self.aspects[-1] or place.ratio > self.ratios[-1]:
                 places.append(place)
         return places

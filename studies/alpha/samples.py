@@ -42,14 +42,16 @@ class Samples:
         return len(self.force)
 
 
-def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int, warnings: list[str]) -> Samples:
+def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int,
+               warnings: list[str]) -> Samples:
     """Equilibria of a model under every load that has one; those left out are told in ``warnings``."""
     part_of = parts_of(model.specimen, parts)
     rows: list[tuple[float, float, float]] = []
     shares: list[Array] = []
     for mass in loads.masses:
         seen = [rig.film_voltage(voltage) for voltage in loads.voltages]
-        for outcome in voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path):
+        for outcome in voltage_path(model, rig.force(mass, model.plate_area), seen,
+                                    rig.gas_pressure, settings.path):
             state = outcome.state
             if outcome.status != "equilibrium":
                 warnings.append(f"{mass * 1e3:g} g: {why(outcome)}; loads beyond are left out")
@@ -57,7 +59,8 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
             if state.plate.heave <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
-            rows.append((reaction(model, state), state.plate.heave, float(np.sqrt(state.voltage_squared))))
+            rows.append((reaction(model, state), state.plate.heave,
+                         float(np.sqrt(state.voltage_squared))))
             shares.append(part_shares(model, state, part_of))
     force, deflection, voltage = np.array(rows).reshape(-1, 3).T
     return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts))
@@ -91,8 +94,8 @@ def concentric(specimen: Specimen) -> bool:
 def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array:
     """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`, the nearest frame first.
 
-    The force is the integral of the first Piola traction along the mounted edge; angles are those of the mounted edge
-    around the plate's centre.
+    The force is the integral of the first Piola traction along the mounted edge; angles are those
+    of the mounted edge around the plate's centre.
     """
     parts = 1 + int(part_of.max())
     if parts == 1:

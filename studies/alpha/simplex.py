@@ -15,8 +15,8 @@ Array = NDArray[Any]
 def simplex_fit(forces: Array, target: Array) -> Array:
     """The α ≥ 0, Σ α = 1 that minimises |forces · α − target|, exactly.
 
-    For every choice of circles with non-zero weight the equality-constrained problem has a closed form; the best
-    feasible one is the minimum. ``forces`` has shape (samples, circles).
+    For every choice of circles with non-zero weight the equality-constrained problem has a closed
+    form; the best feasible one is the minimum. ``forces`` has shape (samples, circles).
 
     Examples
     --------
@@ -33,7 +33,8 @@ def simplex_fit(forces: Array, target: Array) -> Array:
             weights = np.zeros(count)
             base = forces[:, chosen[0]]
             rest = forces[:, chosen[1:]] - base[:, None]
-            others = np.linalg.lstsq(rest, target - base, rcond=None)[0] if size > 1 else np.zeros(0)
+            others = np.linalg.lstsq(rest, target - base,
+                                     rcond=None)[0] if size > 1 else np.zeros(0)
             weights[chosen[1:]] = others
             weights[chosen[0]] = 1 - others.sum()
             misfit = float(np.linalg.norm(forces @ weights - target))
@@ -45,8 +46,9 @@ def simplex_fit(forces: Array, target: Array) -> Array:
 def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[float, float], ...]:
     """Smallest and largest weight of each circle among all mixtures whose force is nowhere off by more than ``error``.
 
-    The error is relative to the target, sample by sample; so each end is a linear programme's. Where no mixture comes
-    so near, ``error`` must be chosen larger: the ranges are empty, (nan, nan).
+    The error is relative to the target, sample by sample; so each end is a linear programme's.
+    Where no mixture comes so near, ``error`` must be chosen larger: the ranges are empty, (nan,
+    nan).
 
     Examples
     --------
@@ -58,9 +60,11 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
     """
     relative = forces / target[:, None]
     rows, limits = np.vstack([relative, -relative]), np.repeat([1 + error, error - 1], len(target))
-    ends = [[linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1)) for sign in (1, -1)]
+    ends = [[linprog(sign * unit, rows, limits, np.ones((1, len(unit))), [1.0], (0, 1))
+             for sign in (1, -1)]
             for unit in np.eye(forces.shape[1])]
-    return tuple((float(low.fun), float(-high.fun)) if low.success and high.success else (np.nan, np.nan)
+    return tuple((float(low.fun), float(-high.fun)) if low.success and high.success
+                 else (np.nan, np.nan)
                  for low, high in ends)
 
 

@@ -22,8 +22,9 @@ _FINER = 1.5
 class Uncertainty:
     """Smallest and largest of each weight of membrane circles of the same radii, by what was changed.
 
-    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place. ``loads``: each
-    mass of the fit alone, and the lower and upper half of its voltages. None where nothing could be changed.
+    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place.
+    ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
+    nothing could be changed.
     """
 
     mesh: Ranges | None
@@ -32,11 +33,13 @@ class Uncertainty:
 
     def json(self) -> dict[str, list[list[float]] | None]:
         """As a JSON object."""
-        return {item.name: None if (ranges := getattr(self, item.name)) is None else [list(pair) for pair in ranges]
+        return {item.name: None if (ranges := getattr(self, item.name)) is None
+                else [list(pair) for pair in ranges]
                 for item in fields(self)}
 
 
-def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig, nominal: AlphaResult,
+def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
+                nominal: AlphaResult,
                 progress: Progress = lambda _: None) -> Uncertainty:
     """Of the weights of a shape that ``nominal`` has; a change without an equilibrium to fit is left out."""
 
@@ -45,7 +48,8 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
         for name, changed, finer, loads in changes:
             progress(f"{specimen.name}: α with {name}")
             try:
-                found.append(alpha(changed, finer, loads, rig, radii=nominal.circles).by_basis["membrane"].alpha)
+                found.append(alpha(changed, finer, loads, rig,
+                                   radii=nominal.circles).by_basis["membrane"].alpha)
             except InputError:
                 continue
         columns = zip(nominal.by_basis["membrane"].alpha, *found, strict=True)
@@ -53,16 +57,19 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
 
     finer = replace(settings, mesh=settings.mesh.refined(_FINER))
     film = specimen.membrane
-    others = ((name, replace(specimen, membrane=replace(film, material=entry.material)), settings, alpha_settings)
+    others = ((name, replace(specimen, membrane=replace(film, material=entry.material)), settings,
+               alpha_settings)
               for name, entry in MATERIALS.items() if entry.material != film.material)
-    return Uncertainty(ranges(iter([("a finer mesh", specimen, finer, alpha_settings)])), ranges(others),
+    return Uncertainty(ranges(iter([("a finer mesh", specimen, finer, alpha_settings)])),
+                       ranges(others),
                        ranges(((name, specimen, settings, replace(alpha_settings, fit=grid))
                                for name, grid in _parts(alpha_settings.fit))))
 
 
 def _parts(loads: LoadGrid) -> Iterator[tuple[str, LoadGrid]]:
     if len(loads.masses) > 1:
-        yield from ((f"{mass * 1e3:g} g alone", LoadGrid((mass,), loads.voltages)) for mass in loads.masses)
+        yield from ((f"{mass * 1e3:g} g alone", LoadGrid((mass,), loads.voltages))
+                    for mass in loads.masses)
     if len(loads.voltages) > 1:
         half = len(loads.voltages) // 2
         voltages = tuple(sorted(loads.voltages))

@@ -26,7 +26,8 @@ Progress = Callable[[str], None]
 #: Circles beyond which the fit over all choices of them takes long, and nobody can tell them apart.
 MOST_CIRCLES = 6
 
-#: Where a mixture of circles leaves more force than this, relative, it does not represent the shape.
+#: Where a mixture of circles leaves more force than this, relative, it does not represent the
+#: shape.
 REPRESENTED = 0.01
 
 
@@ -34,13 +35,16 @@ REPRESENTED = 0.01
 class AlphaSettings:
     """Loads the weights are fitted on and loads they are tested on, and what circles they belong to.
 
-    The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to heavier, and other
-    voltages, from between to beyond. ``radii`` is a key of :data:`tympan.studies.alpha.RADII`. ``tolerance``: force
-    error, relative, at which two mixtures count as equally good.
+    The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to
+    heavier, and other voltages, from between to beyond. ``radii`` is a key of
+    :data:`tympan.studies.alpha.RADII`. ``tolerance``: force error, relative, at which two mixtures
+    count as equally good.
     """
 
-    fit: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3), (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)))
-    held_out: LoadGrid = field(default_factory=lambda: LoadGrid((12e-3, 20e-3, 25e-3), (2.5e3, 4.5e3, 5.5e3)))
+    fit: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3),
+                                                           (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)))
+    held_out: LoadGrid = field(default_factory=lambda: LoadGrid((12e-3, 20e-3, 25e-3),
+                                                                (2.5e3, 4.5e3, 5.5e3)))
     circles: int = 2
     radii: str = "semi_axes"
     tolerance: float = 1e-3
@@ -59,7 +63,8 @@ class AlphaSettings:
 class Weights:
     """α of one way of finding it, with the relative root-mean-square error of the force it leaves.
 
-    ``fit_error`` is on the loads used for fitting, ``held_out_error`` on the others (None where none is in reach).
+    ``fit_error`` is on the loads used for fitting, ``held_out_error`` on the others (None where
+    none is in reach).
     """
 
     alpha: tuple[float, ...]
@@ -71,10 +76,11 @@ class Weights:
 class AlphaResult:
     """α of a specimen for circles of the given radii [m], the shortest first.
 
-    ``by_basis`` holds the fits against membrane circles, against cones as the paper writes them, and against cones
-    whose force is multiplied by ``cone_scale``, the ratio of membrane to cone on the first circle. ``radii`` says how
-    the circles were chosen. Of all mixtures of membrane circles as good as the best, to the settings' tolerance of
-    force, each weight lies in its pair of ``ranges``; ``condition`` is that of the circles' relative differences.
+    ``by_basis`` holds the fits against membrane circles, against cones as the paper writes them,
+    and against cones whose force is multiplied by ``cone_scale``, the ratio of membrane to cone on
+    the first circle. ``radii`` says how the circles were chosen. Of all mixtures of membrane
+    circles as good as the best, to the settings' tolerance of force, each weight lies in its pair
+    of ``ranges``; ``condition`` is that of the circles' relative differences.
     """
 
     specimen: str
@@ -113,18 +119,20 @@ class AlphaResult:
 
 
 def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings = AlphaSettings(),
-          rig: Rig = Rig(), progress: Progress = lambda _: None, radii: tuple[float, ...] | None = None
+          rig: Rig = Rig(), progress: Progress = lambda _: None,
+          radii: tuple[float, ...] | None = None
           ) -> AlphaResult:
     """Weights of the circles that stand for a shape.
 
-    Three fits of Σ α_j F_j(y, U) to the specimen's own force at its equilibria, all with α ≥ 0 and Σ α = 1: F_j of
-    membrane circles by the same finite elements, of straight cones (Eq. 5), and of cones scaled to the membrane on
-    the first circle. Independently, from the fields: the share of the plate's vertical edge force carried where the
-    frame is nearest, next nearest, …, in as many parts of the full angle as there are circles, averaged over the fit's
-    loads (of two, the sectors within 45° of an ellipse's short and of its long axis).
+    Three fits of Σ α_j F_j(y, U) to the specimen's own force at its equilibria, all with α ≥ 0 and
+    Σ α = 1: F_j of membrane circles by the same finite elements, of straight cones (Eq. 5), and of
+    cones scaled to the membrane on the first circle. Independently, from the fields: the share of
+    the plate's vertical edge force carried where the frame is nearest, next nearest, …, in as many
+    parts of the full angle as there are circles, averaged over the fit's loads (of two, the sectors
+    within 45° of an ellipse's short and of its long axis).
 
-    A circle with its plate in the middle is one circle, α = (1). A frame with equal semi-axes that is no circle gets
-    circles by sectors where semi-axes are asked for.
+    A circle with its plate in the middle is one circle, α = (1). A frame with equal semi-axes that
+    is no circle gets circles by sectors where semi-axes are asked for.
 
     Parameters
     ----------
@@ -137,13 +145,15 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
         When no load of the fit has an equilibrium.
     """
     model = build_model(specimen, settings, rig.loading)
-    count, how = _circles(specimen, alpha_settings) if radii is None else (len(radii), alpha_settings.radii)
+    count, how = _circles(specimen, alpha_settings) if radii is None else (len(radii),
+                                                                           alpha_settings.radii)
     warnings: list[str] = []
     progress(f"{specimen.name}: equilibria")
     fit = equilibria(model, alpha_settings.fit, rig, settings, count, warnings)
     test = equilibria(model, alpha_settings.held_out, rig, settings, count, warnings)
     if not len(fit):
-        raise InputError("has no equilibrium at any load of the fit", key="alpha", given=specimen.name)
+        raise InputError("has no equilibrium at any load of the fit", key="alpha",
+                         given=specimen.name)
     progress(f"{specimen.name}: circles")
     circles = Circles(specimen, settings, rig.loading)
     radii = RADII[how](circles, fit, count) if radii is None else radii
@@ -152,12 +162,15 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     scale = float(membrane[0][:, 0] @ cone[0][:, 0] / (cone[0][:, 0] @ cone[0][:, 0]))
     bases: dict[Basis, list[Array]] = {
         "membrane": membrane, "cone": cone, "cone_scaled": [scale * forces for forces in cone]}
-    by_basis = {name: _weigh(simplex_fit(forces[0], fit.force), forces, fit, test) for name, forces in bases.items()}
+    by_basis = {name: _weigh(simplex_fit(forces[0], fit.force), forces, fit, test)
+                for name, forces in bases.items()}
     shares = fit.shares.mean(axis=0)
-    spread = tuple((float(low), float(high)) for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
+    spread = tuple((float(low), float(high))
+                   for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
     best = np.abs(membrane[0] @ by_basis["membrane"].alpha / fit.force - 1).max()
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
-    result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test), spread,
+    result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
+                         spread,
                          tuple(warnings), how, ranges, condition(membrane[0]))
     return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings)))
 
@@ -167,12 +180,14 @@ def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
     if concentric(specimen):
         return 1, "semi_axes"
     if chosen.radii == "semi_axes" and len(radii_of(specimen.frame)) == 1:
-        return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles, "sectors")
+        return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles,
+                                                                            "sectors")
     return chosen.circles, chosen.radii
 
 
 def _weigh(weights: Array, forces: Iterable[Array], fit: Samples, test: Samples) -> Weights:
-    errors = [_error(part @ weights, samples.force) for part, samples in zip(forces, (fit, test), strict=True)]
+    errors = [_error(part @ weights, samples.force) for part, samples in zip(forces, (fit, test),
+                                                                             strict=True)]
     fit_error = errors[0]
     assert fit_error is not None
     return Weights(tuple(float(weight) for weight in weights), fit_error, errors[1])
@@ -196,11 +211,13 @@ def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> l
     elif membrane.fit_error > REPRESENTED:
         sizes = ", ".join(f"{radius * 1e3:.4g}" for radius in radii)
         doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best leaves a force error of "
-                      f"{100 * membrane.fit_error:.1f} %" + ("" if result.radii == "fit" else "; radii by fit may"))
+                      f"{100 * membrane.fit_error:.1f} %"
+                      + ("" if result.radii == "fit" else "; radii by fit may"))
     if result.radii != chosen.radii and len(radii) > 1:
         doubts.append("the semi-axes are equal but the frame is no circle: the circles' radii are those of sectors")
     doubts += _loose(result, chosen)
-    names: dict[Basis, str] = {"cone": "cones as in Eq. (5)", "cone_scaled": "cones scaled to the membrane"}
+    names: dict[Basis, str] = {"cone": "cones as in Eq. (5)",
+                               "cone_scaled": "cones scaled to the membrane"}
     for basis, words in names.items():
         weights = result.by_basis[basis]
         if len(radii) > 1 and min(weights.alpha) == 0 and weights.fit_error > 0.02:

@@ -37,7 +37,8 @@ def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
     return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
 
 
-def sloped_film(material: Any, prestretch: float, steepness: float, deflection: Any) -> tuple[Any, Any, Any]:
+def sloped_film(material: Any, prestretch: float, steepness: float,
+                deflection: Any) -> tuple[Any, Any, Any]:
     """Energy per volume [J/m³] of such a film over that of the flat one, and its two derivatives by y [m].
 
     ``prestretch`` is equibiaxial; across the slope the film keeps it.
@@ -53,12 +54,13 @@ def sloped_film(material: Any, prestretch: float, steepness: float, deflection: 
 class ConeCircle:
     """A circular actuator of outer radius ``radius`` [m] whose film is a straight cone.
 
-    Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ = radius − r, with r
-    the plate's mean radius and λ_p the mean prestretch. The material is the specimen's own.
+    Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ =
+    radius − r, with r the plate's mean radius and λ_p the mean prestretch. The material is the
+    specimen's own.
 
-    ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r) of a weightless
-    membrane that is hardly deflected (1): its slope at a distance ρ from the axis is
-    y ((1 − c)/l₀ + c/(ρ ln(radius/r))).
+    ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r)
+    of a weightless membrane that is hardly deflected (1): its slope at a distance ρ from the axis
+    is y ((1 − c)/l₀ + c/(ρ ln(radius/r))).
     """
 
     specimen: Specimen
@@ -79,8 +81,9 @@ class ConeCircle:
     def volume(self) -> float:
         """2π r z₀ l₀ [m³]: the film whose energy per volume, by the deflection, gives the force of Eq. (5).
 
-        In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress times d ln λ_r: for
-        any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is not the whole film's volume.
+        In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress
+        times d ln λ_r: for any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is
+        not the whole film's volume.
         """
         film = self.specimen.membrane
         return 2 * np.pi * self.plate_radius * film.thickness / film.area_prestretch / self.steepness
@@ -113,7 +116,8 @@ class ConeCircle:
     def force(self, deflection: float, voltage: float) -> float:
         """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
 
-        As in the paper it is what the film there pulls with, not the derivative of the film's energy.
+        As in the paper it is what the film there pulls with, not the derivative of the film's
+        energy.
         """
         parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
         return float(sum(self.pull(part, deflection)[1] for part in parts))
@@ -140,8 +144,8 @@ class ConeCircle:
 class Lumped(Specimen):
     """An actuator as the lumped model has it: circles of its semi-axes, the shortest first, with weights α.
 
-    ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness, the plate's offset
-    and the direction of the prestretch do not enter.
+    ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness,
+    the plate's offset and the direction of the prestretch do not enter.
 
     Examples
     --------
@@ -168,7 +172,8 @@ class Lumped(Specimen):
     @classmethod
     def of(cls, specimen: Specimen, weights: tuple[float, ...] = (1.0,)) -> Lumped:
         """A specimen seen so; an ellipse needs its two weights."""
-        return cls(**{item.name: getattr(specimen, item.name) for item in fields(Specimen)}, weights=weights)
+        return cls(**{item.name: getattr(specimen, item.name) for item in fields(Specimen)},
+                   weights=weights)
 
     @property
     def circles(self) -> tuple[ConeCircle, ...]:

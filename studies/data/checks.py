@@ -12,9 +12,9 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
 from tympan.studies.data.readings import Array, StaticReadings
 
-#: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below, the Maxwell stress
-#: is under 1 Pa; VHB, the strongest film of the library, breaks down far before the upper one
-#: (tympan.fem.film.breakdown).
+#: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below,
+#: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before
+#: the upper one (tympan.fem.film.breakdown).
 _FIELDS = (1e5, 1e9)
 
 
@@ -28,16 +28,19 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "dataset": dataset.name,
         "source": dataset.source,
         "files": [{"name": file.name, "sha256": file.sha256,
-                   "readings": len(dataset.tables[file.name]) if file.name in dataset.tables else None}
+                   "readings": len(dataset.tables[file.name]) if file.name in dataset.tables
+                   else None}
                   for file in dataset.files],
         "specimens": [specimen.name for specimen in dataset.specimens],
         "masses_kg": _distinct([table.mass for table in loads]),
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *static.channels],
         "runs": 0 if dataset.transients is None else len({*zip(
-            dataset.transients.specimen.tolist(), dataset.transients.mass.tolist(), dataset.transients.run.tolist(),
+            dataset.transients.specimen.tolist(), dataset.transients.mass.tolist(),
+            dataset.transients.run.tolist(),
             strict=True)}),
-        "repeated_states": 0 if static is None else int((np.bincount(repeat_groups(static)) > 1).sum()),
+        "repeated_states": 0 if static is None
+        else int((np.bincount(repeat_groups(static)) > 1).sum()),
         "noise": _noise(dataset),
         "warnings": warnings(dataset),
     }
@@ -60,7 +63,8 @@ def _noise(dataset: Dataset) -> dict[str, Any]:
     own = 0 if static is None else int(np.isfinite(static.sigma).sum())
     return {"given_m": dataset.noise, "readings_with_their_own": own,
             "found_m": None if found is None else
-            {"value": found.sigma, "low": found.low, "high": found.high, "degrees_of_freedom": found.freedom}}
+            {"value": found.sigma, "low": found.low, "high": found.high,
+             "degrees_of_freedom": found.freedom}}
 
 
 def _actuators(dataset: Dataset) -> set[str]:
@@ -127,7 +131,8 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
     repeats = bool((np.bincount(repeat_groups(static)) > 1).any())
     if bare and repeat_noise(dataset) is None:
         yield ("repeats agree to the last digit, which measures the rounding, not the noise: give noise in dataset.toml"
-               if repeats else "nothing repeats and no noise is given: a misfit cannot be judged without it; repeat "
+               if repeats
+               else "nothing repeats and no noise is given: a misfit cannot be judged without it; repeat "
                "some readings, or give noise in dataset.toml")
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
@@ -151,9 +156,11 @@ def _slip(name: str, specimen: Specimen, column: str, largest: float) -> Iterato
     """A warning if the largest value of a column [SI] is outside what its quantity can be."""
     film, size = specimen.membrane, max(specimen.frame.semi_axes)
     thickness = film.thickness / film.area_prestretch
-    limits = {"mass": (1e-4, 5.0, "g", 1e3), "voltage": (_FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3),
+    limits = {"mass": (1e-4, 5.0, "g", 1e3),
+              "voltage": (_FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3),
               "displacement": (1e-4 * size, size, "mm", 1e3)}
-    low, high, unit, factor = limits[{"voltage_max": "voltage", "range": "displacement"}.get(column, column)]
+    low, high, unit, factor = limits[{"voltage_max": "voltage",
+                                      "range": "displacement"}.get(column, column)]
     if largest and not low <= largest <= high:
         yield (f"{name}: the largest {column} of {specimen.name} is {largest * factor:.4g} {unit}, where "
                f"{low * factor:.2g} to {high * factor:.4g} {unit} can be: is the unit in the column's name right?")

@@ -1,7 +1,7 @@
 """Tables of measured numbers: CSV files whose columns carry their unit in the name (design §4).
 
-Columns may stand in any order, and any unit of the right dimension may stand in a name: ``displacement_um`` reads as
-``displacement_mm`` does, because the name says which it is.
+Columns may stand in any order, and any unit of the right dimension may stand in a name:
+``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 class Number:
     """A column of numbers.
 
-    ``unit`` is the usual one and ``dimension`` that of :mod:`tympan.geometry.units`, both "" for plain numbers;
-    ``rule`` holds for SI values. Only columns that are not ``required`` may be left out or have blank cells, which read
-    as nan.
+    ``unit`` is the usual one and ``dimension`` that of :mod:`tympan.geometry.units`, both "" for
+    plain numbers; ``rule`` holds for SI values. Only columns that are not ``required`` may be left
+    out or have blank cells, which read as nan.
     """
 
     name: str
@@ -113,7 +113,8 @@ class Label:
             if not cell and not self.required:
                 continue
             if self.choices and cell not in self.choices:
-                raise fail(row, f"must be one of {', '.join(self.choices)}{'' if self.required else ', or blank'}")
+                raise fail(row,
+                           f"must be one of {', '.join(self.choices)}{'' if self.required else ', or blank'}")
             if not cell:
                 raise fail(row, "must not be blank")
         return np.array(cells)
@@ -126,8 +127,9 @@ Column = Number | Label
 class Sheet:
     """A file that was read: SI values by column name, and where each row stood.
 
-    ``sha256`` is that of the bytes read, ``line`` the line of each row (the first line of a file is 1), ``titles`` the
-    names of the columns as written and ``cells`` the rows as written, without blanks around the cells.
+    ``sha256`` is that of the bytes read, ``line`` the line of each row (the first line of a file is
+    1), ``titles`` the names of the columns as written and ``cells`` the rows as written, without
+    blanks around the cells.
     """
 
     file: Path
@@ -143,7 +145,8 @@ class Sheet:
 
     def error(self, row: int, name: str, allowed: str) -> InputError:
         """An error about one cell."""
-        return _cell_error(self.file, int(self.line[row]), self.places[name], self.titles, self.cells[row], allowed)
+        return _cell_error(self.file, int(self.line[row]), self.places[name], self.titles,
+                           self.cells[row], allowed)
 
     def identical(self) -> list[tuple[int, int]]:
         """Rows that are the same as an earlier one in every cell, each with that one."""
@@ -166,7 +169,8 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     raw, text = _text(file)
     lines = _lines(file, text)
     if not lines:
-        raise InputError("is empty: a first line with the names of the columns is needed", file=file)
+        raise InputError("is empty: a first line with the names of the columns is needed",
+                         file=file)
     (top, titles), *rows = lines
     found = _header(file, top, titles, columns)
     if not rows:
@@ -174,7 +178,8 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     for line, row in rows:
         if len(row) != len(titles):
             comma = "; a decimal comma splits a number: write decimal points" if len(row) > len(titles) else ""
-            raise InputError(f"must have {len(titles)} cells, as the first line has{comma}", file=file,
+            raise InputError(f"must have {len(titles)} cells, as the first line has{comma}",
+                             file=file,
                              key=f"line {line}", given=f"{len(row)} cells")
     places = {column.name: place for place, (column, _) in enumerate(found)}
     values = {column.name: np.full(len(rows), column.blank()) for column in columns}
@@ -184,7 +189,8 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
             return _cell_error(file, line, place, titles, cells, allowed)
 
         values[column.name] = column.parse([row[place] for _, row in rows], factor, fail)
-    return Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]), values, tuple(titles),
+    return Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
+                 values, tuple(titles),
                  places, [row for _, row in rows])
 
 
@@ -195,7 +201,8 @@ def _text(file: Path) -> tuple[bytes, str]:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
     except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8", file=file) from None
+        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
+                         file=file) from None
 
 
 def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
@@ -209,17 +216,20 @@ def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
                 lines.append((begin, cells))
             begin = rows.line_num + 1
     except csv.Error as error:
-        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?", file=file,
+        raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
+                         file=file,
                          key=f"line {begin}") from None
     return lines
 
 
-def _header(file: Path, line: int, titles: Sequence[str], columns: Sequence[Column]) -> list[tuple[Column, float]]:
+def _header(file: Path, line: int, titles: Sequence[str],
+            columns: Sequence[Column]) -> list[tuple[Column, float]]:
     """What each name of the first line stands for, and the SI value of its unit."""
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if any(mark in title for title in titles):
             raise InputError(f"columns must be separated by commas, not {name}: save it with commas, and with decimal "
-                             "points in numbers", file=file, key=f"line {line}", given=",".join(titles))
+                             "points in numbers", file=file, key=f"line {line}",
+                             given=",".join(titles))
     found: list[tuple[Column, float]] = []
     for place, title in enumerate(titles):
         try:
@@ -230,7 +240,8 @@ def _header(file: Path, line: int, titles: Sequence[str], columns: Sequence[Colu
                 raise InputError(f"one column of {column.name} only, whatever its unit")
             found.append((column, column.factor(title)))
         except InputError as error:
-            raise InputError(error.allowed, file=file, key=f"line {line}, column {place + 1}", given=title) from None
+            raise InputError(error.allowed, file=file, key=f"line {line}, column {place + 1}",
+                             given=title) from None
     present = {column.name for column, _ in found}
     missing = [column.title for column in columns if column.required and column.name not in present]
     if missing:
@@ -254,8 +265,10 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
     raise InputError(f"unknown column: {hint}known are {', '.join(column.title for column in columns)}")
 
 
-def _cell_error(file: Path, line: int, place: int, titles: Sequence[str], row: Cells, allowed: str) -> InputError:
-    return InputError(allowed, file=file, key=f"line {line}, column {place + 1} ({titles[place]})", given=row[place])
+def _cell_error(file: Path, line: int, place: int, titles: Sequence[str], row: Cells,
+                allowed: str) -> InputError:
+    return InputError(allowed, file=file, key=f"line {line}, column {place + 1} ({titles[place]})",
+                      given=row[place])
 
 
 def _no_number(cell: str) -> str:

@@ -34,8 +34,8 @@ COLUMNS: tuple[Column, ...] = (
 class Coupons:
     """Readings, one entry per reading: mode, stretch, nominal stress [Pa]; specimen and run are "" where not given.
 
-    Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis. ``time`` [s] is nan where
-    not given, ``line`` that of the file they were read from.
+    Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
+    ``time`` [s] is nan where not given, ``line`` that of the file they were read from.
     """
 
     mode: NDArray[np.str_]
@@ -52,7 +52,8 @@ class Coupons:
     def __getitem__(self, choice: Any) -> Coupons:
         """Some of the readings."""
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        chosen: dict[str, Any] = {name: values[choice] for name, values in columns.items() if values is not None}
+        chosen: dict[str, Any] = {name: values[choice] for name, values in columns.items()
+                                  if values is not None}
         return Coupons(**chosen)
 
     @property
@@ -76,7 +77,8 @@ class Coupons:
 def nominal_stress(material: Material, mode: str, stretch: Array) -> Array:
     """Nominal stress of a law along the test [Pa].
 
-    The law must be isotropic with stress-free faces, so that a strip pulled by λ narrows by λ^−½ both ways.
+    The law must be isotropic with stress-free faces, so that a strip pulled by λ narrows by λ^−½
+    both ways.
 
     Examples
     --------

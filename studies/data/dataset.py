@@ -34,9 +34,9 @@ class SourceFile:
 class Dataset:
     """Measured readings with the specimens and the rig they came from.
 
-    ``noise`` is the standard deviation of one reading of the displacement as the user gives it [m]; None where not.
-    ``source`` says in words where the data are from; ``files`` are those read, ``remarks`` what reading found odd.
-    Each reading's ``line`` is its line in its file.
+    ``noise`` is the standard deviation of one reading of the displacement as the user gives it [m];
+    None where not. ``source`` says in words where the data are from; ``files`` are those read,
+    ``remarks`` what reading found odd. Each reading's ``line`` is its line in its file.
     """
 
     name: str
@@ -70,11 +70,13 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     Raises
     ------
     InputError
-        Naming file and key, or line and column, of what cannot be used, what was given and what is allowed.
+        Naming file and key, or line and column, of what cannot be used, what was given and what is
+        allowed.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings", file=folder)
+        raise InputError("must be a folder with dataset.toml and at least one CSV file of readings",
+                         file=folder)
     about, specimens, rig, noise = _about(Table.read(folder / "dataset.toml"))
     files = _Files(folder, [specimen.name for specimen in specimens], planned)
     dataset = Dataset(
@@ -83,7 +85,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
         ranges=files.read("range.csv", readings.RANGE, readings.ranges_from_sheet),
         transients=files.read("transient.csv", readings.TRANSIENT, readings.transients_from_sheet),
         coupons=files.read("coupon.csv", coupon.COLUMNS, coupon.coupons_from_sheet),
-        files=(SourceFile("dataset.toml", hashlib.sha256((folder / "dataset.toml").read_bytes()).hexdigest()),
+        files=(SourceFile("dataset.toml",
+                          hashlib.sha256((folder / "dataset.toml").read_bytes()).hexdigest()),
                *files.sources),
         remarks=(*_strangers(folder), *files.remarks))
     if not dataset.tables:
@@ -107,7 +110,8 @@ class _Files:
         if not (self.folder / name).exists():
             return None
         later = ("displacement", "range") if self.planned else ()
-        sheet = read_sheet(self.folder / name, [replace(column, required=False) if column.name in later else column
+        sheet = read_sheet(self.folder / name,
+                           [replace(column, required=False) if column.name in later else column
                                                 for column in columns])
         if readings.SPECIMEN in columns:
             _check_specimens(sheet, self.known)
@@ -145,7 +149,8 @@ def _rig(table: Table) -> Rig:
     if "rig" not in table:
         return Rig(gravity=table.quantity("gravity", "acceleration", "9.80665 m/s^2", POSITIVE))
     if "gravity" in table:
-        raise table.error("gravity", "must stand in [rig] where there is such a table", table.value("gravity"))
+        raise table.error("gravity", "must stand in [rig] where there is such a table",
+                          table.value("gravity"))
     return Rig.from_table(table.table("rig"))
 
 
@@ -158,7 +163,8 @@ def _strangers(folder: Path) -> list[str]:
     remarks = []
     for name in _csv_names(folder):
         if name not in FILES:
-            near = difflib.get_close_matches(Path(name).stem.lower(), [Path(file).stem for file in FILES], 1)
+            near = difflib.get_close_matches(Path(name).stem.lower(),
+                                             [Path(file).stem for file in FILES], 1)
             hint = f"did you mean {near[0]}.csv? " if near else ""
             remarks.append(f"{name} is not read: {hint}known are {', '.join(FILES)}")
     return remarks
@@ -171,7 +177,8 @@ def _check_specimens(sheet: Sheet, known: list[str]) -> None:
         if name not in names:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise sheet.error(row, "specimen", f"unknown specimen: {hint}those of dataset.toml are {', '.join(known)}")
+            raise sheet.error(row, "specimen",
+                              f"unknown specimen: {hint}those of dataset.toml are {', '.join(known)}")
 
 
 def _identical(sheet: Sheet, name: str) -> list[str]:
@@ -180,7 +187,8 @@ def _identical(sheet: Sheet, name: str) -> list[str]:
     for mark in ("repeat", "order", "elapsed", "t"):
         for row, earlier in pairs:
             if mark in sheet.places and sheet.cells[row][sheet.places[mark]]:
-                raise sheet.error(row, mark, f"the row is the same as line {sheet.line[earlier]} in every cell: "
+                raise sheet.error(row, mark,
+                                  f"the row is the same as line {sheet.line[earlier]} in every cell: "
                                              "a reading must stand once")
     if not pairs:
         return []

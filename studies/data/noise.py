@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 class Scatter:
     """A standard deviation, its degrees of freedom ν, and the limits s √(ν/χ²) of its 95 % interval.
 
-    The interval holds for normal, independent readings: one that drifts between its repeats widens the scatter.
+    The interval holds for normal, independent readings: one that drifts between its repeats widens
+    the scatter.
     """
 
     sigma: float
@@ -73,13 +74,15 @@ def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0)
 def repeat_noise(dataset: Dataset) -> Scatter | None:
     """Standard deviation of one displacement reading [m] from the repeats among those without their own sigma.
 
-    None where nothing repeats, and where repeats agree to the last digit, which is rounding and no measure of noise.
+    None where nothing repeats, and where repeats agree to the last digit, which is rounding and no
+    measure of noise.
     """
     readings = dataset.static
     if readings is None:
         return None
     plain = np.isnan(readings.sigma)
-    found = pooled(readings.displacement[plain], repeat_groups(readings)[plain]) if plain.any() else None
+    found = pooled(readings.displacement[plain],
+                   repeat_groups(readings)[plain]) if plain.any() else None
     return found if found is None or found.sigma > 1e-12 * np.abs(readings.displacement).max() else None
 
 
@@ -89,7 +92,8 @@ def stated_ratio(dataset: Dataset) -> Scatter | None:
         return None
     sigma = np.where(np.isnan(dataset.static.sigma), dataset.noise or np.nan, dataset.static.sigma)
     known = np.isfinite(sigma)
-    return pooled(dataset.static.displacement[known], repeat_groups(dataset.static)[known], sigma[known]
+    return pooled(dataset.static.displacement[known], repeat_groups(dataset.static)[known],
+                  sigma[known]
                   ) if known.any() else None
 
 
@@ -99,4 +103,5 @@ def reading_sigma(dataset: Dataset) -> Array:
         return np.empty(0)
     estimated = repeat_noise(dataset) if dataset.noise is None else None
     rest = dataset.noise if estimated is None else estimated.sigma
-    return np.where(np.isnan(dataset.static.sigma), np.nan if rest is None else rest, dataset.static.sigma)
+    return np.where(np.isnan(dataset.static.sigma), np.nan if rest is None else rest,
+                    dataset.static.sigma)

@@ -24,7 +24,8 @@ SPECIMEN = Label("specimen")
 _LOAD: tuple[Column, ...] = (SPECIMEN, Number("mass", "g", "mass", _MASS))
 _SIGMA = Number("sigma", "mm", "length", POSITIVE, required=False)
 
-#: The columns of static.csv; ``run`` (which mounting or ramp a reading belongs to) is beyond design §4.
+#: The columns of static.csv; ``run`` (which mounting or ramp a reading belongs to) is beyond design
+#: §4.
 STATIC: tuple[Column, ...] = (
     *_LOAD,
     Number("voltage", "kV", "voltage", _VOLTAGE),
@@ -61,8 +62,9 @@ TRANSIENT: tuple[Column, ...] = (
 class StaticReadings:
     """Readings at rest, one entry per row of static.csv, SI; nan or "" where a file does not say.
 
-    ``sigma`` is the standard deviation of a reading of the displacement [m], ``film_voltage`` that of a probe on the
-    film [V], ``tilt`` the plate's [rad]; ``direction`` is "up" or "down", the way the voltage got there.
+    ``sigma`` is the standard deviation of a reading of the displacement [m], ``film_voltage`` that
+    of a probe on the film [V], ``tilt`` the plate's [rad]; ``direction`` is "up" or "down", the way
+    the voltage got there.
     """
 
     specimen: Texts
@@ -141,9 +143,11 @@ def transients_from_sheet(sheet: Sheet) -> Transients:
     """The readings of a transient.csv; a time stands once in a run."""
     columns = _columns(sheet, TRANSIENT)
     seen: dict[tuple[object, ...], int] = {}
-    for row, key in enumerate(zip(*(columns[name].tolist() for name in ("specimen", "mass", "run", "t")), strict=True)):
+    for row, key in enumerate(zip(*(columns[name].tolist()
+                                    for name in ("specimen", "mass", "run", "t")), strict=True)):
         if key in seen:
-            raise sheet.error(row, "t", f"must be there once in a run: it stands in line {sheet.line[seen[key]]} too")
+            raise sheet.error(row, "t",
+                              f"must be there once in a run: it stands in line {sheet.line[seen[key]]} too")
         seen[key] = row
     return Transients(time=columns.pop("t"), **columns, line=sheet.line)
 

@@ -37,7 +37,8 @@ def calibrated(setup: Setup, table: Table) -> tuple[Simulation, Fit]:
     Raises
     ------
     InputError
-        When the films cannot be solved, or no stiffness and permittivity make equilibria of the states that were read.
+        When the films cannot be solved, or no stiffness and permittivity make equilibria of the
+        states that were read.
     """
     heave, charge = _first_reach(setup, table)
     for _ in range(_ROUNDS):
@@ -47,16 +48,20 @@ def calibrated(setup: Setup, table: Table) -> tuple[Simulation, Fit]:
         have = np.array([[law.grid.heave, law.grid.charge] for law in simulation.laws]).T
         if found.found and np.all(wanted <= 1.05 * np.array([heave, charge])):
             break
-        # Never less than before: a fit held back by the reach of its laws must not take that reach away.
+        # Never less than before: a fit held back by the reach of its laws must not take that reach
+        # away.
         heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.found else 1.5 * heave)
-        charge = np.where(have[1] < 0.99 * charge, charge, np.maximum(charge, np.minimum(wanted[1], 2 * charge)))
+        charge = np.where(have[1] < 0.99 * charge, charge,
+                          np.maximum(charge, np.minimum(wanted[1], 2 * charge)))
     if not found.found:
         raise InputError("no stiffness and permittivity make equilibria of all states that were read: are masses, "
-                         "voltages and sizes right?", key="readings", given=f"{len(table)} readings")
+                         "voltages and sizes right?", key="readings",
+                         given=f"{len(table)} readings")
     return simulation, found
 
 
-def with_effects(calibration: Simulation, progress: Callable[[int, int], None], workers: int) -> Simulation:
+def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
+                 workers: int) -> Simulation:
     """The same simulation with the effects of the library."""
     grids = [law.grid for law in calibration.laws]
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
@@ -77,7 +82,8 @@ def _first_reach(setup: Setup, table: Table) -> tuple[Array, Array]:
     for number, specimen in enumerate(setup.specimens):
         own = (table.specimen == number) & (table.kind == "displacement")
         largest = float(np.abs(table.value[own]).max(initial=0.0))
-        heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), _LARGEST * specimen.gap) if own.any()
+        heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), _LARGEST * specimen.gap)
+                      if own.any()
                       else 0.2 * specimen.gap)
         charges.append(_ROOM[1] * largest_charge(setup, table, number))
     return np.array(heaves), np.maximum(charges, 1e4)
@@ -92,12 +98,14 @@ def largest_charge(setup: Setup, table: Table, number: int) -> float:
 
 def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
     """Heaves and U² that the fit and its surroundings need, shape (2, specimens)."""
-    heave = np.nan_to_num(simulation.heaves((), found.unknowns, table.states)) if found.found else None
+    heave = np.nan_to_num(simulation.heaves((), found.unknowns,
+                                            table.states)) if found.found else None
     share = float(np.exp(found.unknowns[1] - found.unknowns[0])) if found.found else 1.0
     heaves, charges = _first_reach(simulation.setup, table)
     for number, specimen in enumerate(simulation.setup.specimens):
         own = table.states.specimen == number
-        charges[number] = max(_ROOM[1] * share * largest_charge(simulation.setup, table, number), 1e4)
+        charges[number] = max(_ROOM[1] * share * largest_charge(simulation.setup, table, number),
+                              1e4)
         if heave is not None:
             largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
             heaves[number] = min(largest, _LARGEST * specimen.gap)
@@ -123,7 +131,8 @@ def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Arr
 def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) -> float:
     """Largest error of the reduced model's heaves [m] at a fit, against finite elements on a fine mesh.
 
-    At ``count`` of the states, from small to large heaves; states the finite elements do not reach are left out.
+    At ``count`` of the states, from small to large heaves; states the finite elements do not reach
+    are left out.
     """
     setup = extended_setup(simulation, one.hypothesis, one.unknowns)
     free = np.flatnonzero(np.isnan(table.states.heave))
@@ -134,8 +143,10 @@ def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) ->
         states = table.states
         specimen: Specimen = setup.specimens[int(states.specimen[state])]
         model = build_model(specimen, FINE, setup.rig.loading)
-        voltage = setup.rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
-        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area), voltage,
+        voltage = setup.rig.film_voltage(float(states.voltage[state]),
+                                         float(states.direction[state]))
+        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area),
+                              voltage,
                               setup.rig.gas_pressure)
         if outcome.status == "equilibrium":
             worst = max(worst, abs(outcome.state.plate.heave - float(one.heave[state])))

@@ -33,10 +33,10 @@ _ROUGH = 1.4
 class Diagnosis:
     """All that was found.
 
-    ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against finite elements on
-    a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times each factor of :data:`SWEEP`;
-    ``chosen``: the hypothesis the extended model has, None when nothing is wrong; ``gain`` on readings held out;
-    ``proposals`` for the next experiment.
+    ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
+    finite elements on a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times
+    each factor of :data:`SWEEP`; ``chosen``: the hypothesis the extended model has, None when
+    nothing is wrong; ``gain`` on readings held out; ``proposals`` for the next experiment.
     """
 
     dataset: Dataset
@@ -59,7 +59,8 @@ class Diagnosis:
     def extended(self) -> Setup | None:
         """Specimens and rig with stiffness, permittivity and effects as found."""
         one = self.chosen
-        return None if one is None else extended_setup(self.simulation, one.hypothesis, one.unknowns)
+        return None if one is None else extended_setup(self.simulation, one.hypothesis,
+                                                       one.unknowns)
 
     @property
     def moves(self) -> bool:
@@ -100,12 +101,14 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     Raises
     ------
     InputError
-        When nothing can be concluded: too few readings, a column off by a unit, films that cannot be solved.
+        When nothing can be concluded: too few readings, a column off by a unit, films that cannot
+        be solved.
     """
     readings = readings_of(dataset)
     nominal, found = calibrated(readings.setup, readings.table)
     error = law_error(nominal, found, readings.table)
-    table = readings.table.with_sigma(np.hypot(readings.table.sigma, np.where(_lengths(readings), error, 0.0)))
+    table = readings.table.with_sigma(np.hypot(readings.table.sigma,
+                                               np.where(_lengths(readings), error, 0.0)))
     simulation = with_effects(nominal, progress, workers)
     causes = readings.causes
     judged = _judged(simulation, replace(readings, table=table), causes, seed)
@@ -122,11 +125,13 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
                      propose(simulation, judged, causes))
 
 
-def _judged(simulation: Simulation, readings: Readings, causes: tuple[Cause, ...], seed: int) -> Judgement:
+def _judged(simulation: Simulation, readings: Readings, causes: tuple[Cause, ...],
+            seed: int) -> Judgement:
     try:
         return judge(simulation, readings.table, causes, readings.stated, seed=seed)
     except ArithmeticError as error:
-        raise InputError(str(error), key="readings", given=f"{len(readings.table)} readings") from None
+        raise InputError(str(error), key="readings",
+                         given=f"{len(readings.table)} readings") from None
 
 
 def _lengths(readings: Readings) -> NDArray[np.bool_]:

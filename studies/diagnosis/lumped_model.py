@@ -1,7 +1,8 @@
 """Force laws of the paper's lumped model, so that it goes through the same diagnosis as the finite elements.
 
-``Simulation(setup, lumped_laws(setup, grids))`` with a setup of :func:`lumped` specimens is all a diagnosis needs. The
-rig acts as it does on finite elements; of the effects that change films only those act that the lumped model knows of.
+``Simulation(setup, lumped_laws(setup, grids))`` with a setup of :func:`lumped` specimens is all a
+diagnosis needs. The rig acts as it does on finite elements; of the effects that change films only
+those act that the lumped model knows of.
 """
 
 from __future__ import annotations
@@ -28,15 +29,16 @@ def lumped(setup: Setup, weights: Mapping[str, tuple[float, ...]] = {}) -> Setup
     Parameters
     ----------
     weights
-        α of each specimen that is not round (as from :func:`tympan.studies.alpha.alpha`), by name, shortest semi-axis
-        first.
+        α of each specimen that is not round (as from :func:`tympan.studies.alpha.alpha`), by name,
+        shortest semi-axis first.
 
     Raises
     ------
     InputError
         Where weights are missing or no mixture.
     """
-    return replace(setup, specimens=tuple(Lumped.of(one, weights.get(one.name, (1.0,))) for one in setup.specimens))
+    return replace(setup, specimens=tuple(Lumped.of(one, weights.get(one.name, (1.0,)))
+                                          for one in setup.specimens))
 
 
 def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
@@ -45,9 +47,11 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
     Raises
     ------
     InputError
-        For what the lumped model has no place for: gas pressure, a film's weight, a weight beside the plate's centre.
+        For what the lumped model has no place for: gas pressure, a film's weight, a weight beside
+        the plate's centre.
     """
-    return tuple(_law(setup, one.name, grid) for one, grid in zip(setup.specimens, grids, strict=True))
+    return tuple(_law(setup, one.name, grid) for one, grid in zip(setup.specimens, grids,
+                                                                  strict=True))
 
 
 def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
@@ -58,10 +62,12 @@ def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
     nominal = at_nodes(film.specimen, grid)
     every = film_axes(setup, name)
     moved = [at_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid) for axis in every]
-    axes = tuple(axis for axis, nodes in zip(every, moved, strict=True) if not np.array_equal(nodes, nominal))
+    axes = tuple(axis for axis, nodes in zip(every, moved, strict=True)
+                 if not np.array_equal(nodes, nominal))
     where = samples(axes)
     nodes = [at_nodes(edited(setup, name, [axes[index] for index in sample.axes],
-                             [axes[index].size(at) for index, at in zip(sample.axes, sample.at, strict=True)]).specimen,
+                             [axes[index].size(at) for index, at in zip(sample.axes, sample.at,
+                                                                        strict=True)]).specimen,
                       grid_of(grid, sample)) for sample in where]
     return fitted(grid, axes, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes])
 
@@ -69,7 +75,8 @@ def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
 def at_nodes(specimen: Specimen, grid: Grid) -> Array:
     """Force [N] and capacitance [F] at the nodes of a grid, shape (2, heaves, charges)."""
     if not isinstance(specimen, Lumped):
-        raise InputError("must be a specimen of the lumped model", key="specimen", given=specimen.name)
+        raise InputError("must be a specimen of the lumped model", key="specimen",
+                         given=specimen.name)
     heaves, charges = grid.nodes
     force = [[specimen.force(heave, charge**0.5) for charge in charges] for heave in heaves]
     capacitance = [[specimen.capacitance(heave)] * len(charges) for heave in heaves]

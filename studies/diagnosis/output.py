@@ -42,7 +42,8 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "dataset": found.dataset.name,
         "verdict": found.verdict,
         "causes": [] if judged.weighing is None else causes(found),
-        "indistinguishable": [sorted({cause.effect for cause in group}) for group in judged.indistinguishable],
+        "indistinguishable": [sorted({cause.effect for cause in group})
+                              for group in judged.indistinguishable],
         "misfit": misfit(found),
         "gain": gain(found.gain),
         "next_experiment": next_experiment(found),
@@ -56,7 +57,8 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "priors_swept": {"moves": found.moves, "verdicts": [verdict for verdict, _ in found.swept]},
         "model_error_um": 1e6 * found.model_error,
         "knowable": [detectable(one) for one in knowable(
-            found.simulation, judged.table, judged.nominal.unknowns, found.readings.causes).effects],
+            found.simulation, judged.table, judged.nominal.unknowns,
+            found.readings.causes).effects],
         "warnings": found.warnings(),
     }
 
@@ -104,28 +106,33 @@ def misfit(found: Diagnosis) -> dict[str, Any]:
     names = [specimen.name for specimen in found.simulation.setup.specimens]
     predicted = judged.table.value - judged.nominal.residual * judged.table.sigma
     return {
-        "baseline_rmse_um": 1e6 * rmse(judged.nominal.residual[lengths], judged.table.sigma[lengths]),
+        "baseline_rmse_um": 1e6 * rmse(judged.nominal.residual[lengths],
+                                       judged.table.sigma[lengths]),
         "noise_um": 1e6 * float(np.sqrt(np.mean(judged.table.sigma[lengths] ** 2))),
         "noise_from": found.readings.noise_from,
         "noise_over_stated": judged.test.noise,
         "p_value": judged.test.p_value,
         "where": where(judged) if found.verdict != "nothing" else "nowhere: what is left is noise",
-        "ratios": [{**asdict(one), "off_by_noise": one.off} for one in ratios(judged.table, predicted, names)],
+        "ratios": [{**asdict(one), "off_by_noise": one.off}
+                   for one in ratios(judged.table, predicted, names)],
         "patterns": [{"what": words[name], "p_value": p} for name, p in
-                     sorted(judged.test.p_values.items(), key=lambda item: item[1]) if name in words],
+                     sorted(judged.test.p_values.items(), key=lambda item: item[1])
+                     if name in words],
     }
 
 
 def where(judged: Judgement) -> str:
     """Where the misfit is, in words: the strongest pattern, and the strongest one of another kind if there is one.
 
-    Of patterns that are about as strong the one is taken that says more: of a specimen before of all readings.
+    Of patterns that are about as strong the one is taken that says more: of a specimen before of
+    all readings.
     """
     words = {pattern.name: pattern.words for pattern in judged.patterns if pattern.name != "ramps"}
     strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items() if name in words}
     vague = {"level": 1e4, "fitted value": 1e3, "voltage": 10.0}
     order = sorted(strength, key=lambda name: strength[name] * vague.get(name, 1.0))
-    told = order[:1] + [name for name in order[1:] if strength[name] < _CLEAR and name.split()[0] != order[0].split()[0]
+    told = order[:1] + [name for name in order[1:] if strength[name] < _CLEAR
+                        and name.split()[0] != order[0].split()[0]
                         and name not in vague][:1]
     return "; ".join(words[name] for name in told)
 
@@ -135,7 +142,8 @@ def after(found: Diagnosis, one: Fit) -> dict[str, Any]:
     table, test = found.judgement.table, found.judgement.after
     lengths = np.isin(table.kind, ("displacement", "range"))
     return {"rmse_um": 1e6 * rmse(one.residual[lengths], table.sigma[lengths]),
-            "p_value": None if test is None else test.p_value, "effects": [str(cause) for cause in one.hypothesis]}
+            "p_value": None if test is None else test.p_value,
+            "effects": [str(cause) for cause in one.hypothesis]}
 
 
 def gain(found: GainReport) -> dict[str, Any] | None:
@@ -160,14 +168,17 @@ def next_experiment(found: Diagnosis) -> dict[str, Any] | None:
     if not proposals.ranked:
         return None
     best = next((one for one in proposals.ranked if one.enough), proposals.ranked[0])
-    return {"what": proposals.sentence, "separates": list(best.effects), "expected_chi_squared": best.expected,
-            "menu": [{"what": one.what, "separates": list(one.effects), "expected_chi_squared": one.expected,
+    return {"what": proposals.sentence, "separates": list(best.effects),
+            "expected_chi_squared": best.expected,
+            "menu": [{"what": one.what, "separates": list(one.effects),
+                      "expected_chi_squared": one.expected,
                       "enough": one.enough} for one in proposals.ranked]}
 
 
 def _attempt(one: Attempt) -> dict[str, Any]:
     return {"effect": one.cause.effect, "which": one.cause.which, "explains": one.share,
-            "parameters": parameters(one.fit, one.cause), "prior_widths": one.widths, "plausible": one.plausible,
+            "parameters": parameters(one.fit, one.cause), "prior_widths": one.widths,
+            "plausible": one.plausible,
             "at_limit": one.bounded}
 
 
@@ -188,7 +199,8 @@ def write(found: Diagnosis, content: dict[str, Any], folder: Path) -> None:
     write_json(folder / "diagnosis.json", content)
 
 
-_HEADER = ("file", "line", "kind", "specimen", "mass_g", "voltage_kV", "elapsed_s", "order", "read", "sigma",
+_HEADER = ("file", "line", "kind", "specimen", "mass_g", "voltage_kV", "elapsed_s", "order", "read",
+           "sigma",
            "baseline", "extended")
 
 
@@ -201,9 +213,12 @@ def _rows(found: Diagnosis) -> Iterator[tuple[object, ...]]:
     elapsed = table.states.elapsed[table.state]
     gram, kilovolt = quantity("1 g", "mass"), quantity("1 kV", "voltage")
     for row in range(len(table)):
-        yield (str(table.file[row]), int(table.line[row]), str(table.kind[row]), specimens[int(table.specimen[row])],
-               float(table.mass[row] / gram), float(table.voltage[row] / kilovolt), float(elapsed[row]),
-               float(table.order[row]), float(table.value[row]), float(table.sigma[row]), float(nominal[row]),
+        yield (str(table.file[row]), int(table.line[row]), str(table.kind[row]),
+               specimens[int(table.specimen[row])],
+               float(table.mass[row] / gram), float(table.voltage[row] / kilovolt),
+               float(elapsed[row]),
+               float(table.order[row]), float(table.value[row]), float(table.sigma[row]),
+               float(nominal[row]),
                float(best[row]))
 
 

@@ -46,7 +46,8 @@ class Plan:
 
 def detectable(one: Detectable) -> dict[str, Any]:
     """A line of the table of what can be seen, as a JSON object."""
-    return {"effect": str(one.cause), "parameter": one.parameter, "unit": one.unit, "seen_from": one.seen,
+    return {"effect": str(one.cause), "parameter": one.parameter, "unit": one.unit,
+            "seen_from": one.seen,
             "told_from": one.told, "rival": one.rival, "prior_width": one.prior}
 
 
@@ -63,13 +64,15 @@ def plan(dataset: Dataset, workers: int = 1,
     table = predicted(readings.setup, readings.table)
     nominal, found = calibrated(readings.setup, table)
     simulation = with_effects(nominal, progress, workers)
-    return Plan(dataset, readings, table, knowable(simulation, table, found.unknowns, readings.causes))
+    return Plan(dataset, readings, table,
+                knowable(simulation, table, found.unknowns, readings.causes))
 
 
 def predicted(setup: Setup, table: Table) -> Table:
     """The table with what the nominal model says in place of readings."""
     heave = np.array([0.2 * specimen.gap for specimen in setup.specimens])
-    charge = [1.3 * largest_charge(setup, table, number) + 1e4 for number in range(len(setup.specimens))]
+    charge = [1.3 * largest_charge(setup, table, number) + 1e4
+              for number in range(len(setup.specimens))]
     for _ in range(_ROUNDS):
         laws = tuple(nominal_law(setup, specimen.name, float(w), float(q))
                      for specimen, w, q in zip(setup.specimens, heave, charge, strict=True))
@@ -79,6 +82,7 @@ def predicted(setup: Setup, table: Table) -> Table:
         heave = np.minimum(_GROWTH * heave, [0.8 * specimen.gap for specimen in setup.specimens])
     row = int(np.flatnonzero(~np.isfinite(values))[0])
     state = table.states[table.state[row : row + 1]]
-    raise InputError("the nominal model has no equilibrium there: plan a lower voltage or mass", key="readings",
+    raise InputError("the nominal model has no equilibrium there: plan a lower voltage or mass",
+                     key="readings",
                      given=f"{setup.specimens[int(state.specimen[0])].name}, {1e3 * state.mass[0]:.4g} g, "
                            f"{1e-3 * state.voltage[0]:.4g} kV")

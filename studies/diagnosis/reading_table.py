@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-#: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance [F], voltage on the
-#: film [V], force that holds the plate at a heave [N].
+#: What a row is a reading of: displacement [m], difference of two displacements [m], capacitance
+#: [F], voltage on the film [V], force that holds the plate at a heave [N].
 Kind = Literal["displacement", "range", "capacitance", "film_voltage", "force"]
 
 
@@ -22,8 +22,9 @@ Kind = Literal["displacement", "range", "capacitance", "film_voltage", "force"]
 class States:
     """States of the actuators that are read, shape (n,) each.
 
-    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the voltage got there
-    (1 up, -1 down, 0 not known), and the heave at which the plate is held [m], nan where it is free.
+    Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the
+    voltage got there (1 up, -1 down, 0 not known), and the heave at which the plate is held [m],
+    nan where it is free.
     """
 
     specimen: Numbers
@@ -34,13 +35,17 @@ class States:
     heave: Array
 
     @classmethod
-    def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array, voltage: Sequence[float] | Array,
-           elapsed: Array | None = None, direction: Array | None = None, heave: Array | None = None) -> States:
+    def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
+           voltage: Sequence[float] | Array,
+           elapsed: Array | None = None, direction: Array | None = None,
+           heave: Array | None = None) -> States:
         """With nothing known of time and direction unless given, and the plate free."""
         numbers = np.asarray(specimen, dtype=np.int64)
         none = np.zeros(len(numbers))
-        return cls(numbers, np.asarray(mass, float), np.asarray(voltage, float), none if elapsed is None else elapsed,
-                   none if direction is None else direction, none + np.nan if heave is None else heave)
+        return cls(numbers, np.asarray(mass, float), np.asarray(voltage, float),
+                   none if elapsed is None else elapsed,
+                   none if direction is None else direction,
+                   none + np.nan if heave is None else heave)
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -64,8 +69,9 @@ class States:
 class Table:
     """Rows to predict: ``kind``, the ``state`` read and for a range the one it is counted from (``since``, else -1).
 
-    ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan
-    where not known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to.
+    ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in
+    the sequence, nan where not known; ``file`` and ``line`` say where a row is from; ``run`` which
+    ramp it belongs to.
     """
 
     states: States
@@ -84,7 +90,8 @@ class Table:
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> Table:
         """Some of the rows; states are all kept."""
-        named = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__ if name != "states"}
+        named = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__
+                 if name != "states"}
         return Table(self.states, **named)
 
     @property
@@ -120,13 +127,17 @@ class Table:
         named = {name: np.concatenate([getattr(self, name), getattr(other, name)])
                  for name in self.__dataclass_fields__ if name not in ("states", "state", "since")}
         count = len(self.states)
-        return Table(self.states.joined(other.states), state=np.concatenate([self.state, other.state + count]),
-                     since=np.concatenate([self.since, np.where(other.since < 0, -1, other.since + count)]), **named)
+        return Table(self.states.joined(other.states),
+                     state=np.concatenate([self.state, other.state + count]),
+                     since=np.concatenate([self.since, np.where(other.since < 0, -1,
+                                                                other.since + count)]), **named)
 
 
 def rows(states: States, kind: Kind, sigma: float | Array, value: Array | None = None) -> Table:
     """One row of a kind for each state."""
     count = len(states)
-    return Table(states, np.full(count, kind), np.arange(count), np.full(count, -1), np.zeros(count) if value is None
-                 else value, np.broadcast_to(np.asarray(sigma, float), (count,)).copy(), np.full(count, np.nan),
+    return Table(states, np.full(count, kind), np.arange(count), np.full(count, -1),
+                 np.zeros(count) if value is None
+                 else value, np.broadcast_to(np.asarray(sigma, float), (count,)).copy(),
+                 np.full(count, np.nan),
                  np.full(count, ""), np.full(count, ""), np.zeros(count, dtype=np.int64))

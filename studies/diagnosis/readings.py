@@ -19,10 +19,12 @@ from tympan.studies.effects import REGISTRY, Setup
 
 Array = NDArray[np.float64]
 
-#: Noise of a displacement nobody states and nothing measures, and of channels, whose noise no file states, as shares.
+#: Noise of a displacement nobody states and nothing measures, and of channels, whose noise no file
+#: states, as shares.
 ASSUMED, CHANNEL = 0.02, 0.01
 
-#: Readings below which nothing is concluded, and above which those of nearly the same state are averaged.
+#: Readings below which nothing is concluded, and above which those of nearly the same state are
+#: averaged.
 FEWEST, MANY = 5, 2000
 
 _BINS = 200
@@ -32,8 +34,9 @@ _BINS = 200
 class Readings:
     """The setup with the specimens that were read, the table, and how well its noise is known.
 
-    ``stated``: degrees of freedom the noise in the table counts as before the readings' own scatter; ``noise_from``
-    says in words where it is from; ``remarks`` what was done to the readings.
+    ``stated``: degrees of freedom the noise in the table counts as before the readings' own
+    scatter; ``noise_from`` says in words where it is from; ``remarks`` what was done to the
+    readings.
     """
 
     setup: Setup
@@ -47,7 +50,8 @@ class Readings:
     def causes(self) -> tuple[Cause, ...]:
         """Effects that these readings could show."""
         states = self.table.states
-        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0), "direction": bool(np.any(states.direction != 0))}
+        there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
+                 "direction": bool(np.any(states.direction != 0))}
         return tuple(Cause(name, which) for name, effect in REGISTRY.items()
                      if all(there.get(column, False) for column in effect.columns)
                      for which in effect.choices(self.setup))
@@ -61,7 +65,8 @@ def readings_of(dataset: Dataset) -> Readings:
     InputError
         When there are too few to conclude anything from, or a column is off by a unit.
     """
-    used = {name for table in (dataset.static, dataset.ranges) if table is not None for name in table.specimen.tolist()}
+    used = {name for table in (dataset.static, dataset.ranges) if table is not None
+            for name in table.specimen.tolist()}
     setup = Setup(tuple(one for one in dataset.specimens if one.name in used), dataset.rig)
     count = sum(len(table) for table in (dataset.static, dataset.ranges) if table is not None)
     if count < FEWEST:
@@ -88,11 +93,13 @@ def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
     remarks = ["tilt readings are not used"] if dataset.static is not None and "tilt" in dataset.static.channels else []
     assumed = bool(unknown.any())
     if assumed and np.isnan(table.value).any():
-        raise InputError("is needed to plan: the standard deviation of one reading", key="noise", given=None)
+        raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
+                         given=None)
     if assumed:
         size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
         table = table.with_sigma(np.where(unknown, size, table.sigma))
-    words = ("assumed" if assumed else "stated" if dataset.noise is not None or repeats is None else "from repeats")
+    words = ("assumed" if assumed else "stated" if dataset.noise is not None or repeats is None
+             else "from repeats")
     stated = 0.0 if words == "from repeats" or (assumed and len(table) > 4 * FEWEST) else STATED
     if len(table) > MANY:
         before = len(table)
@@ -105,12 +112,15 @@ def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
 
 def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> list[Table]:
     """One row for each displacement, and for each reading of a further channel."""
-    direction = np.where(readings.direction == "up", 1.0, np.where(readings.direction == "down", -1.0, 0.0))
-    states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass, readings.voltage,
+    direction = np.where(readings.direction == "up", 1.0,
+                         np.where(readings.direction == "down", -1.0, 0.0))
+    states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
+                       readings.voltage,
                        np.nan_to_num(readings.elapsed), direction)
 
     def located(table: Table) -> Table:
-        return replace(table, order=readings.order, run=readings.run, file=np.full(len(readings), "static.csv"),
+        return replace(table, order=readings.order, run=readings.run,
+                       file=np.full(len(readings), "static.csv"),
                        line=readings.line)
 
     found = [located(rows(states, "displacement", sigma, readings.displacement))]
@@ -129,8 +139,10 @@ def _ranges(ranges: Ranges, numbers: dict[str, int]) -> Table:
     specimen = [numbers[name] for name in ranges.specimen.tolist()]
     states = States.of(specimen, ranges.mass, ranges.voltage_max).joined(
         States.of(specimen, ranges.mass, ranges.voltage_min))
-    return Table(states, np.full(count, "range"), np.arange(count), count + np.arange(count), ranges.range,
-                 ranges.sigma, np.full(count, np.nan), np.full(count, ""), np.full(count, "range.csv"), ranges.line)
+    return Table(states, np.full(count, "range"), np.arange(count), count + np.arange(count),
+                 ranges.range,
+                 ranges.sigma, np.full(count, np.nan), np.full(count, ""),
+                 np.full(count, "range.csv"), ranges.line)
 
 
 def averaged(table: Table) -> Table:
@@ -142,9 +154,12 @@ def averaged(table: Table) -> Table:
     voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)
     elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
     kind = np.unique(table.kind, return_inverse=True)[1]
-    key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state], elapsed[table.state],
-                    states.direction[table.state], np.where(table.since < 0, -1, table.line)], axis=1)
-    _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state],
+                    elapsed[table.state],
+                    states.direction[table.state], np.where(table.since < 0, -1, table.line)],
+                   axis=1)
+    _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True,
+                                       return_counts=True)
     group = group.ravel()
 
     def mean(values: Array) -> Array:
@@ -159,5 +174,6 @@ def averaged(table: Table) -> Table:
     since[origin] = len(first) + np.arange(int(origin.sum()))
     merged = merged.joined(states[table.since[first][origin]])
     return Table(merged, table.kind[first], np.arange(len(first)), since, mean(table.value), sigma,
-                 mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all() else np.full(len(first), np.nan),
+                 mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all()
+                 else np.full(len(first), np.nan),
                  table.run[first], table.file[first], table.line[first])

@@ -1,12 +1,14 @@
 """Effects: what measured data may hold and the nominal model leaves out; one small file each.
 
-A new effect is a file here that registers an :class:`~tympan.studies.effects.effect.Effect` and an entry in
-:data:`_FILES` below. The contract tests and ``docs/effects.md`` follow the registry. One that needs what specimens and
-rigs do not have yet (viscosity, a history of voltages) adds that to :class:`~tympan.geometry.specimen.Film` or
+A new effect is a file here that registers an :class:`~tympan.studies.effects.effect.Effect` and an
+entry in
+:data:`_FILES` below. The contract tests and ``docs/effects.md`` follow the registry. One that needs
+what specimens and rigs do not have yet (viscosity, a history of voltages) adds that to
+:class:`~tympan.geometry.specimen.Film` or
 :class:`~tympan.fem.rig.Rig`.
 
-Several effects are applied in the order below whatever the order they are named in: the material first, so that the
-flat state its stress refers to is the nominal one.
+Several effects are applied in the order below whatever the order they are named in: the material
+first, so that the flat state its stress refers to is the nominal one.
 """
 
 from importlib import import_module

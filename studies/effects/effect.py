@@ -27,7 +27,8 @@ class Setup:
     specimens: tuple[Specimen, ...]
     rig: Rig
 
-    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0, direction: float = 0.0) -> Case:
+    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0,
+             direction: float = 0.0) -> Case:
         """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s], and which way."""
         return Case(self.specimen(specimen), mass, voltage, self.rig, elapsed, direction)
 
@@ -43,7 +44,8 @@ class Setup:
         """Every film changed, or that of one specimen."""
         return self.with_specimens(lambda one: replace(one, membrane=change(one.membrane)), which)
 
-    def with_specimens(self, change: Callable[[Specimen], Specimen], which: str | None = None) -> Setup:
+    def with_specimens(self, change: Callable[[Specimen], Specimen],
+                       which: str | None = None) -> Setup:
         """Every specimen changed, or one."""
         if which is not None:
             self.specimen(which)
@@ -61,16 +63,18 @@ class Scale:
 
 
 PLAIN = Scale("", float, float)
-INVERSE_SQUARE = Scale("1/square", lambda value: value**-2.0, lambda size: inf if size == 0 else size**-0.5)
+INVERSE_SQUARE = Scale("1/square", lambda value: value**-2.0,
+                       lambda size: inf if size == 0 else size**-0.5)
 
 
 @dataclass(frozen=True)
 class Parameter:
     """A number of an effect, in SI inside, with what is known of it before any data.
 
-    ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as standard deviation
-    the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why. ``unit`` is the one to show ("" for plain
-    numbers), of ``dimension``. Values that are not 0 but nearer to it than ``least`` cannot be built.
+    ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as
+    standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
+    ``unit`` is the one to show ("" for plain numbers), of ``dimension``. Values that are not 0 but
+    nearer to it than ``least`` cannot be built.
     """
 
     name: str
@@ -138,8 +142,9 @@ class Effect:
     Parameters
     ----------
     edit
-        ``edit(setup, *values)``, for an effect on one specimen ``edit(setup, *values, which=name)``. It returns a new
-        setup; values of size 0 must change no number of the solution.
+        ``edit(setup, *values)``, for an effect on one specimen ``edit(setup, *values,
+        which=name)``. It returns a new setup; values of size 0 must change no number of the
+        solution.
     explanation
         One sentence for someone in the laboratory.
     on_one
@@ -177,14 +182,16 @@ class Effect:
         Raises
         ------
         InputError
-            For values beyond their limits or of which no specimen can be built, and where ``which`` is missing.
+            For values beyond their limits or of which no specimen can be built, and where ``which``
+            is missing.
         """
         for parameter, value in zip(self.parameters, values, strict=True):
             if not parameter.low <= value <= parameter.high:
                 raise InputError(f"must be from {parameter.low:g} to {parameter.high:g} (SI)",
                                  key=f"{self.name}.{parameter.name}", given=value)
         if (which is not None) != self.on_one:
-            raise InputError("needs the specimen it happens to" if self.on_one else "happens to no single specimen",
+            raise InputError("needs the specimen it happens to" if self.on_one
+                             else "happens to no single specimen",
                              key=self.name, given=which)
         return self.edit(setup, *values, which=which) if self.on_one else self.edit(setup, *values)
 

@@ -30,20 +30,25 @@ def text() -> str:
 
 def markdown() -> str:
     """The page ``docs/effects.md``."""
-    return "\n".join([_INTRODUCTION, *(line for effect in REGISTRY.values() for line in _section(effect))])
+    return "\n".join([_INTRODUCTION,
+                      *(line for effect in REGISTRY.values() for line in _section(effect))])
 
 
 def _effect(effect: Effect) -> dict[str, Any]:
-    return {"explanation": effect.explanation, "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
+    return {"explanation": effect.explanation, "on_one_specimen": effect.on_one,
+            "needs_columns": list(effect.columns),
             "lumped_model_only": effect.lumped,
             "parameters": {item.name: _parameter(item) for item in effect.parameters}}
 
 
 def _parameter(item: Parameter) -> dict[str, Any]:
-    low, high, width, least = (_rounded(item.shown(value)) for value in (item.low, item.high, item.width, item.least))
-    prior = {"distribution": "normal" if item.limits[0] < 0 else "half-normal", "of": _of(item), "width": width,
+    low, high, width, least = (_rounded(item.shown(value))
+                               for value in (item.low, item.high, item.width, item.least))
+    prior = {"distribution": "normal" if item.limits[0] < 0 else "half-normal", "of": _of(item),
+             "width": width,
              "low": low, "high": high, "reason": item.reason}
-    return {"meaning": item.meaning, "unit": item.unit, "sign": item.sign, "least": least, "prior": prior}
+    return {"meaning": item.meaning, "unit": item.unit, "sign": item.sign, "least": least,
+            "prior": prior}
 
 
 def _of(item: Parameter) -> str:

@@ -14,12 +14,15 @@ from tympan.studies.estimation.profile import Misfit, Profile, profile, settled
 
 Array = NDArray[np.float64]
 
-#: A constant or combination counts as determined when its 95 % half-width is below this share of its scale.
+#: A constant or combination counts as determined when its 95 % half-width is below this share of
+#: its scale.
 DETERMINED = 0.5
-#: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature mends it.
+#: Up to so many scales of linearised half-width a profile is worth its time: beyond, no curvature
+#: mends it.
 _WORTH = 4.0
-#: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden constant of 500 kPa is not
-#: one of this film. Without it the fits behind a profile wander along valleys without an end.
+#: How far a constant nobody sees may be off, as a standard deviation in its scales; an Ogden
+#: constant of 500 kPa is not one of this film. Without it the fits behind a profile wander along
+#: valleys without an end.
 CREDIBLE = 10.0
 #: A profile so many times narrower than the linearised limits comes of a fit that did not arrive.
 _DOUBTFUL = 5.0
@@ -43,8 +46,8 @@ class Named(Protocol):
 class Combination:
     """Σ c z of the constants z in units of their scales, which the data see on its own.
 
-    ``half`` is half its linearised 95 % interval, None where it is not determined; ``deviation`` its linearised
-    standard deviation in any case.
+    ``half`` is half its linearised 95 % interval, None where it is not determined; ``deviation``
+    its linearised standard deviation in any case.
     """
 
     coefficients: tuple[float, ...]
@@ -57,7 +60,8 @@ class Combination:
 class Found:
     """One constant found; ``low``, ``high`` are 95 % limits by profile, None where the data do not determine it.
 
-    ``linear_low`` and ``linear_high`` are the linearised ones, None where they are wider than its scale allows.
+    ``linear_low`` and ``linear_high`` are the linearised ones, None where they are wider than its
+    scale allows.
     """
 
     name: str
@@ -73,8 +77,9 @@ class Found:
 class Judgement:
     """Of every constant its limits and, where one was made, its profile (in units of the scales); the combinations.
 
-    ``combinations`` are the right singular vectors of the Jacobian, the best determined first; errors along them are
-    independent. ``correlations`` are of the constants, linearised. ``quantile`` of the noise makes the 95 % limits.
+    ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
+    errors along them are independent. ``correlations`` are of the constants, linearised.
+    ``quantile`` of the noise makes the 95 % limits.
     """
 
     constants: tuple[Found, ...]
@@ -105,7 +110,8 @@ class Judgement:
             "determined": self.determined,
             "constants": [vars(one) for one in self.constants],
             "not_determined": self.undetermined,
-            "combinations": [{"coefficients": dict(zip(names, one.coefficients, strict=True)), "value": one.value,
+            "combinations": [{"coefficients": dict(zip(names, one.coefficients, strict=True)),
+                              "value": one.value,
                               "half_width": one.half} for one in self.combinations],
             "correlations": self.correlations.tolist(),
         }
@@ -130,7 +136,8 @@ def seen(misfit: Misfit, at: Array, count: int) -> tuple[Array, Array]:
     return singular, right
 
 
-#: How firmly what readings do not determine stays where the search began, in standard deviations per scale.
+#: How firmly what readings do not determine stays where the search began, in standard deviations
+#: per scale.
 _FIRM = 100.0
 
 
@@ -150,14 +157,16 @@ def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: flo
           values_of: Callable[[int, float], float], profiles: bool = True) -> Judgement:
     """Limits at a minimum of a misfit in units of the noise; ``values_of(index, z)`` turns z into a constant's value.
 
-    What the misfit depends on beyond these constants is left to fit. Without ``profiles`` the limits are linearised.
+    What the misfit depends on beyond these constants is left to fit. Without ``profiles`` the
+    limits are linearised.
     """
     count = len(constants)
     singular, right = seen(misfit, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
     deviations = 1 / np.maximum(singular, 1e-14 * singular[0])
-    covariance, wide = ((right.T * width**2) @ right for width in (np.minimum(deviations, CREDIBLE), deviations))
+    covariance, wide = ((right.T * width**2) @ right for width in (np.minimum(deviations, CREDIBLE),
+                                                                   deviations))
     spread = np.sqrt(np.diag(covariance))
     credible = misfit.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
     free = settled(credible, best) if profiles else best
@@ -166,19 +175,23 @@ def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: flo
         z, half = float(best[index]), quantile * float(spread[index])
         open_ = misfit.low[index] < z < misfit.high[index]
         linear = (max(z - half, misfit.low[index]), min(z + half, misfit.high[index]))
-        line = profile(credible, free, index, quantile) if profiles and open_ and half < _WORTH else None
+        line = profile(credible, free, index,
+                       quantile) if profiles and open_ and half < _WORTH else None
         limits = linear if not profiles else (None, None) if line is None else (line.low, line.high)
         drawn.append(line)
-        sure = _limited(limits, 2 * half / _DOUBTFUL) if profiles or (open_ and half < DETERMINED) else None
+        sure = _limited(limits,
+                        2 * half / _DOUBTFUL) if profiles or (open_ and half < DETERMINED) else None
         rough = linear if open_ and half < DETERMINED else None
-        ends = [None if pair is None else values_of(index, pair[side]) for pair in (sure, rough) for side in (0, 1)]
+        ends = [None if pair is None else values_of(index, pair[side]) for pair in (sure, rough)
+                for side in (0, 1)]
         found.append(Found(constant.name, constant.unit, values_of(index, z), *ends))
     combinations = tuple(
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
     lengths = np.sqrt(np.diag(wide))
-    return Judgement(tuple(found), combinations, wide / np.outer(lengths, lengths), tuple(drawn), quantile,
+    return Judgement(tuple(found), combinations, wide / np.outer(lengths, lengths), tuple(drawn),
+                     quantile,
                      values_of)
 
 

@@ -44,8 +44,9 @@ class Problem:
     def descend(self, start: Array, free: Array) -> Array:
         """The nearest minimum over the free constants, the others held.
 
-        Variable projection: for given shape constants the free linear ones follow from linear least squares, so the
-        search runs over the free shape constants alone, with Kaufman's Jacobian (BIT 15, 49, 1975).
+        Variable projection: for given shape constants the free linear ones follow from linear least
+        squares, so the search runs over the free shape constants alone, with Kaufman's Jacobian
+        (BIT 15, 49, 1975).
         """
         split = len(self.family.linear)
         linear, shape = np.flatnonzero(free[:split]), split + np.flatnonzero(free[split:])
@@ -67,7 +68,8 @@ class Problem:
         if not len(shape):
             return full(start[shape])[0]
         found = least_squares(lambda part: self.residual(full(part)[0]) / self.scale,
-                              np.clip(start[shape], *self.bounds[:, shape]), slopes, self.bounds[:, shape],
+                              np.clip(start[shape], *self.bounds[:, shape]), slopes,
+                              self.bounds[:, shape],
                               x_scale="jac", max_nfev=200, xtol=1e-10, ftol=1e-12, gtol=1e-12)
         return full(found.x)[0]
 
@@ -91,7 +93,8 @@ def seeded_starts(low: float, high: float, dimension: int, count: int) -> Array:
 class Noise:
     """Standard deviation of one reading [Pa], and the quantile that makes 95 % intervals of it.
 
-    Given, the quantile is the normal one; estimated from the residuals, Student's with their degrees of freedom.
+    Given, the quantile is the normal one; estimated from the residuals, Student's with their
+    degrees of freedom.
     """
 
     sigma: float
@@ -122,15 +125,17 @@ def covariance(problem: Problem, values: Array, sigma: float) -> Array:
 def intervals(problem: Problem, values: Array, spread: Array, noise: Noise) -> list[Interval]:
     """95 % limits of every constant, None where the readings set none.
 
-    Where stress is linear in all constants, value ± quantile · standard deviation, which is exact for normal noise;
-    otherwise profiles: the other constants are fitted again at each value of one, and the limit is where the sum of
-    squares has grown by (quantile · σ)² (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1).
+    Where stress is linear in all constants, value ± quantile · standard deviation, which is exact
+    for normal noise; otherwise profiles: the other constants are fitted again at each value of one,
+    and the limit is where the sum of squares has grown by (quantile · σ)² (Bates and Watts,
+    *Nonlinear Regression Analysis*, 1988, §6.1).
     """
     if not problem.family.shape:
         halves = noise.quantile * spread
         return [(float(value - half), float(value + half)) if np.isfinite(half) else (None, None)
                 for value, half in zip(values, halves, strict=True)]
-    return [(_limit(problem, values, index, -step, noise), _limit(problem, values, index, step, noise))
+    return [(_limit(problem, values, index, -step, noise),
+             _limit(problem, values, index, step, noise))
             for index, step in enumerate(spread)]
 
 
@@ -150,7 +155,8 @@ def _limit(problem: Problem, best: Array, index: int, step: float, noise: Noise)
         if profile(outside) > 0:
             if profile(inside) > 0:  # another minimum took over: the nearer limit is the safe one to have passed
                 return inside
-            return float(brentq(profile, inside, outside, xtol=1e-3 * abs(outside - inside), rtol=1e-6))
+            return float(brentq(profile, inside, outside, xtol=1e-3 * abs(outside - inside),
+                                rtol=1e-6))
         if beyond:
             return None
         inside = outside

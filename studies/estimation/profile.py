@@ -35,12 +35,13 @@ class Misfit:
         return replace(self, both=both)
 
 
-def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None, precision: float = 1e-9
+def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None,
+             precision: float = 1e-9
              ) -> tuple[Array, int]:
     """The nearest minimum over the constants that are not held, and how many evaluations it took.
 
-    scipy's trust-region reflective method (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999); ``precision`` is the
-    relative one of χ².
+    scipy's trust-region reflective method (Branch, Coleman and Li, SIAM J. Sci. Comput. 21, 1999);
+    ``precision`` is the relative one of χ².
 
     Raises
     ------
@@ -63,8 +64,10 @@ def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None
 
     inside = np.clip(start[free], low + margin, high - margin)
     if not np.isfinite(both(inside)[0]).all():
-        raise InputError("the film does not hold with the constants the search begins at", key="constants")
-    done = least_squares(lambda part: both(part)[0], inside, lambda part: both(part)[1], (low, high), "trf",
+        raise InputError("the film does not hold with the constants the search begins at",
+                         key="constants")
+    done = least_squares(lambda part: both(part)[0], inside, lambda part: both(part)[1],
+                         (low, high), "trf",
                          precision, 1e-8, 1e-12, max_nfev=100)
     result = start.copy()
     result[free] = done.x
@@ -75,8 +78,9 @@ def minimise(misfit: Misfit, start: Array, held: NDArray[np.bool_] | None = None
 class Profile:
     """How the least misfit grows as one constant is held away from its best value.
 
-    ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line where the problem is
-    linear. ``low`` and ``high`` are where it reaches the quantile, None where it does not within the bounds.
+    ``values`` ascend; ``rise`` is ±√(χ² − χ²min) there, in standard deviations: a straight line
+    where the problem is linear. ``low`` and ``high`` are where it reaches the quantile, None where
+    it does not within the bounds.
     """
 
     values: Array
@@ -93,14 +97,16 @@ _MOST = 12
 
 #: How much χ² may still fall where a profile's fit stops: 0.1 % of the 3.84 that make a 95 % limit.
 _EXACT = 4e-3
-#: What the other constants could still take from χ², by their derivatives, that is taken without fitting them again.
+#: What the other constants could still take from χ², by their derivatives, that is taken without
+#: fitting them again.
 _LITTLE = 0.04
 
 
 def settled(misfit: Misfit, best: Array) -> Array:
     """The minimum with everything free, from one where some directions were held; profiles begin there.
 
-    What readings do not determine follows the noise there, and χ² is smaller by about one for each such direction.
+    What readings do not determine follows the noise there, and χ² is smaller by about one for each
+    such direction.
     """
     residual, _ = misfit.both(best)
     return minimise(misfit, best, None, _EXACT / max(float(residual @ residual), 1.0))[0]
@@ -109,8 +115,8 @@ def settled(misfit: Misfit, best: Array) -> Array:
 def profile(misfit: Misfit, best: Array, index: int, quantile: float) -> Profile:
     """The profile of one constant about a minimum, out to where χ² has grown by quantile² on both sides.
 
-    At each value of it all others are fitted again, those the readings do not determine included (Bates and Watts,
-    *Nonlinear Regression Analysis*, 1988, §6.1).
+    At each value of it all others are fitted again, those the readings do not determine included
+    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1).
     """
     residual, slopes = misfit.both(best)
     least = float(residual @ residual)
@@ -165,11 +171,13 @@ class _Walk:
             at = self._next(inside, outside, (start, 0.0), step)
         return None if outside is None or not np.isfinite(outside[1]) else outside[0]
 
-    def _next(self, inside: tuple[float, float], outside: tuple[float, float] | None, start: tuple[float, float],
+    def _next(self, inside: tuple[float, float], outside: tuple[float, float] | None,
+              start: tuple[float, float],
               step: float) -> float:
         """A straight line through what is known, outward at most three times as far."""
         if outside is not None:
-            share = (self.quantile - inside[1]) / (outside[1] - inside[1])  # 0 where the model does not reach
+            share = (self.quantile - inside[1]) / (outside[1]
+                                                   - inside[1])  # 0 where the model does not reach
             return inside[0] + min(max(share, 0.1), 0.95) * (outside[0] - inside[0])
         far = inside[0] - start[0]
         grown = min(self.quantile / inside[1], 3.0) if inside[1] > 0 else 3.0

@@ -17,12 +17,14 @@ from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.signals import Pieces
 
 Array = NDArray[np.float64]
-#: An actuator of constants, and the derivatives of its rates by them, (size, p, points…), at states and voltages.
+#: An actuator of constants, and the derivatives of its rates by them, (size, p, points…), at states
+#: and voltages.
 Model = Callable[[Array], Actuator]
 Slopes = Callable[[Array, Array, Array], Array]
 
-# Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary Differential Equations
-# II*, 1996, IV.5), and the weights of the stages, less the start, in the step's end.
+# Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary
+# Differential Equations II*, 1996, IV.5), and the weights of the stages, less the start, in the
+# step's end.
 _ROOT = 15**0.5
 _C = np.array([0.5 - _ROOT / 10, 0.5, 0.5 + _ROOT / 10])
 _A = np.array([[5 / 36, 2 / 9 - _ROOT / 15, 5 / 36 - _ROOT / 30],
@@ -40,9 +42,10 @@ _STEPS = 20_000  # of the first mesh
 class Follower:
     """Solves one actuator's motion from rest, under one voltage, for one set of constants after the other.
 
-    Newton's method runs over all steps at once, begun from the last motion and its derivatives; where it does not
-    converge, over half of them. Derivatives are the same linear equations with other right sides. The mesh moves until
-    its quintics are within 1e-10 m. ``began`` is the voltage of the rest it begins from [V].
+    Newton's method runs over all steps at once, begun from the last motion and its derivatives;
+    where it does not converge, over half of them. Derivatives are the same linear equations with
+    other right sides. The mesh moves until its quintics are within 1e-10 m. ``began`` is the
+    voltage of the rest it begins from [V].
     """
 
     model: Model
@@ -76,20 +79,24 @@ class Follower:
             time = _moved(motion, errors, self.drive)
         return motion
 
-    def _start(self, actuator: Actuator, constants: Array, derivatives: bool) -> tuple[Array, Array]:
+    def _start(self, actuator: Actuator, constants: Array, derivatives: bool) -> tuple[Array,
+                                                                                       Array]:
         """Rest at the voltage it began from, (size,), and its derivatives, (size, p)."""
-        y = rest(actuator, self.began).deflection if self.last is None else float(self.last.nodes[0, 0])
+        y = rest(actuator,
+                 self.began).deflection if self.last is None else float(self.last.nodes[0, 0])
         for _ in range(20):
             force, stiffness = actuator.balance(y, self.began)
             y -= force / stiffness
             if abs(force / stiffness) < 1e-14:
                 break
         if not stiffness > 0:
-            raise InputError("has no stable rest to begin from with these constants", key=actuator.specimen.name)
+            raise InputError("has no stable rest to begin from with these constants",
+                             key=actuator.specimen.name)
         state = actuator.rest(y)
         if not derivatives:
             return state, np.zeros((len(state), 0))
-        pushed = self.by_constants(constants, state[:, None], np.array([self.began]))[1, :, 0] * actuator.moved
+        pushed = self.by_constants(constants, state[:, None],
+                                   np.array([self.began]))[1, :, 0] * actuator.moved
         tangent = np.array([1.0, 0.0, *(circle.stretch(y)[1] for circle in actuator.circles)])
         return state, np.outer(tangent, pushed / stiffness)
 
@@ -138,9 +145,11 @@ class _Mesh:
         points, volts = self.drive.time, self.drive.voltage
         solid = np.flatnonzero(np.diff(points) > 0)
         middle = (self.time[1:] + self.time[:-1]) / 2
-        left = solid[np.clip(np.searchsorted(points[solid], middle, "right") - 1, 0, len(solid) - 1)]
+        left = solid[np.clip(np.searchsorted(points[solid], middle, "right") - 1, 0,
+                             len(solid) - 1)]
         slope = (volts[left + 1] - volts[left]) / (points[left + 1] - points[left])
-        return np.array([volts[left] + slope * (at - points[left]) for at in (self.time[:-1], self.time[1:])])
+        return np.array([volts[left] + slope * (at - points[left])
+                         for at in (self.time[:-1], self.time[1:])])
 
     @cached_property
     def volts(self) -> Array:
@@ -156,8 +165,9 @@ class _Mesh:
 def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[Array, Array]:
     """One step of Newton's method over all steps: nodes (steps + 1, size, 1 + p) and stages (steps, 3, size, 1 + p).
 
-    ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p) what drives those.
-    Every stage is affine in the state its step begins with, so only that is handed on from step to step.
+    ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p)
+    what drives those. Every stage is affine in the state its step begins with, so only that is
+    handed on from step to step.
     """
     steps, _, size = stages.shape
     state = np.moveaxis(stages, -1, 0)
@@ -169,9 +179,11 @@ def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[A
     free = rates - (slopes @ stages[..., None])[..., 0]
     driven = np.concatenate([free[..., None], sources], axis=-1).reshape(steps, 3, -1)
     driven = (reach @ driven).reshape(steps, 3, size, -1)
-    follow = np.broadcast_to(np.tile(np.eye(size), (3, 1)).reshape(3, size, size), (steps, 3, size, size))
+    follow = np.broadcast_to(np.tile(np.eye(size), (3, 1)).reshape(3, size, size),
+                             (steps, 3, size, size))
     right = np.concatenate([follow, driven], axis=-1).reshape(steps, 3 * size, -1)
-    solved = np.linalg.solve(matrix.reshape(steps, 3 * size, 3 * size), right).reshape(steps, 3, size, -1)
+    solved = np.linalg.solve(matrix.reshape(steps, 3 * size, 3 * size), right).reshape(steps, 3,
+                                                                                       size, -1)
     end = np.tensordot(_END, solved, (0, 1))
     nodes = _chained(end[..., :size] + (1 - _END.sum()) * np.eye(size), end[..., size:], start)
     return nodes, solved[..., :size] @ nodes[:-1, None] + solved[..., size:]
@@ -186,7 +198,8 @@ def _chained(across: Array, added: Array, start: Array) -> Array:
     elif len(across):
         even = len(across) // 2 * 2
         first, second = slice(0, even, 2), slice(1, even, 2)
-        nodes[:even + 1:2] = _chained(across[second] @ across[first], across[second] @ added[first] + added[second],
+        nodes[:even + 1:2] = _chained(across[second] @ across[first],
+                                      across[second] @ added[first] + added[second],
                                       start)
         nodes[1::2] = across[::2] @ nodes[:len(across):2] + added[::2]
     return nodes
@@ -236,9 +249,11 @@ def _finished(mesh: _Mesh, stages: Array, start: Array, slopes: Array,
         end_slopes[side, 0], end_slopes[side, 1] = at[:, 0, 1:], at[:, 1, 1:]
         if by_constants is not None:
             by_state = mesh.actuator.jacobian(state, volts)[1]
-            end_slopes[side, 2] = np.einsum("ln,nlp->np", by_state, at[..., 1:]) + by_constants(state, volts)[1].T
+            end_slopes[side, 2] = np.einsum("ln,nlp->np", by_state,
+                                            at[..., 1:]) + by_constants(state, volts)[1].T
     breaks = np.isin(mesh.time[1:-1], mesh.drive.breaks)
-    return Motion(mesh.time, nodes[..., 0], ends, end_slopes, breaks, stages[..., 0], stages[..., 1:])
+    return Motion(mesh.time, nodes[..., 0], ends, end_slopes, breaks, stages[..., 0],
+                  stages[..., 1:])
 
 
 def _moved(motion: Motion, errors: Array, drive: Pieces) -> Array:

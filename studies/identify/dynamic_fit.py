@@ -77,8 +77,8 @@ class Exact:
 class Held:
     """Constants found from readings at rest, held as firmly as those determine them.
 
-    A turn of 1 moves them by one standard deviation along a combination, at most by ten of their scales: many readings
-    in time may see what few at rest do not.
+    A turn of 1 moves them by one standard deviation along a combination, at most by ten of their
+    scales: many readings in time may see what few at rest do not.
     """
 
     fit: StaticFit
@@ -88,7 +88,8 @@ class Held:
         """Changes of the static constants, a column for each combination that any reading may notice."""
         scale = self.fit.problem.column("scale")
         return np.array([scale * one.coefficients * min(one.deviation, CREDIBLE)
-                         for one in self.fit.judgement.combinations if one.deviation < _UNNOTICED]).T
+                         for one in self.fit.judgement.combinations
+                         if one.deviation < _UNNOTICED]).T
 
     @property
     def count(self) -> int:
@@ -99,22 +100,25 @@ class Held:
         """With the constants turned."""
         problem = self.fit.problem
         values = self.fit.values + self.directions @ turn
-        return Actuator.of(problem.specimen(number, values), mass, problem.weights(number, values), viscous,
+        return Actuator.of(problem.specimen(number, values), mass, problem.weights(number, values),
+                           viscous,
                            problem.readings.rig)
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
         """Derivatives of a specimen's force [N] by the turns, shape (turns, points)."""
         values = self.fit.values + self.directions @ turn
-        return np.asarray((self.fit.problem.force_of(number, values, y, voltage)[2] @ self.directions).T)
+        return np.asarray((self.fit.problem.force_of(number, values, y, voltage)[2]
+                           @ self.directions).T)
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicProblem:
     """Responses and what their motions depend on: z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs).
 
-    A run's delay, in its sampling intervals, is how long before the sample that first shows it a voltage came: no
-    record says. Turns and delays are unknown with a standard deviation of 1 and a half. Where no reading follows the
-    oscillation, η₂ is not ``followed`` and stays where it begins.
+    A run's delay, in its sampling intervals, is how long before the sample that first shows it a
+    voltage came: no record says. Turns and delays are unknown with a standard deviation of 1 and a
+    half. Where no reading follows the oscillation, η₂ is not ``followed`` and stays where it
+    begins.
     """
 
     statics: Statics
@@ -131,7 +135,8 @@ class DynamicProblem:
     @cached_property
     def start(self) -> Array:
         """Table 1's constants, the statics as they are, no delay."""
-        return np.append(np.log([one.start for one in CONSTANTS]), np.zeros(self.statics.count + len(self.records)))
+        return np.append(np.log([one.start for one in CONSTANTS]),
+                         np.zeros(self.statics.count + len(self.records)))
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -150,7 +155,8 @@ class DynamicProblem:
     def by_constants(self, record: Record, z: Array, state: Array, voltage: Array) -> Array:
         """Derivatives of a run's rates by viscous constants and turns, shape (size, 3 + turns, points…)."""
         actuator, shape = self.actuator(record, z), np.shape(state[0])
-        turned = self.statics.by_turn(record.specimen, z[3:3 + self.statics.count], np.ravel(state[0]),
+        turned = self.statics.by_turn(record.specimen, z[3:3 + self.statics.count],
+                                      np.ravel(state[0]),
                                       np.ravel(voltage))
         result = np.zeros((len(state), 3 + len(turned), *shape))
         result[:, :3] = actuator.by_viscous(state)
@@ -173,7 +179,8 @@ class DynamicProblem:
         if first == 0:
             return first
         actuator = self.actuator(record, self.start)
-        rests = np.array([float(self.rig.reading(rest(actuator, volts).deflection)) for volts in (0.0, first)])
+        rests = np.array([float(self.rig.reading(rest(actuator, volts).deflection))
+                          for volts in (0.0, first)])
         away = np.abs(record.first - rests)
         if away.min() > _BEGUN * abs(rests[1] - rests[0]):
             raise InputError("must begin at rest, at its first voltage or without any: record it from before the step",
@@ -184,7 +191,8 @@ class DynamicProblem:
 
     def until(self, length: float) -> DynamicProblem:
         """The same up to so long after each run's voltage first changes [s]."""
-        return replace(self, records=tuple(record.until(record.begins + length) for record in self.records))
+        return replace(self, records=tuple(record.until(record.begins + length)
+                                           for record in self.records))
 
     @cached_property
     def _latest(self) -> dict[str, Any]:
@@ -195,23 +203,27 @@ class DynamicProblem:
         poles: list[complex] = []
         for record, began in zip(self.records, self.began, strict=True):
             actuator = self.actuator(record, z)
-            poles.extend(np.linalg.eigvals(actuator.jacobian(actuator.rest(float(record.first)), began)))
+            poles.extend(np.linalg.eigvals(actuator.jacobian(actuator.rest(float(record.first)),
+                                                             began)))
         return complex(max(poles, key=abs))
 
     def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
         """Of every run what the model shows minus what was read [m], and its derivative by z; the last is kept."""
         if not derivatives or not np.array_equal(self._latest.get("z", ()), z):
-            self._latest.update(found=self._parts(z, derivatives), z=z.copy() if derivatives else ())
+            self._latest.update(found=self._parts(z, derivatives),
+                                z=z.copy() if derivatives else ())
         found: list[tuple[Array, Array]] = self._latest["found"]
         return found
 
     def _parts(self, z: Array, derivatives: bool) -> list[tuple[Array, Array]]:
         inner, found = 3 + self.statics.count, []
         gain = 1 + self.rig.sensor_gain
-        for number, (record, follower) in enumerate(zip(self.records, self._followers, strict=True)):
+        for number, (record, follower) in enumerate(zip(self.records, self._followers,
+                                                        strict=True)):
             motion = follower.solve(z[:inner], derivatives)
             y, speed, by = motion.deflection(record.time + z[inner + number] * record.interval)
-            residual = np.asarray(self.rig.reading(y, record.time - record.time[0])) - record.displacement
+            residual = np.asarray(self.rig.reading(y, record.time
+                                                   - record.time[0])) - record.displacement
             slopes = np.zeros((len(y), len(z)))
             slopes[:, :by.shape[1]] = gain * by
             slopes[:, inner + number] = gain * record.interval * speed
@@ -221,10 +233,12 @@ class DynamicProblem:
     def misfit(self, sigma: float) -> Misfit:
         """Of z, in units of a reading's noise [m].
 
-        Each run's rows are replaced by the triangular factor of (derivative, residual), which has the same χ², the same
-        gradient and the same curvature: nothing is lost of 30,000 readings, and a step of the search is cheap.
+        Each run's rows are replaced by the triangular factor of (derivative, residual), which has
+        the same χ², the same gradient and the same curvature: nothing is lost of 30,000 readings,
+        and a step of the search is cheap.
         """
-        spread = np.concatenate([np.full(self.statics.count, 1.0), np.full(len(self.records), _DELAY)])
+        spread = np.concatenate([np.full(self.statics.count, 1.0),
+                                 np.full(len(self.records), _DELAY)])
         prior = np.eye(len(self.start))[3:] / spread[:, None]
 
         def both(z: Array) -> tuple[Array, Array]:
@@ -232,7 +246,8 @@ class DynamicProblem:
                 parts = self.parts(z)
             except InputError:  # a trial beyond pull-in: the search steps back
                 return np.full(len(prior), np.nan), prior
-            rows = np.concatenate([np.linalg.qr(np.column_stack([slopes, residual]) / sigma, mode="r")
+            rows = np.concatenate([np.linalg.qr(np.column_stack([slopes, residual]) / sigma,
+                                                mode="r")
                                    for residual, slopes in parts])
             return (np.concatenate([rows[:, -1], prior @ (z - self.start)]),
                     np.concatenate([rows[:, :-1], prior]))

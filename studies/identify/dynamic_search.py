@@ -18,8 +18,8 @@ from tympan.studies.lumped.actuator import Viscous
 
 Array = NDArray[np.float64]
 
-#: The search sees the first so many periods of the fast oscillation, then more: a response that is out of step by half
-#: a period has its own minimum.
+#: The search sees the first so many periods of the fast oscillation, then more: a response that is
+#: out of step by half a period has its own minimum.
 _PERIODS = (1.5, 6.0, 25.0, 100.0)
 _LOOSE = 3.0  # standard deviation of a constant's logarithm about the start, while little of the record is seen
 
@@ -28,9 +28,9 @@ _LOOSE = 3.0  # standard deviation of a constant's logarithm about the start, wh
 class DynamicFit:
     """The viscous constants, what the data determine of them, the misfit, and what the search cost.
 
-    ``z`` are all numbers found, as :class:`DynamicProblem` has them; ``fast`` is the time in which the fastest motion
-    at rest goes through a radian [s]; ``waited`` how long after a jump of the voltage readings were left out [s],
-    because they come too seldom to follow it.
+    ``z`` are all numbers found, as :class:`DynamicProblem` has them; ``fast`` is the time in which
+    the fastest motion at rest goes through a radian [s]; ``waited`` how long after a jump of the
+    voltage readings were left out [s], because they come too seldom to follow it.
     """
 
     problem: DynamicProblem
@@ -56,10 +56,12 @@ class DynamicFit:
             "rmse_um": 1e6 * self.rmse,
             "readings": self.problem.size,
             **self.judgement.json(),
-            "runs": [{"specimen": self.problem.actuator(record, self.z).specimen.name, "mass_kg": record.mass,
+            "runs": [{"specimen": self.problem.actuator(record, self.z).specimen.name,
+                      "mass_kg": record.mass,
                       "run": record.run, "began_at_V": began, "interval_s": record.interval,
                       "delay_s": float(delay * record.interval)}
-                     for record, began, delay in zip(self.problem.records, self.problem.began, self.z[inner:],
+                     for record, began, delay in zip(self.problem.records, self.problem.began,
+                                                     self.z[inner:],
                                                      strict=True)],
             "evaluations": self.evaluations,
             "seconds": self.seconds,
@@ -87,8 +89,8 @@ class DynamicFit:
 def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicFit:
     """Fit k₁, η₁ and η₂ to all responses, by bounded least squares with exact derivatives in their logarithms.
 
-    First to the beginning of every response, then to more of it. As in the static fit, what the responses do not see
-    stays where the search began, and limits are by profiles of the misfit.
+    First to the beginning of every response, then to more of it. As in the static fit, what the
+    responses do not see stays where the search began, and limits are by profiles of the misfit.
 
     Raises
     ------
@@ -98,12 +100,14 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
     began, calls, z = time.perf_counter(), 0, problem.start
     problem, waited = _calm(problem)
     if problem.size <= len(z):
-        raise InputError(f"needs more readings than the {len(z)} numbers to find", key="transient.csv",
+        raise InputError(f"needs more readings than the {len(z)} numbers to find",
+                         key="transient.csv",
                          given=problem.size)
     sigma = problem.noise or 1e-6
     loose = np.eye(len(z))[:3] / _LOOSE
     for length in [] if waited else _lengths(problem):
-        z, more = minimise(problem.until(length).misfit(sigma).with_rows(loose, problem.start), z, None, 1e-2)
+        z, more = minimise(problem.until(length).misfit(sigma).with_rows(loose, problem.start), z,
+                           None, 1e-2)
         calls += more
     for _ in range(4):
         misfit = problem.misfit(sigma)
@@ -116,7 +120,8 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
         if settled and (moved < 1e-4 or known == 3):
             break
-    judgement = judge(problem.misfit(sigma), z, CONSTANTS, noise.quantile, lambda _, log: float(np.exp(log)),
+    judgement = judge(problem.misfit(sigma), z, CONSTANTS, noise.quantile,
+                      lambda _, log: float(np.exp(log)),
                       profiles)
     return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
                       time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
@@ -132,15 +137,16 @@ def _lengths(problem: DynamicProblem) -> list[float]:
 def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
     """Without readings of an oscillation that no run is sampled often enough to follow, and how long it lasts [s].
 
-    Out of step with it by whole periods a fit has other minima. It is given twice the time in which it falls from the
-    whole range to the noise.
+    Out of step with it by whole periods a fit has other minima. It is given twice the time in which
+    it falls from the whole range to the noise.
     """
     pole = problem.pole(problem.start)
     if any(record.interval < np.pi / abs(pole) for record in problem.records):
         return problem, 0.0
     span = max(float(np.ptp(record.displacement)) for record in problem.records)
     wait = 2 * float(np.log(max(span / (problem.noise or 1e-6), np.e)) / abs(pole.real))
-    return replace(problem, records=tuple(record.calm(wait) for record in problem.records), followed=False), wait
+    return replace(problem, records=tuple(record.calm(wait) for record in problem.records),
+                   followed=False), wait
 
 
 def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, Any]:
@@ -149,7 +155,8 @@ def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, A
 
     def cost(logs: Array) -> float:
         try:
-            parts = problem.parts(np.append(np.clip(logs, *(end[:3] for end in problem.bounds)), start[3:]), False)
+            parts = problem.parts(np.append(np.clip(logs, *(end[:3] for end in problem.bounds)),
+                                            start[3:]), False)
         except InputError:
             return 1e12
         return sum(float(np.mean((1e6 * residual) ** 2)) for residual, _ in parts)
@@ -157,6 +164,8 @@ def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, A
     simplex = start[:3] + np.vstack([np.zeros(3), 0.3 * np.eye(3)])
     done = minimize(cost, start[:3], method="Nelder-Mead", options={
         "maxfev": most, "maxiter": most, "xatol": 1e-6, "fatol": 1e-9, "initial_simplex": simplex})
-    return {"values": dict(zip((one.name for one in CONSTANTS), np.exp(done.x).tolist(), strict=True)),
-            "rmse_um": float((done.fun / len(problem.records)) ** 0.5), "evaluations": int(done.nfev),
+    return {"values": dict(zip((one.name for one in CONSTANTS), np.exp(done.x).tolist(),
+                               strict=True)),
+            "rmse_um": float((done.fun / len(problem.records)) ** 0.5),
+            "evaluations": int(done.nfev),
             "converged": bool(done.success), "seconds": time.perf_counter() - began}

@@ -14,10 +14,11 @@ Array = NDArray[np.float64]
 class Motion:
     """States at the nodes of a mesh, dense in time by Hermite's quintics of y, ẏ, ÿ.
 
-    ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their derivatives by p
-    constants, (2, 3, steps, p): where the voltage jumps at a node there are two accelerations. ``breaks`` says of the
-    inner nodes where the voltage has a jump or a kink. ``stages`` are the states within the steps, (steps, 3, size),
-    and ``stage_slopes`` their derivatives, (steps, 3, size, p).
+    ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their
+    derivatives by p constants, (2, 3, steps, p): where the voltage jumps at a node there are two
+    accelerations. ``breaks`` says of the inner nodes where the voltage has a jump or a kink.
+    ``stages`` are the states within the steps, (steps, 3, size), and ``stage_slopes`` their
+    derivatives, (steps, 3, size, p).
     """
 
     time: Array
@@ -31,7 +32,8 @@ class Motion:
     def deflection(self, time: Array) -> tuple[Array, Array, Array]:
         """y [m], ẏ [m/s], both (times,), and y's derivatives, (times, p); beyond the mesh those at its end."""
         step, basis, moving = self._place(time)
-        y, speed = (np.einsum("ekn,ekn->n", part, self.ends[:, :, step]) for part in (basis, moving))
+        y, speed = (np.einsum("ekn,ekn->n", part, self.ends[:, :, step])
+                    for part in (basis, moving))
         slopes = np.zeros((len(step), self.slopes.shape[-1]))
         for end in range(2):
             for order in range(3):
@@ -41,7 +43,8 @@ class Motion:
     def state(self, time: Array) -> Array:
         """States at times, shape (times, size): y and ẏ by the quintic, the branches on straight lines."""
         y, speed, _ = self.deflection(time)
-        return np.array([y, speed, *(np.interp(time, self.time, branch) for branch in self.nodes.T[2:])]).T
+        return np.array([y, speed,
+                         *(np.interp(time, self.time, branch) for branch in self.nodes.T[2:])]).T
 
     @property
     def errors(self) -> Array:
@@ -51,8 +54,10 @@ class Motion:
         fifth = 120 * (6 * (y1 - y0) - 3 * width * (v0 + v1) + width**2 * (a1 - a0) / 2) / width**5
         sixth = np.where(self.breaks, 0.0, np.abs(np.diff(fifth)) / ((width[1:] + width[:-1]) / 2))
         for _ in range(2):
-            sixth = np.maximum(sixth, np.maximum(np.append(sixth[1:], 0.0), np.append(0.0, sixth[:-1])))
-        return np.asarray(np.maximum(np.append(sixth, 0.0), np.append(0.0, sixth)) * width**6 / 46080)
+            sixth = np.maximum(sixth,
+                               np.maximum(np.append(sixth[1:], 0.0), np.append(0.0, sixth[:-1])))
+        return np.asarray(np.maximum(np.append(sixth, 0.0), np.append(0.0, sixth)) * width**6
+                          / 46080)
 
     def _place(self, time: Array) -> tuple[NDArray[np.int64], Array, Array]:
         """The step of each time, and the basis of y, ẏ, ÿ at its two ends, (2, 3, times), with its derivative."""

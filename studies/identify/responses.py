@@ -21,7 +21,8 @@ _LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded volt
 class Record:
     """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage.
 
-    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of them [m].
+    ``interval`` is the time between two readings as it is most often [s], ``first`` the first of
+    them [m].
     """
 
     specimen: int
@@ -54,16 +55,19 @@ class Record:
         points, volts = self.drive.time, self.drive.voltage
         inside = points < time
         last = float(volts[-1]) if time >= points[-1] else float(np.interp(time, points, volts))
-        drive = Pieces(np.append(points[inside], min(time, points[-1])), np.append(volts[inside], last))
-        return replace(self, time=self.time[kept], displacement=self.displacement[kept], drive=drive)
+        drive = Pieces(np.append(points[inside], min(time, points[-1])),
+                       np.append(volts[inside], last))
+        return replace(self, time=self.time[kept], displacement=self.displacement[kept],
+                       drive=drive)
 
 
 def drive_of(time: Array, voltage: Array) -> Pieces:
     """The voltage behind samples of it: straight lines between them, and jumps.
 
-    A change between two samples is a jump, at the later one, where it is more than 2 % of the voltage's range and the
-    voltage changes by less than a tenth of it between the samples before and between those after; so a lone step is
-    one, and ramps and sines have none. Between jumps a voltage within 2 % of its range is level, at its mean.
+    A change between two samples is a jump, at the later one, where it is more than 2 % of the
+    voltage's range and the voltage changes by less than a tenth of it between the samples before
+    and between those after; so a lone step is one, and ramps and sines have none. Between jumps a
+    voltage within 2 % of its range is level, at its mean.
 
     Examples
     --------
@@ -102,7 +106,8 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
     """
     table = dataset.transients
     if table is None:
-        raise InputError("has no transient.csv: the viscous constants need responses in time", key=dataset.name)
+        raise InputError("has no transient.csv: the viscous constants need responses in time",
+                         key=dataset.name)
     names = [specimen.name for specimen in dataset.specimens]
     kinds = np.array([names.index(name) for name in table.specimen.tolist()])
     keys = list(zip(kinds.tolist(), table.mass.tolist(), table.run.tolist(), strict=True))
@@ -113,9 +118,11 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
     for (number, mass, run), rows in places.items():
         order = np.array(rows)[np.argsort(table.time[rows], kind="stable")]
         if len(order) < 5:
-            raise InputError("must have at least five readings", key=f"transient.csv, {names[number]}, run {run}",
+            raise InputError("must have at least five readings",
+                             key=f"transient.csv, {names[number]}, run {run}",
                              given=len(order))
         time = table.time[order]
-        found.append(Record(number, mass, run, time, table.displacement[order], drive_of(time, table.voltage[order]),
+        found.append(Record(number, mass, run, time, table.displacement[order],
+                            drive_of(time, table.voltage[order]),
                             float(np.median(np.diff(time))), float(table.displacement[order[0]])))
     return tuple(found)

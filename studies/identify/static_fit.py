@@ -75,10 +75,11 @@ class _Film:
 class StaticProblem:
     """Readings and the law: Eq. (8) with β, γ (``eq8``), or one factor on the films (``film``); and ε_r, α.
 
-    ``alpha`` says whether each shape with two semi-axes has its own α of the circle with the short one (``each``), or
-    one serves all as in Eq. (11) (``shared``). Each is what a user expects, because α belongs to the shape: for the
-    paper's ellipses the membrane's is 0.562 and 0.608 (`tympan alpha`), and one for both leaves that difference to the
-    other constants. Shapes alike in their semi-axes share. Without such a shape α is left out.
+    ``alpha`` says whether each shape with two semi-axes has its own α of the circle with the short
+    one (``each``), or one serves all as in Eq. (11) (``shared``). Each is what a user expects,
+    because α belongs to the shape: for the paper's ellipses the membrane's is 0.562 and 0.608
+    (`tympan alpha`), and one for both leaves that difference to the other constants. Shapes alike
+    in their semi-axes share. Without such a shape α is left out.
     """
 
     readings: Readings
@@ -92,12 +93,15 @@ class StaticProblem:
         found: list[Constant] = []
         if self.law == "eq8":
             for name in ("beta", "gamma"):
-                found += [Constant(f"{name}_{i}", "Pa", known(f"{name}_{i}"), 50e3, -_HIGHEST_STRESS, _HIGHEST_STRESS)
+                found += [Constant(f"{name}_{i}", "Pa", known(f"{name}_{i}"), 50e3,
+                                   -_HIGHEST_STRESS, _HIGHEST_STRESS)
                           for i in (1, 2, 3)]
         else:
             found.append(Constant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
-        found.append(Constant("relative_permittivity", "1", first.relative_permittivity, 5.0, 0.0, 1e3))
-        found += [Constant(name, "1", 0.5, 0.5, 0.0, 1.0) for name in dict.fromkeys(self._alphas) if name]
+        found.append(Constant("relative_permittivity", "1", first.relative_permittivity, 5.0, 0.0,
+                              1e3))
+        found += [Constant(name, "1", 0.5, 0.5, 0.0, 1.0) for name in dict.fromkeys(self._alphas)
+                  if name]
         return tuple(found)
 
     def column(self, name: str) -> Array:
@@ -149,20 +153,25 @@ class StaticProblem:
         if self.law == "film":
             law, permittivity = scaled(film.material, values[0]), values[1]
         else:
-            law = Separable(tuple(values[:3]), tuple(values[3:6]), _POWERS, film.area_prestretch**0.5)
+            law = Separable(tuple(values[:3]), tuple(values[3:6]), _POWERS,
+                            film.area_prestretch**0.5)
             permittivity = values[6]
-        return replace(specimen, membrane=replace(film, material=law, relative_permittivity=permittivity))
+        return replace(specimen,
+                       membrane=replace(film, material=law, relative_permittivity=permittivity))
 
     def force(self, values: Array, y: Array) -> tuple[Array, Array, Array]:
         """The film's force [N] at deflections of all readings [m], its stiffness, its derivative by the constants."""
         r = self.readings
-        force, stiffness, slopes = np.zeros(len(y)), np.zeros(len(y)), np.zeros((len(y), len(self.constants)))
+        force, stiffness, slopes = np.zeros(len(y)), np.zeros(len(y)), np.zeros((len(y),
+                                                                                 len(self.constants)))
         for number in range(len(r.specimens)):
             own = r.which == number
-            force[own], stiffness[own], slopes[own] = self.force_of(number, values, y[own], r.voltage[own])
+            force[own], stiffness[own], slopes[own] = self.force_of(number, values, y[own],
+                                                                    r.voltage[own])
         return force, stiffness, slopes
 
-    def force_of(self, number: int, values: Array, y: Array, voltage: Array) -> tuple[Array, Array, Array]:
+    def force_of(self, number: int, values: Array, y: Array, voltage: Array) -> tuple[Array, Array,
+                                                                                      Array]:
         """The same of one specimen (by number), at deflections [m] and voltages [V] of one shape (points,)."""
         rig = self.readings.rig
         pulls, stiffs = self._films[number].columns(y, np.asarray(rig.film_voltage(voltage)) ** 2)
@@ -204,8 +213,9 @@ class StaticProblem:
     def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:
         """What the search makes small, and its derivative: metres of deflection, or newtons of Eq. (11).
 
-        ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where what is within its
-        brackets has the sign of Eq. (5) reversed, so that it asks the film to push down with the weight.
+        ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
+        what is within its brackets has the sign of Eq. (5) reversed, so that it asks the film to
+        push down with the weight.
         """
         if objective == "deflection":
             y, slopes = self.rest(values)
@@ -225,8 +235,10 @@ def readings_of(dataset: Any) -> Readings:
     """
     static = dataset.static
     if static is None:
-        raise InputError("has no static.csv: the static constants need readings at rest", key=dataset.name)
+        raise InputError("has no static.csv: the static constants need readings at rest",
+                         key=dataset.name)
     names: Sequence[str] = [specimen.name for specimen in dataset.specimens]
     which = np.array([names.index(name) for name in static.specimen.tolist()])
-    return Readings(dataset.specimens, dataset.rig, which, static.mass, static.voltage, static.displacement,
+    return Readings(dataset.specimens, dataset.rig, which, static.mass, static.voltage,
+                    static.displacement,
                     dataset.noise)

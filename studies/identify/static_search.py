@@ -53,12 +53,13 @@ class StaticFit:
                 "the limits count the misfit as noise, and it is not"]
 
 
-def identify_static(problem: StaticProblem, objective: Objective = "deflection", profiles: bool = True) -> StaticFit:
+def identify_static(problem: StaticProblem, objective: Objective = "deflection",
+                    profiles: bool = True) -> StaticFit:
     """Fit the constants by bounded least squares with exact derivatives, and judge what the readings determine.
 
-    What the readings do not see, by the singular directions of the Jacobian, stays where the search began. Limits
-    are Student's (normal, where the noise is known); they are profiles of the misfit in deflection where that was the
-    ``objective``, else linearised.
+    What the readings do not see, by the singular directions of the Jacobian, stays where the search
+    began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
+    in deflection where that was the ``objective``, else linearised.
 
     Raises
     ------
@@ -69,7 +70,8 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     scale, size = problem.column("scale"), problem.readings.noise or 1e-6
     z = start = problem.column("start") / scale
     if len(problem.read) <= len(z):
-        raise InputError(f"needs more readings than constants: {len(z)} are to be found", key="static.csv",
+        raise InputError(f"needs more readings than constants: {len(z)} are to be found",
+                         key="static.csv",
                          given=f"{len(problem.read)} readings")
     # In force the problem is nearly linear: its fit is a safe place to begin from.
     safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
@@ -81,10 +83,13 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
             break
     residual = problem.residual(scale * z, "deflection")[0]
     noise = noise_of(float(residual @ residual), len(residual) - known, problem.readings.noise)
-    judgement = judge(_misfit(problem, "deflection", noise.sigma), z, problem.constants, noise.quantile,
-                      lambda index, at: float(scale[index] * at), profiles and objective == "deflection")
+    judgement = judge(_misfit(problem, "deflection", noise.sigma), z, problem.constants,
+                      noise.quantile,
+                      lambda index, at: float(scale[index] * at),
+                      profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))
-    return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls, time.perf_counter() - began)
+    return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls,
+                     time.perf_counter() - began)
 
 
 def _misfit(problem: StaticProblem, objective: Objective, size: float) -> Misfit:
@@ -100,17 +105,20 @@ def _misfit(problem: StaticProblem, objective: Objective, size: float) -> Misfit
     return Misfit(both, problem.column("low") / scale, problem.column("high") / scale)
 
 
-def nelder_mead(problem: StaticProblem, objective: Objective = "force", most: int = 20_000) -> dict[str, Any]:
+def nelder_mead(problem: StaticProblem, objective: Objective = "force",
+                most: int = 20_000) -> dict[str, Any]:
     """The paper's way: Nelder and Mead's simplex on the sum of squares of Eq. (11), from the same start."""
     began, scale = time.perf_counter(), problem.column("scale")
     low, high, start = problem.column("low"), problem.column("high"), problem.column("start")
     unit = float(np.mean(problem.load)) if objective != "deflection" else 1e-3
 
     def cost(z: Array) -> float:
-        return float(np.sum((problem.residual(np.clip(start + scale * z, low, high), objective)[0] / unit) ** 2))
+        return float(np.sum((problem.residual(np.clip(start + scale * z, low, high), objective)[0]
+                             / unit) ** 2))
 
     done = minimize(cost, np.zeros(len(start)), method="Nelder-Mead",
-                    options={"maxfev": most, "maxiter": most, "xatol": 1e-10, "fatol": 1e-16, "adaptive": True})
+                    options={"maxfev": most, "maxiter": most, "xatol": 1e-10, "fatol": 1e-16,
+                             "adaptive": True})
     values = np.clip(start + scale * done.x, low, high)
     misfit = problem.residual(values, "deflection")[0]
     return {"values": dict(zip((c.name for c in problem.constants), values.tolist(), strict=True)),

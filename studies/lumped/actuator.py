@@ -32,7 +32,8 @@ class Viscous:
     def __post_init__(self) -> None:
         """Refuse what stores or dissipates a negative energy."""
         if not (min(np.real([self.k1, self.eta2])) >= 0 and np.real(self.eta1) > 0):
-            raise InputError("k1 and eta2 must not be negative, eta1 must be positive", key="viscous",
+            raise InputError("k1 and eta2 must not be negative, eta1 must be positive",
+                             key="viscous",
                              given=f"{self.k1}, {self.eta1}, {self.eta2}")
 
 
@@ -40,8 +41,8 @@ class Viscous:
 class Correction:
     """Factors on the energies of film and voltage, where a specimen is not what its circles say.
 
-    An electrode that leaves bands free, a plate or a prestretch that is not round, a plate off the centre of a single
-    circle; or cones instead of membranes.
+    An electrode that leaves bands free, a plate or a prestretch that is not round, a plate off the
+    centre of a single circle; or cones instead of membranes.
     """
 
     stiffness: float = 1.0
@@ -50,7 +51,8 @@ class Correction:
     def __post_init__(self) -> None:
         """Refuse what turns a force around."""
         if not (self.stiffness > 0 and self.permittivity >= 0):
-            raise InputError("stiffness must be positive, permittivity must not be negative", key="correction",
+            raise InputError("stiffness must be positive, permittivity must not be negative",
+                             key="correction",
                              given=f"{self.stiffness}, {self.permittivity}")
 
 
@@ -93,12 +95,14 @@ class Circle(Protocol):
 class Actuator:
     """The lumped model of one actuator under one mass [kg]: circles with weights α ≥ 0, Σ α = 1.
 
-    A state is (y, ẏ, ε₁ of every circle). With φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq. (5) reads
+    A state is (y, ẏ, ε₁ of every circle). With φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq.
+    (5) reads
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
-    the same as in the paper because 2π r z sin θ = V φ/λ_r. ``correction`` multiplies the parts of σ_h and of E². Of
-    the rig gravity, the unaccounted mass, the parallel spring and what the supply does to the voltage count.
+    the same as in the paper because 2π r z sin θ = V φ/λ_r. ``correction`` multiplies the parts of
+    σ_h and of E². Of the rig gravity, the unaccounted mass, the parallel spring and what the supply
+    does to the voltage count.
     """
 
     circles: tuple[Circle, ...]
@@ -162,12 +166,14 @@ class Actuator:
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
         """Energy [J], force [N] and stiffness [N/m] of film and spring at deflections [m], with ε₁ = λ_r − 1."""
         k = self.rig.spring
-        parts = self._mixed([circle.elastic(y) for circle in self.circles], self.correction.stiffness)
+        parts = self._mixed([circle.elastic(y) for circle in self.circles],
+                            self.correction.stiffness)
         return parts[0] + k * y * y / 2, parts[1] + k * y, parts[2] + k + 0 * y
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
         """The same of the voltage, per V² of the film's voltage; energy and force are negative."""
-        return self._mixed([circle.electric(y) for circle in self.circles], self.correction.permittivity)
+        return self._mixed([circle.electric(y) for circle in self.circles],
+                           self.correction.permittivity)
 
     def balance(self, y: Any, voltage: Any) -> tuple[Any, Any]:
         """Film's force minus weight [N] and its stiffness [N/m] at rest, at deflections [m] and voltages [V]."""
@@ -187,7 +193,8 @@ class Actuator:
         for weight, circle, strain in zip(self.weights, self.circles, strains, strict=True):
             stretch, phi, _ = circle.stretch(y)
             behind = stretch - 1 - strain
-            force = force + weight * circle.volume * phi / stretch * (v.k1 * behind + v.eta2 * phi * speed)
+            force = force + weight * circle.volume * phi / stretch * (v.k1 * behind + v.eta2 * phi
+                                                                      * speed)
             creep.append(v.k1 / v.eta1 * behind)
         return np.array([speed, -force / self.moved, *creep])
 
@@ -202,7 +209,8 @@ class Actuator:
         result = np.zeros((size, size, *np.shape(y)), dtype=np.result_type(state, voltage, 0.0))
         result[0, 1] = 1.0
         (force, by_y), by_speed, creep = self.balance(y, voltage), 0.0, []
-        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains, strict=True), 2):
+        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains,
+                                                              strict=True), 2):
             stretch, phi, bend = circle.stretch(y)
             lever = weight * circle.volume * phi / stretch
             change = weight * circle.volume * (bend / stretch - (phi / stretch) ** 2)
@@ -231,7 +239,8 @@ class Actuator:
         y, speed, strains = state[0], state[1], state[2:]
         v = self.viscous
         result = np.zeros((2 + len(self.circles), 3, *np.shape(y)))
-        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains, strict=True), 2):
+        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains,
+                                                              strict=True), 2):
             stretch, phi, _ = circle.stretch(y)
             lever = weight * circle.volume * phi / stretch / self.moved
             behind = v.k1 * (stretch - 1 - strain)
@@ -243,26 +252,30 @@ class Actuator:
     def energy(self, state: Any, voltage: Any) -> Any:
         """Free energy [J] of a state at a held voltage: motion, weight, film, spring, branches and voltage.
 
-        What the model's own forces derive from. A branch stores V k₁ (1 + ε₁)(x − 1 − ln x), x = λ_r/(1 + ε₁): the
-        energy whose derivative by y is its force in Eq. (5), and which Eq. (9) can only lower. So at a constant voltage
-        this never grows; the damper η₂ lowers it further by V η₂ λ̇_r²/λ_r.
+        What the model's own forces derive from. A branch stores V k₁ (1 + ε₁)(x − 1 − ln x), x =
+        λ_r/(1 + ε₁): the energy whose derivative by y is its force in Eq. (5), and which Eq. (9)
+        can only lower. So at a constant voltage this never grows; the damper η₂ lowers it further
+        by V η₂ λ̇_r²/λ_r.
         """
         y, speed, strains = state[0], state[1], state[2:]
         squared = self.rig.film_voltage(voltage) ** 2
         total = self.moved * speed**2 / 2 - self.load * y + self.elastic(y)[0] + squared * self.electric(y)[0]
         for weight, circle, strain in zip(self.weights, self.circles, strains, strict=True):
             x = circle.stretch(y)[0] / (1 + strain)
-            total = total + weight * circle.volume * self.viscous.k1 * (1 + strain) * (x - 1 - np.log(x))
+            total = total + weight * circle.volume * self.viscous.k1 * (1 + strain) * (x - 1
+                                                                                       - np.log(x))
         return total
 
     def capacitance(self, y: Any) -> Any:
         """Σ α C of the circles [F] at a deflection [m], the factor on the voltage's energy on its change."""
         pairs = tuple(zip(self.weights, self.circles, strict=True))
-        flat, now = (sum(weight * circle.capacitance(at) for weight, circle in pairs) for at in (0.0, y))
+        flat, now = (sum(weight * circle.capacitance(at) for weight, circle in pairs)
+                     for at in (0.0, y))
         return flat + self.correction.permittivity * (now - flat)
 
     def _mixed(self, parts: Sequence[tuple[Any, Any, Any]], factor: float) -> tuple[Any, Any, Any]:
-        weighted = [[factor * weight * one for one in part] for weight, part in zip(self.weights, parts, strict=True)]
+        weighted = [[factor * weight * one for one in part]
+                    for weight, part in zip(self.weights, parts, strict=True)]
         energy, force, stiffness = (sum(column) for column in zip(*weighted, strict=True))
         return energy, force, stiffness
 
@@ -278,7 +291,8 @@ def flat_capacitance(specimen: Specimen) -> float:
     """
     film = specimen.membrane
     surface = area(specimen.frame) - area(specimen.plate.outline)
-    return float(epsilon_0 * film.relative_permittivity * surface * film.area_prestretch / film.thickness)
+    return float(epsilon_0 * film.relative_permittivity * surface * film.area_prestretch
+                 / film.thickness)
 
 
 def stored_energy(capacitance: float, voltage: float) -> float:

@@ -37,7 +37,8 @@ KINEMATICS = {"cone": "the paper's cones with the α best for them",
               "membrane": "membrane circles with α",
               "corrected": "membrane circles with α and two factors"}
 
-#: Error of deflection or capacitance, relative, above which a model is said not to stand for its specimen.
+#: Error of deflection or capacitance, relative, above which a model is said not to stand for its
+#: specimen.
 NEAR = 0.01
 
 
@@ -45,8 +46,9 @@ NEAR = 0.01
 class BuildSettings:
     """Masses [kg] and voltages [V] the model is for, and its circles, as for α.
 
-    It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all other loads it is
-    tested. ``viscous`` is taken over as it is: a field model at rest says nothing about it.
+    It is fitted on the first mass alone, at the lowest, the middle and the highest voltage; at all
+    other loads it is tested. ``viscous`` is taken over as it is: a field model at rest says nothing
+    about it.
     """
 
     masses: tuple[float, ...] = (17.9e-3, 22.45e-3)
@@ -77,7 +79,8 @@ class BuildSettings:
     @property
     def fitted(self) -> NDArray[np.bool_]:
         """Which loads these are, shape (masses, voltages)."""
-        return np.outer(np.isin(self.masses, self.fit.masses), np.isin(self.voltages, self.fit.voltages))
+        return np.outer(np.isin(self.masses, self.fit.masses),
+                        np.isin(self.voltages, self.fit.voltages))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +95,9 @@ class Statics:
 class Built:
     """A model, the field model it is built from, and the cones beside it.
 
-    ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest voltage under the
-    first mass [Hz]: of the model, and of the field model, nan where that has none.
+    ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest
+    voltage under the first mass [Hz]: of the model, and of the field model, nan where that has
+    none.
     """
 
     settings: BuildSettings
@@ -113,7 +117,8 @@ class Built:
             weights = self.alpha.by_basis["cone_scaled"].alpha
             return Actuator(cones, weights, mass, viscous, self.rig, Correction(scale, scale))
         corrected = kinematics == "corrected"
-        return (self.model if corrected else replace(self.model, correction=Correction())).actuator(mass, self.rig)
+        return (self.model if corrected
+                else replace(self.model, correction=Correction())).actuator(mass, self.rig)
 
     @cached_property
     def statics(self) -> dict[str, Statics]:
@@ -121,8 +126,10 @@ class Built:
         found = {}
         for name in KINEMATICS:
             actuators = [self.actuator(name, mass) for mass in self.settings.masses]
-            y = np.array([curve(actuator, np.array(self.settings.voltages)) for actuator in actuators])
-            c = [[actuator.capacitance(at) for at in row] for actuator, row in zip(actuators, y, strict=True)]
+            y = np.array([curve(actuator, np.array(self.settings.voltages))
+                          for actuator in actuators])
+            c = [[actuator.capacitance(at) for at in row]
+                 for actuator, row in zip(actuators, y, strict=True)]
             found[name] = Statics(y, np.array(c))
         return found
 
@@ -136,7 +143,8 @@ class Built:
 
     def stroke_error(self, kinematics: str) -> float | None:
         """Largest error of the deflection from the lowest to the highest voltage, relative; None where it pulls in."""
-        strokes = [one.deflection[:, -1] - one.deflection[:, 0] for one in (self.statics[kinematics], self.field)]
+        strokes = [one.deflection[:, -1] - one.deflection[:, 0]
+                   for one in (self.statics[kinematics], self.field)]
         return _largest(strokes[0] / strokes[1] - 1)
 
     def capacitance_error(self, kinematics: str) -> float | None:
@@ -180,13 +188,16 @@ class Built:
             "stiffness": model.correction.stiffness,
             "permittivity": model.correction.permittivity,
             "flat_capacitance_F": model.flat_capacitance,
-            "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha), "scale": self.alpha.cone_scale,
+            "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha),
+                     "scale": self.alpha.cone_scale,
                      "scaled_alpha": list(self.alpha.by_basis["cone_scaled"].alpha)},
-            "deflection_error": {kind: {name: self.worst(kind, held_out=name == "held_out") for name in names}
+            "deflection_error": {kind: {name: self.worst(kind, held_out=name == "held_out")
+                                        for name in names}
                                  for kind in KINEMATICS},
             "stroke_error": {kind: self.stroke_error(kind) for kind in KINEMATICS},
             "capacitance_error": {kind: self.capacitance_error(kind) for kind in KINEMATICS},
-            "pull_in_film_voltage_V": {kind: [self._pull_in(kind, mass) for mass in self.settings.masses]
+            "pull_in_film_voltage_V": {kind: [self._pull_in(kind, mass)
+                                              for mass in self.settings.masses]
                                        for kind in ("cone", "corrected")},
             "frequency_Hz": {name: [one if np.isfinite(one) else None for one in pair]
                              for name, pair in self.frequencies.items()},
@@ -199,28 +210,32 @@ def _largest(errors: Array) -> float | None:
     return float(np.abs(errors).max()) if errors.size and np.isfinite(errors).all() else None
 
 
-def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildSettings(), rig: Rig = Rig(),
+def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildSettings(),
+          rig: Rig = Rig(),
           progress: Progress = lambda _: None) -> Built:
     """A specimen's lumped model from its field model alone.
 
-    The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against the forces of the
-    fit's loads two factors are found, one on the film's and one on the voltage's energy: least squares of relative
-    force.
+    The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
+    the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
+    energy: least squares of relative force.
 
     Raises
     ------
     InputError
-        When the field model has no equilibrium at one of the loads, naming the load and why, or the rig has what the
-        lumped model does not.
+        When the field model has no equilibrium at one of the loads, naming the load and why, or the
+        rig has what the lumped model does not.
     """
-    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the lumped model does not have
+    Actuator.of(specimen, chosen.masses[0],
+                rig=rig)  # refuses a rig that the lumped model does not have
     progress(f"{specimen.name}: field model")
     found = _statics(specimen, settings, chosen, rig)
-    weights = alpha(specimen, settings, AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
+    weights = alpha(specimen, settings,
+                    AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
                     progress)
     model = build_model(specimen, settings, rig.loading)
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha, Correction(),
-                        capacitance_of(model, State.mounted(model)), rig.film_voltage(chosen.voltages[-1]),
+                        capacitance_of(model, State.mounted(model)),
+                        rig.film_voltage(chosen.voltages[-1]),
                         chosen.viscous)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     lumped = replace(plain, correction=_correction(plain, samples))
@@ -233,10 +248,12 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
 
 def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig: Rig) -> Statics:
     model = build_model(specimen, settings, rig.loading)
-    deflection, capacitance = (np.empty((len(chosen.masses), len(chosen.voltages))) for _ in range(2))
+    deflection, capacitance = (np.empty((len(chosen.masses), len(chosen.voltages)))
+                               for _ in range(2))
     seen = [rig.film_voltage(voltage) for voltage in chosen.voltages]
     for row, mass in enumerate(chosen.masses):
-        outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure, settings.path)
+        outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure,
+                                settings.path)
         for column, outcome in enumerate(outcomes):
             if outcome.status != "equilibrium":
                 missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
@@ -246,7 +263,8 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
             deflection[row, column] = outcome.state.plate.heave
             capacitance[row, column] = capacitance_of(model, outcome.state)
         if deflection[row].min() <= 1e-6 * model.size:
-            raise InputError("the plate must sink: the mass is too small to tell a force", key=specimen.name,
+            raise InputError("the plate must sink: the mass is too small to tell a force",
+                             key=specimen.name,
                              given=f"{1e3 * mass:g} g")
     return Statics(deflection, capacitance)
 
@@ -265,14 +283,16 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
     still = rest(actuator, voltage).deflection
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
     result, _ = modes(Case(actuator.specimen, actuator.mass, voltage, actuator.rig), settings)
-    along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5 and mode.frequency_Hz is not None]
+    along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5
+             and mode.frequency_Hz is not None]
     return lumped, min((mode.frequency_Hz or np.nan for mode in along), default=np.nan)
 
 
 def write_built(found: Sequence[Built], result: dict[str, Any], folder: Path) -> None:
     """folder/build.json, folder/statics.csv and a model file for each specimen, ``NAME.lumped.toml``."""
     write_json(folder / "build.json", result)
-    header = ("specimen", "mass_g", "voltage_kV", "fitted", "field_mm", *(f"{kind}_mm" for kind in KINEMATICS),
+    header = ("specimen", "mass_g", "voltage_kV", "fitted", "field_mm",
+              *(f"{kind}_mm" for kind in KINEMATICS),
               "field_pF", "corrected_pF")
     write_csv(folder / "statics.csv", header, (row for one in found for row in _rows(one)))
     for one in found:
@@ -283,6 +303,9 @@ def _rows(built: Built) -> Iterator[tuple[object, ...]]:
     chosen = built.settings
     for place in np.ndindex(built.field.deflection.shape):
         deflections = [built.field, *(built.statics[kind] for kind in KINEMATICS)]
-        yield (built.model.specimen.name, 1e3 * chosen.masses[place[0]], 1e-3 * chosen.voltages[place[1]],
-               int(chosen.fitted[place]), *(1e3 * float(one.deflection[place]) for one in deflections),
-               *(1e12 * float(one.capacitance[place]) for one in (built.field, built.statics["corrected"])))
+        yield (built.model.specimen.name, 1e3 * chosen.masses[place[0]],
+               1e-3 * chosen.voltages[place[1]],
+               int(chosen.fitted[place]),
+               *(1e3 * float(one.deflection[place]) for one in deflections),
+               *(1e12 * float(one.capacitance[place])
+                 for one in (built.field, built.statics["corrected"])))

@@ -30,11 +30,12 @@ class Root:
         return self.stiffness > 0
 
 
-def roots(actuator: Actuator, voltage: float, low: float = 0.0, high: float | None = None) -> tuple[Root, ...]:
+def roots(actuator: Actuator, voltage: float, low: float = 0.0,
+          high: float | None = None) -> tuple[Root, ...]:
     """All deflections at rest between two [m], ascending; by default from flat to :attr:`Actuator.reach`.
 
-    Sign changes on a grid of 4001 points and, between them, extrema of the balance refined, so that two roots closer
-    than the grid and one where the curve only touches are found too.
+    Sign changes on a grid of 4001 points and, between them, extrema of the balance refined, so that
+    two roots closer than the grid and one where the curve only touches are found too.
     """
     y = np.linspace(low, actuator.reach if high is None else high, _GRID)
 
@@ -45,7 +46,8 @@ def roots(actuator: Actuator, voltage: float, low: float = 0.0, high: float | No
     knots = {float(y[0]), float(y[-1])} | {float(at) for at in y[np.flatnonzero(values == 0)]}
     knots |= {float(at) for at in y[:-1][values[:-1] * values[1:] < 0]}
     knots |= {float(at) for at in y[1:][values[:-1] * values[1:] < 0]}
-    knots |= {_extremum(actuator, voltage, y[i], y[i + 1]) for i in np.flatnonzero(slopes[:-1] * slopes[1:] < 0)}
+    knots |= {_extremum(actuator, voltage, y[i], y[i + 1])
+              for i in np.flatnonzero(slopes[:-1] * slopes[1:] < 0)}
     places = sorted(knots)
     found = [at for at in places if abs(balance(at)) <= _TOUCHING * actuator.load]
     for left, right in pairwise(places):
@@ -78,8 +80,8 @@ def rest(actuator: Actuator, voltage: float) -> Root:
 def pull_in(actuator: Actuator) -> tuple[float, float] | None:
     """Film voltage [V] and deflection [m] where the rest that begins without voltage ends; None where never.
 
-    The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force − weight)/(electric
-    force per V²), and pull-in is its first maximum.
+    The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force
+    − weight)/(electric force per V²), and pull-in is its first maximum.
     """
     start = next((root for root in roots(actuator, 0.0) if root.stable), None)
     if start is None:
@@ -97,7 +99,8 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
 def highest(actuator: Actuator) -> float:
     """Film voltage [V] of pull-in, or, of a film without, that which moves it to the end of the model's reach."""
     found = pull_in(actuator)
-    return float(np.sqrt(max(float(_squared(actuator, actuator.reach)), 0.0))) if found is None else found[0]
+    return float(np.sqrt(max(float(_squared(actuator, actuator.reach)),
+                             0.0))) if found is None else found[0]
 
 
 def limit_words(actuator: Actuator) -> str:
@@ -112,7 +115,8 @@ def curve(actuator: Actuator, voltages: Array) -> Array:
     """Deflections at rest [m] at voltages [V], nan beyond pull-in."""
     result = np.full(len(voltages), np.nan)
     for number, voltage in enumerate(voltages):
-        result[number] = next((root.deflection for root in roots(actuator, float(voltage)) if root.stable), np.nan)
+        result[number] = next((root.deflection for root in roots(actuator, float(voltage))
+                               if root.stable), np.nan)
     return result
 
 
@@ -122,4 +126,5 @@ def _squared(actuator: Actuator, y: Array | float) -> Array:
 
 
 def _extremum(actuator: Actuator, voltage: float, left: float, right: float) -> float:
-    return float(brentq(lambda at: float(actuator.balance(at, voltage)[1]), left, right, xtol=1e-15))
+    return float(brentq(lambda at: float(actuator.balance(at, voltage)[1]), left, right,
+                        xtol=1e-15))

@@ -50,13 +50,16 @@ class Linear:
         except ImportError:
             raise MissingLibrary("a state-space object needs python-control: pip install control") from None
         circles = range(1, len(self.a) - 1)
-        return control.ss(self.a, self.b, self.c, self.d, inputs=["voltage"], outputs=["deflection"],
-                          states=["deflection", "speed", *(f"branch_{number}" for number in circles)])
+        return control.ss(self.a, self.b, self.c, self.d, inputs=["voltage"],
+                          outputs=["deflection"],
+                          states=["deflection", "speed",
+                                  *(f"branch_{number}" for number in circles)])
 
     def json(self) -> dict[str, Any]:
         """The matrices, the point and the poles."""
         return {"deflection_m": self.deflection, "voltage_V": self.voltage, "A": self.a.tolist(),
-                "B": self.b.tolist(), "C": self.c.tolist(), "D": self.d.tolist(), "gain_m_per_V": self.gain,
+                "B": self.b.tolist(), "C": self.c.tolist(), "D": self.d.tolist(),
+                "gain_m_per_V": self.gain,
                 "poles_per_s": [[float(pole.real), float(pole.imag)] for pole in self.poles]}
 
 
@@ -66,5 +69,6 @@ def linearise(actuator: Actuator, voltage: float, deflection: float | None = Non
     state = actuator.rest(at)
     seen = np.zeros((1, len(state)))
     seen[0, 0] = 1.0
-    return Linear(actuator.jacobian(state, voltage), actuator.by_voltage(state, voltage)[:, None], seen,
+    return Linear(actuator.jacobian(state, voltage), actuator.by_voltage(state, voltage)[:, None],
+                  seen,
                   np.zeros((1, 1)), at, voltage)

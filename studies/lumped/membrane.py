@@ -20,15 +20,17 @@ from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
 class MembraneCircle:
     """A circular actuator, outer radius R and plate radius r, whose film has a weightless membrane's shape.
 
-    Under even tension and hardly deflected that is y ln(R/ρ)/ln(R/r) at a distance ρ from the axis, with the slope
-    y/(ρ ln(R/r)). Over the whole film, whatever its law, the energy of those slopes is to fourth order in y that of a
-    volume V of film with the one slope κy:
+    Under even tension and hardly deflected that is y ln(R/ρ)/ln(R/r) at a distance ρ from the axis,
+    with the slope y/(ρ ln(R/r)). Over the whole film, whatever its law, the energy of those slopes
+    is to fourth order in y that of a volume V of film with the one slope κy:
 
-    V [Ψ(λ_p √(1 + κ²y²), λ_p) − Ψ(λ_p, λ_p)],  V κ² = 2π z₀/ln(R/r),  κ² = (1/r² − 1/R²)/(2 ln³(R/r)).
+    V [Ψ(λ_p √(1 + κ²y²), λ_p) − Ψ(λ_p, λ_p)],  V κ² = 2π z₀/ln(R/r),  κ² = (1/r² − 1/R²)/(2
+    ln³(R/r)).
 
-    Force is its derivative, film and voltage alike: the voltage pulls with ½U² dC/dy. The paper's cone has
-    V = 2π r z₀ l₀ and κ = 1/l₀, and a force smaller by :attr:`membrane_factor`. ``flat_capacitance`` [F] is that of
-    the whole flat film. The viscous parts remain the cone's, with which the paper identified their constants.
+    Force is its derivative, film and voltage alike: the voltage pulls with ½U² dC/dy. The paper's
+    cone has V = 2π r z₀ l₀ and κ = 1/l₀, and a force smaller by :attr:`membrane_factor`.
+    ``flat_capacitance`` [F] is that of the whole flat film. The viscous parts remain the cone's,
+    with which the paper identified their constants.
     """
 
     cone: ConeCircle
@@ -78,7 +80,8 @@ class MembraneCircle:
         """V [m³]."""
         film = self.specimen.membrane
         thickness = film.thickness / film.area_prestretch
-        return float(2 * np.pi * thickness / (np.log(self.radius / self.cone.plate_radius) * self._slope**2))
+        return float(2 * np.pi * thickness
+                     / (np.log(self.radius / self.cone.plate_radius) * self._slope**2))
 
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
         """The cone's, which the viscous parts follow, with two derivatives by y."""
@@ -106,9 +109,10 @@ class MembraneCircle:
 class LumpedModel:
     """What stands for a specimen: circles of given radii [m], the shortest first, with weights α; two factors.
 
-    The film's law, thickness, prestretch and permittivity, and the plate's size, are those of ``specimen``.
-    ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest across the film [V] that it is
-    for: these circles keep their hoop stretch, so they do not pull in where the film does.
+    The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
+    ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest
+    across the film [V] that it is for: these circles keep their hoop stretch, so they do not pull
+    in where the film does.
     """
 
     specimen: Specimen
@@ -122,7 +126,8 @@ class LumpedModel:
     @property
     def circles(self) -> tuple[MembraneCircle, ...]:
         """The circles, ready to be moved."""
-        return tuple(MembraneCircle(ConeCircle(self.specimen, radius), self.flat_capacitance) for radius in self.radii)
+        return tuple(MembraneCircle(ConeCircle(self.specimen, radius), self.flat_capacitance)
+                     for radius in self.radii)
 
     def check(self, voltage: float) -> None:
         """Refuse a voltage across the film [V] beyond those it is for.

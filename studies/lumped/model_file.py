@@ -22,21 +22,23 @@ from tympan.studies.lumped.membrane import LumpedModel
 
 _HEAD = """\
 # The lumped model of an actuator, built by tympan from its field model. SI; keys name the units.
-# With y the deflection, u the voltage, r the radius of the circle with the plate's area, and for every circle j, of
-# radius R_j:  V_j k_j^2 = 2 pi z0/ln(R_j/r),  k_j^2 = (1/r^2 - 1/R_j^2)/(2 ln(R_j/r)^3),  l_j = lp sqrt(1 + (k_j y)^2),
-#   film energy   E = stiffness sum_j alpha_j V_j (W(l_j, lp) - W(lp, lp))
-#   capacitance   C = flat_capacitance + permittivity sum_j alpha_j V_j eps0 eps_r (l_j^2 - lp^2) lp^2/T^2
-#   rest          m g = dE/dy - u^2/2 dC/dy
-# T virgin thickness, lp = sqrt(prestretch_x prestretch_y), z0 = T/lp^2, W the material's law (per virgin volume). With
-# permittivity_exponent n the bracket in C is lp^(2n) ((l_j lp)^(2 - n) - lp^(4 - 2n)). In motion each circle adds
-# alpha_j v_j phi_j/x_j (k1 (x_j - 1 - e_j) + eta2 phi_j dy/dt), e_j' = k1/eta1 (x_j - 1 - e_j), to the force, with the
-# paper's cone: x_j = sqrt(1 + (y/L_j)^2), phi_j = dx_j/dy, L_j = R_j - r, v_j = 2 pi r z0 L_j.
-# Up to highest_voltage the field model was compared; the lumped one knows nothing of pull-in, which comes above it.
+# With y the deflection, u the voltage, r the radius of the circle with the plate's area, and for
+# every circle j, of radius R_j:  V_j k_j^2 = 2 pi z0/ln(R_j/r),  k_j^2 = (1/r^2 - 1/R_j^2)/(2
+# ln(R_j/r)^3),  l_j = lp sqrt(1 + (k_j y)^2), film energy   E = stiffness sum_j alpha_j V_j (W(l_j,
+# lp) - W(lp, lp)) capacitance   C = flat_capacitance + permittivity sum_j alpha_j V_j eps0 eps_r
+# (l_j^2 - lp^2) lp^2/T^2 rest          m g = dE/dy - u^2/2 dC/dy T virgin thickness, lp =
+# sqrt(prestretch_x prestretch_y), z0 = T/lp^2, W the material's law (per virgin volume). With
+# permittivity_exponent n the bracket in C is lp^(2n) ((l_j lp)^(2 - n) - lp^(4 - 2n)). In motion
+# each circle adds alpha_j v_j phi_j/x_j (k1 (x_j - 1 - e_j) + eta2 phi_j dy/dt), e_j' = k1/eta1
+# (x_j - 1 - e_j), to the force, with the paper's cone: x_j = sqrt(1 + (y/L_j)^2), phi_j = dx_j/dy,
+# L_j = R_j - r, v_j = 2 pi r z0 L_j. Up to highest_voltage the field model was compared; the lumped
+# one knows nothing of pull-in, which comes above it.
 
 """
 
 #: Suffixes of keys that hold quantities, and what these are; the longest ending counts.
-_SUFFIXES = {"_m": "length", "_kg": "mass", "_Pa": "stress", "_kg_per_m3": "density", "_V_per_m": "field",
+_SUFFIXES = {"_m": "length", "_kg": "mass", "_Pa": "stress", "_kg_per_m3": "density",
+             "_V_per_m": "field",
              "_rad": "angle"}
 
 _QUANTITY = re.compile(r"[-+]?(?:\d|inf)[^ ]* (\S.*)")
@@ -78,18 +80,23 @@ def read_model(file: Path | str) -> LumpedModel:
     """
     table = Table.read(file)
     inner = table.table("specimen")
-    specimen = specimen_from_table(Table(file, _with_units(inner.data), "specimen"), read_material, read_strength)
+    specimen = specimen_from_table(Table(file, _with_units(inner.data), "specimen"), read_material,
+                                   read_strength)
     circles = table.tables("circle")
     if not circles:
         raise table.error("circle", "must be at least one circle")
-    pairs = [(one.number("radius_m", rule=POSITIVE), one.number("alpha", rule=_WEIGHT)) for one in circles]
+    pairs = [(one.number("radius_m", rule=POSITIVE), one.number("alpha", rule=_WEIGHT))
+             for one in circles]
     inside = sum(specimen.plate.outline.semi_axes) / 2
     if min(pairs)[0] <= inside:
-        raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m", min(pairs)[0])
+        raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m",
+                          min(pairs)[0])
     viscous = table.table("viscous")
-    branch = Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE), viscous.number("eta1_Pa_s", rule=POSITIVE),
+    branch = Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE),
+                     viscous.number("eta1_Pa_s", rule=POSITIVE),
                      viscous.number("eta2_Pa_s", rule=NON_NEGATIVE))
-    correction = Correction(table.number("stiffness", rule=POSITIVE), table.number("permittivity", rule=NON_NEGATIVE))
+    correction = Correction(table.number("stiffness", rule=POSITIVE),
+                            table.number("permittivity", rule=NON_NEGATIVE))
     flat = table.number("flat_capacitance_F", rule=NON_NEGATIVE)
     highest = table.number("highest_voltage_V", rule=POSITIVE)
     for one in (*circles, viscous, table):
@@ -104,7 +111,8 @@ def _plain(content: Any) -> Any:
     """Quantities with their unit as plain SI numbers under keys that name it."""
     if not isinstance(content, Mapping):
         return [_plain(one) for one in content] if isinstance(content, list) else content
-    return dict(_named(key, value) if key != "name" else (key, value) for key, value in content.items())
+    return dict(_named(key, value) if key != "name" else (key, value)
+                for key, value in content.items())
 
 
 def _named(key: str, value: Any) -> tuple[str, Any]:

@@ -28,7 +28,8 @@ _CLOSED = 0.01
 class Simulated:
     """A response sampled with an interval [s]; ``period`` of its signal [s] if it has one.
 
-    ``step`` says that the signal is a step, after which an oscillation settles; ``equal_weights`` that nobody gave any.
+    ``step`` says that the signal is a step, after which an oscillation settles; ``equal_weights``
+    that nobody gave any.
     """
 
     response: Response
@@ -40,7 +41,8 @@ class Simulated:
     def __post_init__(self) -> None:
         """Refuse more samples than anybody can use."""
         if self.response.end / self.interval > _MOST:
-            raise InputError(f"would give more than {_MOST} samples", key="--interval", given=f"{self.interval:g} s")
+            raise InputError(f"would give more than {_MOST} samples", key="--interval",
+                             given=f"{self.interval:g} s")
 
     @cached_property
     def time(self) -> Array:
@@ -65,7 +67,8 @@ class Simulated:
     @cached_property
     def loop(self) -> Loop | None:
         """The last period, of a signal that has one."""
-        return None if self.period is None or self.response.lost else last_loop(self.response, self.period)
+        return None if self.period is None or self.response.lost else last_loop(self.response,
+                                                                                self.period)
 
     @property
     def warnings(self) -> list[str]:
@@ -118,7 +121,10 @@ def simulated_json(found: Sequence[Simulated]) -> dict[str, Any]:
 def write_simulated(found: Sequence[Simulated], result: dict[str, Any], folder: Path) -> None:
     """DIR/simulate.json and DIR/transient.csv, which a dataset may hold."""
     write_json(folder / "simulate.json", result)
-    rows = ((one.response.actuator.specimen.name, 1e3 * one.response.actuator.mass, "simulated", t, 1e-3 * u, 1e3 * y)
+    rows = ((one.response.actuator.specimen.name, 1e3 * one.response.actuator.mass, "simulated", t,
+             1e-3 * u, 1e3 * y)
             for one in found
-            for t, u, y in zip(one.time.tolist(), one.voltage.tolist(), one.reading.tolist(), strict=True))
-    write_csv(folder / "transient.csv", ("specimen", "mass_g", "run", "t_s", "voltage_kV", "displacement_mm"), rows)
+            for t, u, y in zip(one.time.tolist(), one.voltage.tolist(), one.reading.tolist(),
+                               strict=True))
+    write_csv(folder / "transient.csv",
+              ("specimen", "mass_g", "run", "t_s", "voltage_kV", "displacement_mm"), rows)

@@ -53,13 +53,15 @@ class Pieces:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "voltage", voltage)
         if len(time) < 2 or time.shape != voltage.shape:
-            raise InputError("must have at least two points, each a time and a voltage", key="signal")
+            raise InputError("must have at least two points, each a time and a voltage",
+                             key="signal")
         if not (np.isfinite(time).all() and np.isfinite(voltage).all()):
             raise InputError("must be finite everywhere", key="signal")
         if np.any(np.diff(time) < 0) or time[-1] <= time[0]:
             raise InputError("times must ascend", key="signal")
         if np.abs(voltage).max() > _HIGHEST:
-            raise InputError("must stay within 1000 kV", key="signal", given=f"{np.abs(voltage).max() / 1e3:g} kV")
+            raise InputError("must stay within 1000 kV", key="signal",
+                             given=f"{np.abs(voltage).max() / 1e3:g} kV")
 
     @property
     def end(self) -> float:
@@ -105,10 +107,12 @@ class Sine:
     def __post_init__(self) -> None:
         """Refuse what is no sine."""
         if not (0 < self.period < np.inf and 0 < self.cycles <= 1e4):
-            raise InputError("needs a positive period and more than 0, at most 10000 cycles", key="signal",
+            raise InputError("needs a positive period and more than 0, at most 10000 cycles",
+                             key="signal",
                              given=f"period {self.period:g} s, {self.cycles:g} cycles")
         if not self.peak <= _HIGHEST:
-            raise InputError("must stay within 1000 kV", key="signal", given=f"{self.peak / 1e3:g} kV")
+            raise InputError("must stay within 1000 kV", key="signal",
+                             given=f"{self.peak / 1e3:g} kV")
 
     @property
     def end(self) -> float:
@@ -154,7 +158,8 @@ def ramp(low: float, high: float, end: float) -> Pieces:
 def random_steps(low: float, high: float, every: float, count: int, seed: int) -> Pieces:
     """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds (figure 14); seeded."""
     if not (every > 0 and 1 <= count <= 100_000):
-        raise InputError("needs a positive time between switches and 1 to 100000 of them", key="signal",
+        raise InputError("needs a positive time between switches and 1 to 100000 of them",
+                         key="signal",
                          given=f"{every:g} s, {count}")
     levels: Array = np.random.default_rng(seed).uniform(low, high, count)
     times: Array = every * np.repeat(np.arange(count + 1.0), 2)[1:-1]
@@ -167,9 +172,11 @@ def read_signal(file: Path | str) -> Pieces:
     Raises
     ------
     InputError
-        Naming line and column of what cannot be used: no file, no rows, no number, times that do not ascend.
+        Naming line and column of what cannot be used: no file, no rows, no number, times that do
+        not ascend.
     """
-    sheet = read_sheet(file, (Number("t", "s", "time"), Number("voltage", "kV", "voltage", _VOLTAGE)))
+    sheet = read_sheet(file,
+                       (Number("t", "s", "time"), Number("voltage", "kV", "voltage", _VOLTAGE)))
     time, voltage = sheet["t"], sheet["voltage"]
     for row in np.flatnonzero(np.diff(time) <= 0):
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")

@@ -56,7 +56,8 @@ class Response:
         """The signal at times [V]; at a jump what comes after it."""
         time = np.asarray(time, float)
         piece = np.clip(np.searchsorted(self.breaks, time, "right") - 1, 0, len(self.pieces) - 1)
-        return np.array([float(self.signal.within(int(number), at)) for number, at in zip(piece, time, strict=True)])
+        return np.array([float(self.signal.within(int(number), at))
+                         for number, at in zip(piece, time, strict=True)])
 
     def deflection(self, time: Array) -> Array:
         """y at times [m]."""
@@ -71,8 +72,8 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
              settings: SolverSettings = SolverSettings()) -> Response:
     """The response to a signal, by default from rest at its first voltage.
 
-    scipy's Radau (implicit, order 5) with the exact Jacobian, begun anew at each break of the signal. A motion that
-    leaves the model's reach ends there: ``Response.lost``.
+    scipy's Radau (implicit, order 5) with the exact Jacobian, begun anew at each break of the
+    signal. A motion that leaves the model's reach ends there: ``Response.lost``.
 
     Raises
     ------
@@ -83,11 +84,13 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     state = actuator.rest(rest(actuator, signal.first).deflection) if start is None else start
     scale = max(abs(float(state[0])), 1e-3 / min(circle.steepness for circle in actuator.circles))
     strain = max(circle.stretch(scale)[0] - 1 for circle in actuator.circles)
-    absolute = settings.absolute * np.array([scale, 10 * scale, *(strain for _ in actuator.circles)])
+    absolute = settings.absolute * np.array([scale, 10 * scale,
+                                             *(strain for _ in actuator.circles)])
     breaks, pieces, evaluations = signal.breaks, [], 0
     for piece, (left, right) in enumerate(pairwise(breaks)):
         done = solve_ivp(
-            lambda t, x, piece=piece: actuator.rates(x, signal.within(piece, t)), (left, right), state, "Radau",
+            lambda t, x, piece=piece: actuator.rates(x, signal.within(piece, t)), (left, right),
+            state, "Radau",
             dense_output=True, events=_Gone(actuator), rtol=settings.relative, atol=absolute,
             max_step=(right - left) / 8,
             jac=lambda t, x, piece=piece: actuator.jacobian(x, signal.within(piece, t)))
@@ -111,7 +114,8 @@ def check(actuator: Actuator, signal: Signal) -> None:
     peak = abs(float(actuator.rig.film_voltage(signal.peak)))
     if peak > highest(actuator):
         raise InputError(f"the signal goes too high: {limit_words(actuator)}",
-                         key=f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g", given=f"{peak / 1e3:.5g} kV")
+                         key=f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g",
+                         given=f"{peak / 1e3:.5g} kV")
 
 
 @dataclass(frozen=True)
@@ -129,8 +133,9 @@ class _Gone:
 def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
     """When the oscillation about the slow motion last exceeds ``share`` of its largest excursion [s after time[0]].
 
-    The slow motion is that through the midpoints of neighbouring extremes, as one draws it by eye: the membrane goes on
-    creeping long after the oscillation has died away. nan where there is no oscillation.
+    The slow motion is that through the midpoints of neighbouring extremes, as one draws it by eye:
+    the membrane goes on creeping long after the oscillation has died away. nan where there is no
+    oscillation.
 
     Examples
     --------

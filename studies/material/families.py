@@ -21,8 +21,8 @@ Bounds = tuple[float, float]
 class Family:
     """A law with free constants: ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
 
-    ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest I₁ − 3
-    of the readings.
+    ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest
+    I₁ − 3 of the readings.
     """
 
     name: str
@@ -46,7 +46,8 @@ class Family:
     def columns(self, l1: Array, l2: Array, shape: Array) -> Array:
         """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear); complex-safe in ``shape``."""
         unit = np.eye(len(self.linear))
-        return np.stack([np.broadcast_to(self.make(_plain(row), _plain(shape)).derivatives(l1, l2)[1], l1.shape)
+        return np.stack([np.broadcast_to(self.make(_plain(row),
+                                                   _plain(shape)).derivatives(l1, l2)[1], l1.shape)
                          for row in unit], axis=-1)
 
     def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
@@ -83,7 +84,8 @@ def _plain(values: Array) -> tuple[Any, ...]:
 def _ogden(terms: int) -> Family:
     numbers = range(1, terms + 1)
     return Family(f"ogden_{terms}", tuple(f"mu_{n}" for n in numbers),
-                  lambda c, s: Ogden(c, tuple(power or 1e-9 for power in s)), tuple(f"alpha_{n}" for n in numbers),
+                  lambda c, s: Ogden(c, tuple(power or 1e-9 for power in s)),
+                  tuple(f"alpha_{n}" for n in numbers),
                   lambda excess: (-20.0, 20.0), lambda excess: (-5.0, 8.0), alike=True)
 
 

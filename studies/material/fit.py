@@ -27,11 +27,13 @@ from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 Array = NDArray[Any]
 
-#: Correlations above this are told: the tests then see a combination of two constants, hardly each alone.
+#: Correlations above this are told: the tests then see a combination of two constants, hardly each
+#: alone.
 CORRELATED = 0.95
 #: So are intervals whose half is more than this share of the constant.
 WIDE = 0.5
-#: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to compute with.
+#: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to
+#: compute with.
 CANCELLING = 50.0
 _STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 
@@ -40,8 +42,8 @@ _STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 class FitSettings:
     """How to fit.
 
-    ``noise`` is the standard deviation of one reading [Pa], estimated where None; ``starts`` are searched per shape
-    constant; ``hold_out`` fits again without each mode.
+    ``noise`` is the standard deviation of one reading [Pa], estimated where None; ``starts`` are
+    searched per shape constant; ``hold_out`` fits again without each mode.
     """
 
     noise: float | None = None
@@ -53,11 +55,12 @@ class FitSettings:
 class Fit:
     """A law fitted to readings: the new material and the raw result.
 
-    ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where the readings set none;
-    ``covariance`` is linearised. ``criterion`` is Akaike's, corrected for few readings (Hurvich and Tsai, Biometrika
-    76, 297, 1989); lower is better. ``held_out`` is the root mean square error [Pa] on each mode after a fit to the
-    others, None where the law could not follow. ``range`` is of the in-plane stretches of the tests,
-    ``inadmissible`` the first stretches within it where Hill's inequality fails.
+    ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where
+    the readings set none; ``covariance`` is linearised. ``criterion`` is Akaike's, corrected for
+    few readings (Hurvich and Tsai, Biometrika 76, 297, 1989); lower is better. ``held_out`` is the
+    root mean square error [Pa] on each mode after a fit to the others, None where the law could not
+    follow. ``range`` is of the in-plane stretches of the tests, ``inadmissible`` the first
+    stretches within it where Hill's inequality fails.
     """
 
     family: Family
@@ -91,17 +94,21 @@ class Fit:
         rows = self.family.jacobian(stretch, across, self.values)
         with np.errstate(invalid="ignore"):
             variance = np.einsum("ni,ij,nj->n", rows, self.covariance, rows)
-        half = self.noise.quantile * np.sqrt(np.maximum(np.nan_to_num(variance, nan=np.inf, posinf=np.inf), 0))
+        half = self.noise.quantile * np.sqrt(np.maximum(np.nan_to_num(variance, nan=np.inf,
+                                                                      posinf=np.inf), 0))
         return self.family.stress(stretch, across, self.values), half
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
         linear = len(self.family.linear)
-        constants = {name: {"value": float(value), "low": low, "high": high, "unit": "Pa" if index < linear else "1"}
+        constants = {name: {"value": float(value), "low": low, "high": high,
+                            "unit": "Pa" if index < linear else "1"}
                      for index, (name, value, (low, high)) in enumerate(
                          zip(self.family.constants, self.values, self.limits, strict=True))}
-        return {"name": self.family.name, "law": getattr(self.material, "law", None), "offered": self.offered,
-                "constants": constants, "rmse_Pa": self.rmse, "aicc": self.criterion, "condition": self.condition,
+        return {"name": self.family.name, "law": getattr(self.material, "law", None),
+                "offered": self.offered,
+                "constants": constants, "rmse_Pa": self.rmse, "aicc": self.criterion,
+                "condition": self.condition,
                 "held_out_rmse_Pa": self.held_out, "stretch_range": list(self.range),
                 "inadmissible_at": None if self.inadmissible is None else list(self.inadmissible),
                 "notes": list(self.notes)}
@@ -148,11 +155,13 @@ class Comparison:
             if error is None or error > 2 * least:
                 missed = "cannot follow" if error is None else f"misses by {error / 1e3:.3g} kPa"
                 found.append(f"{best.family.name} {missed} the {mode.replace('_', ' ')} readings when they are held out"
-                             + (f", {name} by {least / 1e3:.3g} kPa" if name not in ("", best.family.name) else ""))
+                             + (f", {name} by {least / 1e3:.3g} kPa"
+                                if name not in ("", best.family.name) else ""))
         return found
 
 
-def compare(coupons: Coupons, names: Sequence[str] | None = None, settings: FitSettings | None = None) -> Comparison:
+def compare(coupons: Coupons, names: Sequence[str] | None = None,
+            settings: FitSettings | None = None) -> Comparison:
     """Fit laws, all that the readings are enough for where none is named.
 
     Raises
@@ -164,10 +173,12 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None, settings: FitS
     families = [_family(name, len(coupons)) for name in dict.fromkeys(names)] if names else [
         family for family in FAMILIES.values() if len(coupons) >= _needed(family)]
     if not families:
-        raise InputError(f"must be at least {_needed(FAMILIES['neo_hooke'])} to fit any law", key="readings",
+        raise InputError(f"must be at least {_needed(FAMILIES['neo_hooke'])} to fit any law",
+                         key="readings",
                          given=len(coupons))
     if largest_excess(*coupons.in_plane) < 1e-6:
-        raise InputError("none of the readings is stretched", key="stretch", given=coupons.stretch_range[1])
+        raise InputError("none of the readings is stretched", key="stretch",
+                         given=coupons.stretch_range[1])
     fits = (fit(coupons, family, settings) for family in families)
     return Comparison(coupons, tuple(sorted(fits, key=lambda item: item.criterion)))
 
@@ -185,7 +196,8 @@ def fit(coupons: Coupons, family: Family, settings: FitSettings | None = None) -
     spread = covariance(problem, values, noise.sigma)
     limits = tuple(intervals(problem, values, np.sqrt(np.diag(spread)), noise))
     result = Fit(
-        family=family, material=material, values=values, limits=limits, covariance=spread, noise=noise,
+        family=family, material=material, values=values, limits=limits, covariance=spread,
+        noise=noise,
         squares=squares, readings=len(coupons),
         criterion=_criterion(squares, len(coupons), len(values), settings.noise),
         condition=_condition(problem, values),
@@ -232,7 +244,8 @@ def _family(name: str, readings: int) -> Family:
         raise InputError(f"must be all or one of {', '.join(FAMILIES)}", key="--law", given=name)
     family = FAMILIES[name]
     if readings < _needed(family):
-        raise InputError(f"needs at least {_needed(family)} readings, there are {readings}", key="--law", given=name)
+        raise InputError(f"needs at least {_needed(family)} readings, there are {readings}",
+                         key="--law", given=name)
     return family
 
 
@@ -255,10 +268,12 @@ def _admissible(found: list[Array], family: Family, coupons: Coupons
                 ) -> tuple[Array, tuple[Material | None, tuple[float, float] | None]]:
     """The best admissible minimum, or the best, with its material and where that fails."""
     judged = [(values, _judged(family, values, coupons)) for values in found]
-    return next((item for item in judged if item[1][0] is not None and item[1][1] is None), judged[0])
+    return next((item for item in judged if item[1][0] is not None and item[1][1] is None),
+                judged[0])
 
 
-def _judged(family: Family, values: Array, coupons: Coupons) -> tuple[Material | None, tuple[float, float] | None]:
+def _judged(family: Family, values: Array, coupons: Coupons) -> tuple[Material | None,
+                                                                      tuple[float, float] | None]:
     try:
         material = family.material(values)
     except InputError:
@@ -298,7 +313,8 @@ def _held_out(coupons: Coupons, family: Family, settings: FitSettings) -> dict[s
         rest, left = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
         if len(rest) < _needed(family):
             continue
-        values, _ = _admissible(_search(_problem(rest, family), max(2, settings.starts // 3)), family, rest)
+        values, _ = _admissible(_search(_problem(rest, family), max(2, settings.starts // 3)),
+                                family, rest)
         missed = _problem(left, family).residual(values)
         errors[mode] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
     return errors
@@ -324,10 +340,12 @@ def _noted(result: Fit, problem: Problem, coupons: Coupons, lost: bool) -> Fit:
 def _open_constants(result: Fit) -> list[str]:
     """Constants and pairs of constants that the readings do not settle."""
     names, linear, notes = result.family.constants, len(result.family.linear), []
-    for index, (name, value, (low, high)) in enumerate(zip(names, result.values, result.limits, strict=True)):
+    for index, (name, value, (low, high)) in enumerate(zip(names, result.values, result.limits,
+                                                           strict=True)):
         unit, size = (" kPa", 1e3) if index < linear else ("", 1.0)
         if low is None or high is None:
-            sides = " and ".join(side for side, limit in (("lower", low), ("upper", high)) if limit is None)
+            sides = " and ".join(side for side, limit in (("lower", low), ("upper", high))
+                                 if limit is None)
             notes.append(f"{name} is poorly determined: the readings set no {sides} limit")
         elif high - low > 2 * WIDE * abs(value):
             notes.append(f"{name} is poorly determined: {value / size:.4g}{unit}, 95 % limits {low / size:.4g} and "
@@ -351,7 +369,8 @@ def _open_modes(result: Fit, coupons: Coupons) -> list[str]:
             continue
         # A law may not reach, in another mode, the stretch it was tested to in this one.
         stretch = np.array([1 + (reach - 1) / 2])
-        if np.isposinf(np.real(result.material.derivatives(stretch, stretch ** MODES[mode])[0])).any():
+        if np.isposinf(np.real(result.material.derivatives(stretch,
+                                                           stretch ** MODES[mode])[0])).any():
             continue
         stress, half = result.predict(mode, stretch)
         if half[0] > 0.1 * abs(stress[0]):

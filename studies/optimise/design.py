@@ -86,7 +86,8 @@ class Bench:
             return Design(values, specimen, "the mesh cannot be moved so far"), None
         return self._evaluated(values, specimen, other, self.base.scales)
 
-    def _evaluated(self, values: Array, specimen: Specimen, model: Model, scales: Mapping[str, float] | None
+    def _evaluated(self, values: Array, specimen: Specimen, model: Model,
+                   scales: Mapping[str, float] | None
                    ) -> tuple[Design, Local | None]:
         case = self.problem.case(specimen)
         names = tuple(variable.name for variable in self.problem.variables)
@@ -97,7 +98,8 @@ class Bench:
             return Design(values, specimen, why(rest)), None
         known = case_parameters(case, model)
         lower = _slopes(model, rest, {name: known[name] for name in names})
-        outcome = equilibrium(model, force, case.film_voltage, rig.gas_pressure, rest.solution, path)
+        outcome = equilibrium(model, force, case.film_voltage, rig.gas_pressure, rest.solution,
+                              path)
         if outcome.status != "equilibrium":
             return Design(values, specimen, why(outcome)), None
         found = Found(case, model, outcome, names, {}, path)
@@ -109,10 +111,13 @@ class Bench:
         pairs = [limit.values(found) for limit in self.problem.limits]
         stroke = outcome.state.plate.heave - rest.state.plate.heave
         limited = {limit.name: limit.measured(found) for limit in self.problem.limits}
-        owners = tuple(limit.name for limit, pair in zip(self.problem.limits, pairs, strict=True) for _ in pair[0])
+        owners = tuple(limit.name for limit, pair in zip(self.problem.limits, pairs, strict=True)
+                       for _ in pair[0])
         design = Design(values, specimen, "", stroke, rest.state.plate.heave, limited, owners)
-        return design, Local(stroke, upper - lower, np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
-                             np.concatenate([np.zeros((0, len(names))), *(pair[1] for pair in pairs)]))
+        return design, Local(stroke, upper - lower,
+                             np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
+                             np.concatenate([np.zeros((0, len(names))),
+                                             *(pair[1] for pair in pairs)]))
 
 
 def _slopes(model: Model, outcome: Outcome, by: Mapping[str, Parameter]) -> Array:

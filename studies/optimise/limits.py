@@ -36,8 +36,8 @@ _POWER = 200
 class Found:
     """A design's equilibrium on a model, and the names of the numbers to differentiate by.
 
-    ``scales``: by how much the smooth maxima of the mesh the model was moved from fell short of the largest nodal
-    value. Held while a mesh moves, so that values and derivatives belong together.
+    ``scales``: by how much the smooth maxima of the mesh the model was moved from fell short of the
+    largest nodal value. Held while a mesh moves, so that values and derivatives belong together.
     """
 
     case: Case
@@ -61,7 +61,8 @@ class Found:
     def pull_in(self, ceiling: float) -> tuple[float, Array]:
         """Voltage of pull-in over the film's voltage and its derivatives; without pull-in, as far as was searched.
 
-        Where the search was cut short, by a film that wrinkles, the last margin found, which has no derivatives.
+        Where the search was cut short, by a film that wrinkles, the last margin found, which has no
+        derivatives.
         """
         if ceiling not in self._kept:
             self._kept[ceiling] = self._pull_in(ceiling)
@@ -69,7 +70,8 @@ class Found:
 
     def _pull_in(self, ceiling: float) -> tuple[float, Array]:
         state, film_voltage = self.outcome.state, self.case.film_voltage
-        end = equilibrium(self.model, state.force, ceiling * film_voltage, state.pressure, self.outcome.solution,
+        end = equilibrium(self.model, state.force, ceiling * film_voltage, state.pressure,
+                          self.outcome.solution,
                           self.path)
         if end.critical is None or end.limited != "voltage":
             return float(np.sqrt(end.state.voltage_squared)) / film_voltage, np.zeros(len(self.names))
@@ -78,7 +80,8 @@ class Found:
             slopes = limit_gradient(self.model, end.critical, "voltage", self._named("voltage"))
         except InputError:  # no smooth limit: the film lost its stability otherwise
             return margin, np.zeros(len(self.names))
-        return margin, np.array([slopes[name] for name in self.names]) / (2 * margin * film_voltage**2)
+        return margin, np.array([slopes[name] for name in self.names]) / (2 * margin
+                                                                          * film_voltage**2)
 
     def _named(self, limited: Any) -> dict[str, Parameter]:
         known = case_parameters(self.case, self.model, limited)
@@ -114,7 +117,8 @@ class Limit(Protocol):
 class Highest:
     """The largest value of a field over the film; as a margin if the file limits one over it.
 
-    Its stand-in is a norm, times the largest nodal value over that norm on the mesh the moved ones come from.
+    Its stand-in is a norm, times the largest nodal value over that norm on the mesh the moved ones
+    come from.
     """
 
     name: str
@@ -137,7 +141,8 @@ class Highest:
         """The stand-in over the highest allowed, minus one."""
         share = found.scales[self.name] * (self.bound if self.inverse else 1 / self.bound)
         slopes = gradient_many(found.model, found.outcome, {"": self._quantity}, found.by)[""]
-        return np.array([share * self._norm(found) - 1]), share * np.array([[slopes[name] for name in found.names]])
+        return np.array([share * self._norm(found)
+                         - 1]), share * np.array([[slopes[name] for name in found.names]])
 
     @property
     def _quantity(self) -> Largest:
@@ -225,7 +230,8 @@ def breakdown_share(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any])
     """Field over strength, 0 outside the electrode."""
     film = model.specimen.membrane
     l1, l2 = principal_stretches(c, film.prestretch)
-    return true_field(model, voltage_squared, c) / strength(film, l1, l2, film.thickness / (l1 * l2))
+    return true_field(model, voltage_squared, c) / strength(film, l1, l2,
+                                                            film.thickness / (l1 * l2))
 
 
 def _stress(table: Table, specimen: Specimen) -> Limit:
@@ -240,9 +246,11 @@ def _field(table: Table, specimen: Specimen) -> Limit:
 
 def _breakdown(table: Table, specimen: Specimen) -> Limit:
     if specimen.membrane.strength is None:
-        raise table.error("breakdown_margin", "needs a film whose electric strength is known (membrane.breakdown)")
+        raise table.error("breakdown_margin",
+                          "needs a film whose electric strength is known (membrane.breakdown)")
     margin = table.number("breakdown_margin", rule=_MARGIN)
-    return Highest("breakdown_margin", margin, "1", breakdown_share, "breakdown_share", inverse=True)
+    return Highest("breakdown_margin", margin, "1", breakdown_share, "breakdown_share",
+                   inverse=True)
 
 
 def _pull_in(table: Table, specimen: Specimen) -> Limit:
@@ -255,5 +263,6 @@ def _gap(table: Table, specimen: Specimen) -> Limit:
 
 #: Readers of limits by their keys in problem files.
 LIMITS: dict[str, Callable[[Table, Specimen], Limit]] = {
-    "max_true_stress": _stress, "max_field": _field, "breakdown_margin": _breakdown, "pull_in_margin": _pull_in,
+    "max_true_stress": _stress, "max_field": _field, "breakdown_margin": _breakdown,
+    "pull_in_margin": _pull_in,
     "gap": _gap}

@@ -53,9 +53,10 @@ class Run:
 class Optimum:
     """The best end of all starts, holding one measure of the frame.
 
-    ``finer``: the same design on a mesh twice as fine. ``apart``: largest difference in stroke between starts that
-    came to an end, relative; ``elsewhere``: in any variable, relative to its bounds. ``gain`` and ``gain_start``:
-    stroke over the reference's and the specimen's own, minus one, nan where those have none.
+    ``finer``: the same design on a mesh twice as fine. ``apart``: largest difference in stroke
+    between starts that came to an end, relative; ``elsewhere``: in any variable, relative to its
+    bounds. ``gain`` and ``gain_start``: stroke over the reference's and the specimen's own, minus
+    one, nan where those have none.
     """
 
     held: str
@@ -106,7 +107,8 @@ def optimise(problem: Problem, settings: Settings = _SETTINGS, descent: DescentS
     return Optimised(problem, reference, given, tuple(optima), tuple(failed))
 
 
-def run_from(problem: Problem, held: str, number: int, values: Array, settings: Settings, descent: DescentSettings
+def run_from(problem: Problem, held: str, number: int, values: Array, settings: Settings,
+             descent: DescentSettings
              ) -> Run:
     """One descent, every point on its way kept."""
     reason = f"no design within the bounds has the {held} of the reference's frame"
@@ -132,7 +134,8 @@ def check(problem: Problem, settings: Settings) -> None:
                              key=f"vary.{variable.key}", given=problem.specimen.name)
         step = 1e-5 * (variable.high - variable.low)
         inward = step if values[number] - 2 * step < variable.low else -step
-        ends = [_edge(problem.design(values + share * inward * np.eye(len(values))[number]), variable.path[0])
+        ends = [_edge(problem.design(values + share * inward * np.eye(len(values))[number]),
+                      variable.path[0])
                 for share in (0, 1, 2)]
         differences = (-3 * ends[0] + 4 * ends[1] - ends[2]) / (2 * inward)
         slope = _complex_edge(problem.specimen, variable.path)
@@ -189,7 +192,8 @@ class _Task:
                                                   limit_slopes=local.limit_slopes * self._widths)
 
 
-def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Design, given: Design, settings: Settings
+def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Design, given: Design,
+             settings: Settings
              ) -> Optimum:
     best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
     fine = replace(settings, mesh=settings.mesh.refined(2))
@@ -198,8 +202,10 @@ def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Desi
     strokes = [run.best.stroke for run in runs]
     ends = np.array([run.descent.x for run in runs])
     told = () if bench.base is None else tuple(state_warnings(bench.base.model, bench.base.state))
-    return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes), float(np.ptp(ends, axis=0).max()),
-                   best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1, told)
+    return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes),
+                   float(np.ptp(ends, axis=0).max()),
+                   best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1,
+                   told)
 
 
 def _alone(problem: Problem, specimen: Specimen, settings: Settings) -> Design:

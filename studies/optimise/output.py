@@ -43,7 +43,8 @@ def record(result: Optimised) -> dict[str, Any]:
     problem = result.problem
     return {
         "name": problem.name, "mass_kg": problem.mass, "voltage_V": problem.voltage,
-        "limits": {limit.name: {"bound": limit.bound, "unit": limit.unit} for limit in problem.limits},
+        "limits": {limit.name: {"bound": limit.bound, "unit": limit.unit}
+                   for limit in problem.limits},
         "reference": {"specimen": problem.reference.name, **_design(problem, result.reference)},
         "given": {"specimen": problem.specimen.name, **_design(problem, result.given)},
         "optima": [_optimum(result, optimum) for optimum in result.optima],
@@ -69,34 +70,41 @@ def _optimum(result: Optimised, optimum: Optimum) -> dict[str, Any]:
         "status": best.descent.status, **_design(problem, best.best), "gain": _number(optimum.gain),
         "gain_over_given": _number(optimum.gain_start), "held_multiplier": found.held * share,
         "kkt_residual": found.residual, "limits": limits,
-        "at_bounds": [variable.key for variable, force in zip(problem.variables, found.bounds, strict=True) if force],
+        "at_bounds": [variable.key for variable, force in zip(problem.variables, found.bounds,
+                                                              strict=True) if force],
         "finer": {**_design(problem, optimum.finer),
                   "gain": _number(optimum.finer.stroke / result.reference.stroke - 1)},
-        "starts": [_run(problem, run) for run in optimum.runs], "starts_apart_stroke": optimum.apart,
+        "starts": [_run(problem, run) for run in optimum.runs],
+        "starts_apart_stroke": optimum.apart,
         "starts_apart_variables": optimum.elsewhere, "warnings": list(optimum.warnings)}
 
 
 def _run(problem: Problem, run: Run) -> dict[str, Any]:
     found = run.descent.multipliers
     return {"start": run.start + 1, "status": run.descent.status, "trials": run.descent.trials,
-            "without_equilibrium": run.descent.missing, "kkt_residual": None if found is None else found.residual,
+            "without_equilibrium": run.descent.missing,
+            "kkt_residual": None if found is None else found.residual,
             **_design(problem, run.best)}
 
 
 def _design(problem: Problem, design: Design) -> dict[str, Any]:
     frame = {} if design.specimen is None else {
-        f"frame_{name}": float(measure(design.specimen.frame)) for name, measure in MEASURES.items()}
-    named = {variable.key: float(value) for variable, value in zip(problem.variables, design.values, strict=False)}
+        f"frame_{name}": float(measure(design.specimen.frame))
+        for name, measure in MEASURES.items()}
+    named = {variable.key: float(value) for variable, value in zip(problem.variables, design.values,
+                                                                   strict=False)}
     return {"variables": named, "stroke_m": _number(design.stroke),
             "deflection_without_voltage_m": _number(design.rest), **frame,
-            "limited": {name: _number(value) for name, value in design.limited.items()}, "reason": design.reason}
+            "limited": {name: _number(value) for name, value in design.limited.items()},
+            "reason": design.reason}
 
 
 def _header(problem: Problem) -> list[str]:
     variables = [f"{variable.key}_mm" if variable.dimension == "length" else variable.key
                  for variable in problem.variables]
     return ["held", "start", "trial", "accepted", *variables, "stroke_mm",
-            *(f"{limit.name}_{limit.unit}".removesuffix("_1") for limit in problem.limits), "reason"]
+            *(f"{limit.name}_{limit.unit}".removesuffix("_1") for limit in problem.limits),
+            "reason"]
 
 
 def _rows(result: Optimised) -> Iterator[list[object]]:
@@ -107,7 +115,8 @@ def _rows(result: Optimised) -> Iterator[list[object]]:
             values = [1e3 * float(value) if variable.dimension == "length" else float(value)
                       for variable, value in zip(problem.variables, design.values, strict=True)]
             limited = [design.limited.get(limit.name, float("nan")) for limit in problem.limits]
-            yield [run.held, run.start + 1, number, int(station.accepted), *values, 1e3 * design.stroke, *limited,
+            yield [run.held, run.start + 1, number, int(station.accepted), *values,
+                   1e3 * design.stroke, *limited,
                    design.reason]
 
 

@@ -86,20 +86,23 @@ class Problem:
             When it cannot be built.
         """
         changes: dict[str, Any] = {"name": name or self.specimen.name, "frame": self.frame(values)}
-        plate = {variable.path[1:]: float(value) for variable, value in zip(self.variables, values, strict=True)
+        plate = {variable.path[1:]: float(value) for variable, value in zip(self.variables, values,
+                                                                            strict=True)
                  if variable.path[0] == "plate"}
         return replace(self.specimen, **changes, plate=_set(self.specimen.plate, plate))
 
     def frame(self, values: np.ndarray) -> Any:
         """The frame with these values of the variables, whether or not a plate fits in."""
         return _set(self.specimen.frame, {variable.path[1:]: float(value) for variable, value
-                                          in zip(self.variables, values, strict=True) if variable.path[0] == "frame"})
+                                          in zip(self.variables, values, strict=True)
+                                          if variable.path[0] == "frame"})
 
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
         """A held measure of the frame over the reference's, minus one, and its derivatives by the variables."""
         whole = float(np.real(MEASURES[measure](self.reference.frame)))
         frame = self.frame(values)
-        slopes = [float(MEASURES[measure](with_change(frame, variable.path[1:], 1e-40j)).imag) / 1e-40
+        slopes = [float(MEASURES[measure](with_change(frame, variable.path[1:], 1e-40j)).imag)
+                  / 1e-40
                   if variable.path[0] == "frame" else 0.0 for variable in self.variables]
         return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
 
@@ -115,7 +118,8 @@ def read_problem(file: Path) -> Problem:
     starts = (given, *(_start(one, variables, given) for one in table.tables("start")))
     problem = Problem(
         table.text("name", file.stem), specimen, _specimen(table, "reference", PAPER),
-        table.quantity("mass", "mass", "17.9 g", POSITIVE), table.quantity("voltage", "voltage", rule=POSITIVE),
+        table.quantity("mass", "mass", "17.9 g", POSITIVE),
+        table.quantity("voltage", "voltage", rule=POSITIVE),
         variables, starts, limits, held, Rig.from_table(table.table("rig", {})))
     table.asked.add("start")
     table.done()
@@ -131,7 +135,8 @@ def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
         below.setdefault(path[0], {})[path[1:]] = number
     if isinstance(value, tuple):
         return tuple(_set(item, below.get(str(index), {})) for index, item in enumerate(value))
-    return replace(value, **{key: _set(getattr(value, key), inner) for key, inner in below.items()}) if below else value
+    return replace(value, **{key: _set(getattr(value, key), inner)
+                             for key, inner in below.items()}) if below else value
 
 
 def default_problem() -> Problem:
@@ -144,7 +149,8 @@ def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
     given = table.text(key) if default is None else table.text(key, default)
     if not given.endswith(".toml"):
         if given not in FILES:
-            raise table.error(key, f"must be a specimen file, ending in .toml, or one of {', '.join(FILES)}", given)
+            raise table.error(key,
+                              f"must be a specimen file, ending in .toml, or one of {', '.join(FILES)}", given)
         return load_specimen(FILES[given])
     return load_specimen(Path(table.file).parent / given)
 
@@ -152,7 +158,8 @@ def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
 def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     """Numbers of the outlines of frame and plate with their bounds."""
     known = {**{name: name for name in numbers(specimen.frame, "frame")},
-             **{name.replace("outline.", "", 1): name for name in numbers(specimen.plate.outline, "plate.outline")}}
+             **{name.replace("outline.", "", 1): name
+                for name in numbers(specimen.plate.outline, "plate.outline")}}
     variables = []
     for key in table.data:
         if key not in known:
@@ -163,11 +170,13 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
         if not low < high:
             raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
         if not low <= value <= high:
-            raise table.error(key, f"must have the specimen's own value, {value:.6g} in SI units, within",
+            raise table.error(key,
+                              f"must have the specimen's own value, {value:.6g} in SI units, within",
                               table.data[key])
         variables.append(Variable(key, low, high))
     if not variables:
-        raise InputError(f"must name at least one of {', '.join(known)}", file=table.file, key="vary")
+        raise InputError(f"must name at least one of {', '.join(known)}", file=table.file,
+                         key="vary")
     return tuple(variables)
 
 
@@ -179,7 +188,8 @@ def _bounds(table: Table, variable: Variable) -> tuple[float, float]:
     return low, high
 
 
-def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ...]) -> tuple[float, ...]:
+def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ...]) -> tuple[float,
+                                                                                             ...]:
     """A further start: what it does not name is the specimen's own."""
     values = []
     for variable, own in zip(variables, given, strict=True):
@@ -188,7 +198,8 @@ def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ..
             value = (table.number(variable.key) if variable.dimension is None
                      else table.quantity(variable.key, variable.dimension))
             if not variable.low <= value <= variable.high:
-                raise table.error(variable.key, "must lie within the variable's bounds", table.data[variable.key])
+                raise table.error(variable.key, "must lie within the variable's bounds",
+                                  table.data[variable.key])
         table.asked.add(variable.key)
         values.append(value)
     table.done()

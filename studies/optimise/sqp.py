@@ -1,9 +1,10 @@
 """Sequential quadratic programming within a trust region, for functions that may have no value.
 
-Maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0 and e(x) = 0, e cheap and kept to at every point. A step maximises a quadratic
-model of f within the trust region, the limits linear and the largest violation at a price (an exact penalty: Nocedal &
-Wright, *Numerical Optimization*, 2006, chapter 18); a step that gains too little, or ends where there is no value, is
-not made, and the region shrinks. The model's curvature is that of the Lagrangian, by damped BFGS.
+Maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0 and e(x) = 0, e cheap and kept to at every point. A step
+maximises a quadratic model of f within the trust region, the limits linear and the largest
+violation at a price (an exact penalty: Nocedal & Wright, *Numerical Optimization*, 2006, chapter
+18); a step that gains too little, or ends where there is no value, is not made, and the region
+shrinks. The model's curvature is that of the Lagrangian, by damped BFGS.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ class Task(Protocol):
 class DescentSettings:
     """``radius`` of the trust region at first and ``widest``; ``step`` and relative ``gain`` below which it ends.
 
-    ``away``: distance from where it was last renewed at which the task is renewed; ``near``: at which it may end;
-    ``rounds``: how often at most it settles and is renewed. Lengths are shares of the bounds. ``residual`` of the
-    multipliers and ``violation`` that an optimum may leave.
+    ``away``: distance from where it was last renewed at which the task is renewed; ``near``: at
+    which it may end; ``rounds``: how often at most it settles and is renewed. Lengths are shares of
+    the bounds. ``residual`` of the multipliers and ``violation`` that an optimum may leave.
     """
 
     radius: float = 0.1
@@ -121,7 +122,8 @@ def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettin
         there = None if ahead is None else task.at(ahead)
         trials += 1
         missing += there is None
-        gained = -np.inf if there is None else _merit(there, unit, price) - _merit(here, unit, price)
+        gained = -np.inf if there is None else _merit(there, unit, price) - _merit(here, unit,
+                                                                                   price)
         accepted = gained > 0.05 * promised
         if ahead is not None:
             note(ahead, accepted)
@@ -142,7 +144,8 @@ def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettin
             here, centre = renewed, x
     found = kkt(task, x, here)
     ended: Status = "optimum" if found.residual <= settings.residual else "no_progress"
-    return Descent(ended if here.violation <= settings.violation else "infeasible", x, here, found, trials, missing)
+    return Descent(ended if here.violation <= settings.violation else "infeasible", x, here, found,
+                   trials, missing)
 
 
 def kkt(task: Task, x: Array, here: Local, active: float = 1e-3) -> Multipliers:
@@ -161,7 +164,8 @@ def kkt(task: Task, x: Array, here: Local, active: float = 1e-3) -> Multipliers:
     rest = solution[len(at) + 1 :]
     bounds[low], bounds[high] = -rest[: len(low)], rest[len(low) :]
     left = float(np.abs(columns @ solution - slope).max())
-    return Multipliers(limits, float(solution[len(at)]), bounds, left / max(float(np.abs(slope).max()), 1e-300))
+    return Multipliers(limits, float(solution[len(at)]), bounds,
+                       left / max(float(np.abs(slope).max()), 1e-300))
 
 
 def restored(task: Task, x: Array, rounds: int = 20) -> Array | None:
@@ -197,10 +201,12 @@ def _step(task: Task, x: Array, here: Local, bend: Array, radius: float, price: 
     constraints = [{"type": "eq", "fun": lambda z: np.array([held @ z[:size]]),
                     "jac": lambda z: np.append(held, 0.0)[None, :]}] if held.any() else []
     if len(here.limits):
-        constraints.append({"type": "ineq", "fun": lambda z: jacobian @ z - here.limits, "jac": lambda z: jacobian})
+        constraints.append({"type": "ineq", "fun": lambda z: jacobian @ z - here.limits,
+                            "jac": lambda z: jacobian})
     bounds = [(max(-radius, -at), min(radius, 1 - at)) for at in x]
     found = minimize(cost, np.append(np.zeros(size), here.violation), jac=True, method="SLSQP",
-                     bounds=[*bounds, (0.0, None)], constraints=constraints, options={"maxiter": 200, "ftol": 1e-14})
+                     bounds=[*bounds, (0.0, None)], constraints=constraints,
+                     options={"maxiter": 200, "ftol": 1e-14})
     low, high = np.array(bounds).T
     step = np.clip(found.x[:size], low, high)
     left = max(0.0, float((here.limits + here.limit_slopes @ step).max(initial=0.0)))
@@ -222,5 +228,6 @@ def _bent(bend: Array, step: Array, change: Array) -> Array:
     share = float(step @ change)
     damped = 1.0 if share >= 0.2 * curvature else 0.8 * curvature / (curvature - share)
     change = damped * change + (1 - damped) * along
-    return bend - np.outer(along, along) / curvature + np.outer(change, change) / float(step @ change)
+    return bend - np.outer(along, along) / curvature + np.outer(change,
+                                                                change) / float(step @ change)
 

@@ -70,7 +70,8 @@ def known(symbol: str) -> float:
 def eq8(specimen: Specimen, relative_permittivity: float) -> Specimen:
     """A specimen whose film follows Eq. (8) with Table 1's constants; ε_r, which is lost, must be given.
 
-    Good for the lumped model alone: as a membrane the law has no stable shape (``tympan.fem.film.library.REFUSED``).
+    Good for the lumped model alone: as a membrane the law has no stable shape
+    (``tympan.fem.film.library.REFUSED``).
     """
     law = EXAMINED["paper-table-1"]
     assert isinstance(law, Separable)

@@ -49,9 +49,10 @@ _SEEDS = 10_000
 class Choices:
     """What the paper leaves open: figure 14's levels and their seed, figure 13's period [s]; None: found, and told.
 
-    ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's voltages is taken.
-    ``reading`` is how Table 2 is read to find the lost ε_r and α₁: ``rest``, from 0 to 7 kV at rest, or ``levels``, at
-    the ends of figure 14's levels; None: whichever fits it better.
+    ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's
+    voltages is taken. ``reading`` is how Table 2 is read to find the lost ε_r and α₁: ``rest``,
+    from 0 to 7 kV at rest, or ``levels``, at the ends of figure 14's levels; None: whichever fits
+    it better.
     """
 
     levels: int = 20
@@ -67,7 +68,8 @@ class Choices:
         if self.seed is not None and not 0 <= self.seed < 2**63:
             raise InputError("must not be negative", key="--seed", given=self.seed)
         if self.period is not None and not 1e-2 <= self.period <= 1e5:
-            raise InputError("must be from 10 ms to 1e5 s", key="--period", given=f"{self.period:g} s")
+            raise InputError("must be from 10 ms to 1e5 s", key="--period",
+                             given=f"{self.period:g} s")
 
     def steps(self) -> tuple[Pieces, int]:
         """Figure 14's signal and its seed.
@@ -78,7 +80,8 @@ class Choices:
             When so few levels come near to both voltages with no seed that was tried.
         """
         for seed in (range(_SEEDS) if self.seed is None else (self.seed,)):
-            signal = random_steps(published.LOWEST, published.HIGHEST, published.SWITCH, self.levels, seed)
+            signal = random_steps(published.LOWEST, published.HIGHEST, published.SWITCH,
+                                  self.levels, seed)
             reached = max(float(signal.voltage.min()) - published.LOWEST,
                           published.HIGHEST - float(signal.voltage.max()))
             if self.seed is not None or reached <= self.near:
@@ -103,7 +106,8 @@ class Trace:
         for span in np.array_split(np.arange(len(time)), min(_BUCKETS, len(time))):
             keep |= {int(span[np.argmin(deflection[span])]), int(span[np.argmax(deflection[span])])}
         chosen = np.array(sorted(keep | {0, len(time) - 1}))
-        return cls(time[chosen], deflection[chosen], float(deflection.min()), float(deflection.max()))
+        return cls(time[chosen], deflection[chosen], float(deflection.min()),
+                   float(deflection.max()))
 
     @property
     def range(self) -> float:
@@ -151,7 +155,8 @@ class Replica:
     @cached_property
     def criteria(self) -> list[Criterion]:
         """Settling times by the usual criteria, by what the sensor sees, and by the nearest of each kind."""
-        usual = [settling.at(self.swings, kind, share) for kind in settling.KINDS if kind != "length"
+        usual = [settling.at(self.swings, kind, share) for kind in settling.KINDS
+                 if kind != "length"
                  for share in settling.USUAL]
         return [*usual, settling.at(self.swings, "length", 1e-6),
                 *(settling.nearest(self.swings, kind) for kind in settling.KINDS)]
@@ -160,8 +165,8 @@ class Replica:
 def period_of(actuator: Actuator) -> float:
     """The period [s] at which the actuator lags most about the voltage of figure 13's right column.
 
-    The slow part of the linear model is a pole, the slowest, and a zero at k₁/η₁, where the branches alone relax; such
-    a pair lags most at the geometric mean of the two.
+    The slow part of the linear model is a pole, the slowest, and a zero at k₁/η₁, where the
+    branches alone relax; such a pair lags most at the geometric mean of the two.
     """
     pole = float(np.abs(linearise(actuator, published.SINES[1][0]).poles[0]))
     zero = actuator.viscous.k1 / actuator.viscous.eta1
@@ -191,7 +196,8 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     progress("figures 7 and 8")
     voltages = np.linspace(published.LOWEST, published.HIGHEST, 71)
     at_rest = Ranges()
-    static = np.array([[at_rest.rest(number, mass, voltages, lost.permittivity, lost.weights(number)[0])[0]
+    static = np.array([[at_rest.rest(number, mass, voltages, lost.permittivity,
+                                     lost.weights(number)[0])[0]
                         for number in range(len(NAMES))] for mass in MASSES])
     fleet = Fleet(tuple(model for row in models for model in row))
     progress("figures 9 to 12")
@@ -199,14 +205,17 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     traces = _by_mass([Trace.of(time, column, ZOOM) for column in deflections.T])
     swings = _by_mass([Swings.of(time, column) for column in deflections.T])
     period = choices.period or period_of(models[0][0])
-    loops = [[_loop(model, Sine(*sine, period), progress) for model in models[0]] for sine in published.SINES]
+    loops = [[_loop(model, Sine(*sine, period), progress) for model in models[0]]
+             for sine in published.SINES]
     progress("figure 14")
     time, deflections = fleet.simulate(signal, INTERVAL, _LONG)
     random = _by_mass([Trace.of(time, column) for column in deflections.T])
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
     levels = np.ptp(deflections[ends], axis=0).reshape(len(MASSES), len(NAMES))
-    poles = np.array([[linearise(model, published.STEP[1]).poles[-1] for model in row] for row in models])
-    return Replica(reading, fits, others, best, limits, map_, voltages, static, traces, swings, poles, period, loops,
+    poles = np.array([[linearise(model, published.STEP[1]).poles[-1] for model in row]
+                      for row in models])
+    return Replica(reading, fits, others, best, limits, map_, voltages, static, traces, swings,
+                   poles, period, loops,
                    signal, seed, random, levels)
 
 
@@ -228,11 +237,14 @@ def write_curves(found: Replica, folder: Path) -> None:
     """The curves as CSV files, from which the figures are drawn."""
     names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
     write_csv(folder / "static.csv", ("mass_g", "specimen", "voltage_kV", "distance_mm"),
-              ((*name, 1e-3 * volts, 1e3 * y) for name, column in zip(names, found.static.reshape(6, -1), strict=True)
+              ((*name, 1e-3 * volts, 1e3 * y)
+               for name, column in zip(names, found.static.reshape(6, -1), strict=True)
                for volts, y in zip(found.voltages.tolist(), column.tolist(), strict=True)))
     for stem, traces in (("step", found.steps), ("random", found.random)):
-        write_csv(folder / f"{stem}.csv", ("mass_g", "specimen", "t_s", "distance_mm"), _rows(names, traces))
-    write_csv(folder / "hysteresis.csv", ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
+        write_csv(folder / f"{stem}.csv", ("mass_g", "specimen", "t_s", "distance_mm"),
+                  _rows(names, traces))
+    write_csv(folder / "hysteresis.csv",
+              ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
               ((1e-3 * sine[0], 1e-3 * sine[1], name, 1e-3 * volts, 1e3 * y)
                for sine, row in zip(published.SINES, found.loops, strict=True)
                for name, loop in zip(NAMES, row, strict=True)
@@ -242,7 +254,8 @@ def write_curves(found: Replica, folder: Path) -> None:
     permittivity, alpha, worst = found.worst
     write_csv(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
               ((one, other, "" if np.isnan(worst[i, j]) else 1e3 * float(worst[i, j]))
-               for i, one in enumerate(permittivity.tolist()) for j, other in enumerate(alpha.tolist())))
+               for i, one in enumerate(permittivity.tolist())
+               for j, other in enumerate(alpha.tolist())))
 
 
 def _rows(names: list[tuple[str, str]], traces: list[list[Trace]]) -> Iterator[tuple[Any, ...]]:

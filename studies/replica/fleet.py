@@ -27,8 +27,8 @@ _ROUNDS = 30
 class Fleet:
     """Actuators of cones of one film, rig and viscosity that differ in radii, weights, mass and permittivity.
 
-    A state is (y, ẏ, ε₁ of each circle), shape (2 + circles, actuators); who has fewer circles than the others has some
-    of weight 0.
+    A state is (y, ẏ, ε₁ of each circle), shape (2 + circles, actuators); who has fewer circles than
+    the others has some of weight 0.
     """
 
     actuators: tuple[Actuator, ...]
@@ -39,19 +39,23 @@ class Fleet:
         film = first.specimen.membrane
         for other in self.actuators:
             its = other.specimen.membrane
-            same = (its.material, its.prestretch, its.permittivity_exponent, other.viscous, other.rig) == (
-                film.material, film.prestretch, film.permittivity_exponent, first.viscous, first.rig)
+            same = (its.material, its.prestretch, its.permittivity_exponent, other.viscous,
+                    other.rig) == (
+                film.material, film.prestretch, film.permittivity_exponent, first.viscous,
+                first.rig)
             cones = all(isinstance(circle, ConeCircle) for circle in other.circles)
             if not (same and cones and other.correction == Correction()):
                 raise InputError("must be cones of the same film, rig and viscosity to be simulated together",
-                                 key="actuators", given=f"{first.specimen.name}, {other.specimen.name}")
+                                 key="actuators",
+                                 given=f"{first.specimen.name}, {other.specimen.name}")
 
     @cached_property
     def _count(self) -> int:
         return max(len(actuator.circles) for actuator in self.actuators)
 
     def _stacked(self, values: Any, missing: float) -> Array:
-        rows = [[*values(actuator), *[missing] * (self._count - len(actuator.circles))] for actuator in self.actuators]
+        rows = [[*values(actuator), *[missing] * (self._count - len(actuator.circles))]
+                for actuator in self.actuators]
         return np.array(rows, float).T
 
     @cached_property
@@ -76,7 +80,8 @@ class Fleet:
     @cached_property
     def _masses(self) -> tuple[Array, Array]:
         """Moved masses [kg] and weights [N]."""
-        return np.array([one.moved for one in self.actuators]), np.array([one.load for one in self.actuators])
+        return np.array([one.moved
+                         for one in self.actuators]), np.array([one.load for one in self.actuators])
 
     def rates(self, state: Array, voltage: float) -> Array:
         """Time derivative of a state: :meth:`Actuator.rates` of each."""
@@ -84,7 +89,8 @@ class Fleet:
         y, speed, strain = state[0], state[1], state[2:]
         stretch, phi, _ = stretched = sloped_stretch(self._steepness, y)
         behind = stretch - 1 - strain
-        pull = self._film(stretched, voltage)[0] + phi / stretch * (v.k1 * behind + v.eta2 * phi * speed)
+        pull = self._film(stretched,
+                          voltage)[0] + phi / stretch * (v.k1 * behind + v.eta2 * phi * speed)
         force = np.sum(self._volume * pull, axis=0) + rig.spring * y
         mass, load = self._masses
         return np.vstack([speed, (load - force) / mass, v.k1 / v.eta1 * behind])
@@ -99,7 +105,8 @@ class Fleet:
         squared = float(self.actuators[0].rig.film_voltage(voltage)) ** 2
         film, volts = (one.derivatives(prestretch * stretch, prestretch) for one in (law, unit))
         first, second = film[1] + squared * volts[1], film[3] + squared * volts[3]
-        return prestretch * first * phi, prestretch * (first * bend + prestretch * second * phi * phi)
+        return prestretch * first * phi, prestretch * (first * bend + prestretch * second * phi
+                                                       * phi)
 
     def follow(self, strain: Array, voltage: float, y: Array) -> Array:
         """Where forces balance without inertia and η₂ [m] while the branches are at ε₁; Newton from ``y``."""
@@ -120,14 +127,15 @@ class Fleet:
     def levels(self, signal: Signal, step: float = 0.5) -> Array:
         """Deflections [m] at the end of each level of a signal of steps, the rest before it first.
 
-        Without inertia and η₂, whose oscillation is gone by then: only the branches move, by Runge and Kutta's steps of
-        order 4 [s]. Shape (levels + 1, actuators).
+        Without inertia and η₂, whose oscillation is gone by then: only the branches move, by Runge
+        and Kutta's steps of order 4 [s]. Shape (levels + 1, actuators).
         """
         state = self.rest(signal.first)
         y, strain, found = state[0], state[2:], [state[0]]
         rate = self.actuators[0].viscous.k1 / self.actuators[0].viscous.eta1
         for piece, (left, right) in enumerate(pairwise(signal.breaks)):
-            voltage, count = float(signal.within(piece, right)), max(1, round((right - left) / step))
+            voltage, count = float(signal.within(piece, right)), max(1,
+                                                                     round((right - left) / step))
             width = (right - left) / count
             for _ in range(count):
                 slopes: list[Array] = []
@@ -135,7 +143,8 @@ class Fleet:
                     at = strain + share * width * slopes[-1] if slopes else strain
                     y = self.follow(at, voltage, y)
                     slopes.append(rate * (sloped_stretch(self._steepness, y)[0] - 1 - at))
-                strain = strain + width / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
+                strain = strain + width / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2]
+                                               + slopes[3])
             y = self.follow(strain, voltage, y)
             found.append(y)
         return np.array(found)
@@ -143,13 +152,15 @@ class Fleet:
     def rest(self, voltage: float) -> Array:
         """All at rest at a voltage [V]."""
         deflection = np.array([rest(actuator, voltage).deflection for actuator in self.actuators])
-        return np.vstack([deflection, 0 * deflection, sloped_stretch(self._steepness, deflection)[0] - 1])
+        return np.vstack([deflection, 0 * deflection,
+                          sloped_stretch(self._steepness, deflection)[0] - 1])
 
-    def simulate(self, signal: Signal, interval: float, tolerance: float = 1e-7) -> tuple[Array, Array]:
+    def simulate(self, signal: Signal, interval: float, tolerance: float = 1e-7) -> tuple[Array,
+                                                                                          Array]:
         """Times [s] with an interval and deflections [m], shape (times, actuators), from rest at the first voltage.
 
-        scipy's LSODA, relative error ``tolerance`` of a step, begun anew at each break of the signal; a break must
-        lie on a multiple of the interval.
+        scipy's LSODA, relative error ``tolerance`` of a step, begun anew at each break of the
+        signal; a break must lie on a multiple of the interval.
 
         Raises
         ------
@@ -163,9 +174,12 @@ class Fleet:
         absolute = 0.1 * tolerance * np.abs(np.vstack([state[0], 10 * state[0], state[2:]]))
         reach = np.array([actuator.reach for actuator in self.actuators])
         for piece, (left, right) in enumerate(pairwise(signal.breaks)):
-            done = solve_ivp(lambda t, x, piece=piece: self.rates(x.reshape(shape), signal.within(piece, t)).ravel(),
-                             (left, right), state.ravel(), "LSODA", rtol=tolerance, atol=absolute.ravel(),
-                             t_eval=left + interval * np.arange(1, round((right - left) / interval) + 1))
+            done = solve_ivp(lambda t, x, piece=piece: self.rates(x.reshape(shape),
+                                                                  signal.within(piece, t)).ravel(),
+                             (left, right), state.ravel(), "LSODA", rtol=tolerance,
+                             atol=absolute.ravel(),
+                             t_eval=left + interval
+                             * np.arange(1, round((right - left) / interval) + 1))
             state = done.y[:, -1].reshape(shape)
             moved = done.y[:shape[1]].T
             if not (done.success and (np.abs(moved) < reach).all()):

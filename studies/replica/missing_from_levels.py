@@ -21,7 +21,8 @@ def level_ranges(signal: Signal, values: Array) -> Array:
     """Ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁, shape (pairs, masses, actuators)."""
     every = [Lost.of(permittivity, (alpha, alpha)) for permittivity, alpha in values]
     fleet = Fleet(tuple(one for lost in every for mass in MASSES for one in lost.actuators(mass)))
-    return np.asarray(np.ptp(fleet.levels(signal), axis=0).reshape(len(values), len(MASSES), len(NAMES)))
+    return np.asarray(np.ptp(fleet.levels(signal), axis=0).reshape(len(values), len(MASSES),
+                                                                   len(NAMES)))
 
 
 def fit_levels(signal: Signal) -> Lost:
@@ -44,11 +45,13 @@ def fit_levels(signal: Signal) -> Lost:
             with np.errstate(all="ignore"):
                 tried = level_ranges(signal, np.vstack([values, values + moves]))
             found = np.nan_to_num(tried, nan=_DRAWN_IN)
-            kept[key] = found[0], ((found[1:] - found[0]).reshape(2, -1) / moves.sum(axis=1)[:, None]).T
+            kept[key] = found[0], ((found[1:] - found[0]).reshape(2, -1)
+                                   / moves.sum(axis=1)[:, None]).T
         return kept[key]
 
     done = least_squares(lambda values: 1e3 * (both(values)[0] - read).ravel(), _START,
-                         lambda values: 1e3 * both(values)[1], ((1.0, 0.0), (11.0, 1.0)), xtol=1e-5, ftol=1e-7,
+                         lambda values: 1e3 * both(values)[1], ((1.0, 0.0), (11.0, 1.0)), xtol=1e-5,
+                         ftol=1e-7,
                          max_nfev=12)
     found = both(done.x)[0]
     return Lost(float(done.x[0]), (float(done.x[1]), float(done.x[1])), found, found - read)

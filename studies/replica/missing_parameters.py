@@ -27,8 +27,8 @@ _ROUNDS = 60
 class Ranges:
     """Ranges of motion at rest between two voltages [V] of the paper's actuators as functions of what is lost.
 
-    The constants are (ε_r, α₁ of the small ellipse, α₁ of the large one), α₁ being of the circle with the short
-    semi-axis. Rows are ``masses`` [kg], columns the three actuators.
+    The constants are (ε_r, α₁ of the small ellipse, α₁ of the large one), α₁ being of the circle
+    with the short semi-axis. Rows are ``masses`` [kg], columns the three actuators.
     """
 
     masses: tuple[float, ...] = MASSES
@@ -40,7 +40,8 @@ class Ranges:
     def _circles(self) -> tuple[tuple[Any, ...], ...]:
         return tuple(Actuator.of(specimen, MASSES[0]).circles for specimen in paper_actuators(1.0))
 
-    def force(self, actuator: int, alpha: Any, y: Any, squared: Any) -> tuple[Array, Array, Array, Array, Array]:
+    def force(self, actuator: int, alpha: Any, y: Any, squared: Any) -> tuple[Array, Array, Array,
+                                                                              Array, Array]:
         """Force of the film without voltage and that of the voltage per ε_r [N], their stiffness [N/m], ∂force/∂α."""
         circles = self._circles[actuator]
         unit = maxwell(circles[0].specimen, squared)
@@ -57,8 +58,8 @@ class Ranges:
              ) -> tuple[Array, Array, Array]:
         """Deflection at rest [m] and its derivatives by ε_r and α₁; nan beyond pull-in. Arrays of one shape.
 
-        Newton from the flat film: the balance of these cones is concave up to pull-in, so it climbs to the first rest
-        without passing it.
+        Newton from the flat film: the balance of these cones is concave up to pull-in, so it climbs
+        to the first rest without passing it.
         """
         permittivity, alpha, voltage = np.broadcast_arrays(*(
             np.asarray(one, float) for one in (permittivity, alpha, voltage)))
@@ -82,7 +83,8 @@ class Ranges:
         for row, mass in enumerate(self.masses):
             for column in range(found.shape[1]):
                 alpha = (1.0, values[1], values[2])[column]
-                high, low = (self.rest(column, mass, volts, values[0], alpha) for volts in (self.high, self.low))
+                high, low = (self.rest(column, mass, volts, values[0], alpha)
+                             for volts in (self.high, self.low))
                 found[row, column] = high[0] - low[0]
                 slopes[row, column, 0] = high[1] - low[1]
                 if column:
@@ -94,7 +96,8 @@ class Ranges:
 class Lost:
     """Values for the lost cells: ε_r, α₁ of the small and of the large ellipse.
 
-    ``ranges`` with them and ``misfit``, those less the paper's [m]; ``rows`` of Table 2 they were found from.
+    ``ranges`` with them and ``misfit``, those less the paper's [m]; ``rows`` of Table 2 they were
+    found from.
     """
 
     permittivity: float
@@ -104,10 +107,12 @@ class Lost:
     rows: tuple[int, ...] = (0, 1)
 
     @classmethod
-    def of(cls, permittivity: float, alpha: tuple[float, float], rows: tuple[int, ...] = (0, 1)) -> Lost:
+    def of(cls, permittivity: float, alpha: tuple[float, float],
+           rows: tuple[int, ...] = (0, 1)) -> Lost:
         """With their ranges at rest."""
         found = Ranges().at(np.array([permittivity, *alpha]))[0]
-        return cls(float(permittivity), (float(alpha[0]), float(alpha[1])), found, found - ranges(), rows)
+        return cls(float(permittivity), (float(alpha[0]), float(alpha[1])), found, found - ranges(),
+                   rows)
 
     @property
     def rms(self) -> float:
@@ -130,7 +135,8 @@ class Lost:
 
     def json(self) -> dict[str, Any]:
         """As stored."""
-        return {"relative_permittivity": self.permittivity, "alpha_1": list(self.alpha), "rms_mm": 1e3 * self.rms,
+        return {"relative_permittivity": self.permittivity, "alpha_1": list(self.alpha),
+                "rms_mm": 1e3 * self.rms,
                 "worst_mm": 1e3 * self.worst, "misfit_mm": (1e3 * self.misfit).tolist(),
                 "rows_g": [1e3 * MASSES[row] for row in self.rows]}
 
@@ -148,7 +154,8 @@ def fit(shared: bool = True, rows: Sequence[int] = (0, 1)) -> Lost:
         return np.asarray(1e3 * model.at(spread @ free)[1][kept].reshape(-1, 3) @ spread)
 
     low, high = np.array(_bounds(shared)).T
-    done = least_squares(residual, _start(shared), slopes, (low, high), x_scale=high - low, xtol=1e-12, ftol=1e-12,
+    done = least_squares(residual, _start(shared), slopes, (low, high), x_scale=high - low,
+                         xtol=1e-12, ftol=1e-12,
                          gtol=1e-12)
     values = spread @ done.x
     return Lost.of(values[0], (values[1], values[2]), tuple(rows))
@@ -159,7 +166,8 @@ def smallest_worst(shared: bool = True) -> Lost:
     spread = _spread(shared)
     began = fit(shared)
     start = np.append(_start(shared), 1e3 * began.worst)
-    start[:-1] = np.linalg.lstsq(spread, np.array([began.permittivity, *began.alpha]), rcond=None)[0]
+    start[:-1] = np.linalg.lstsq(spread, np.array([began.permittivity, *began.alpha]),
+                                 rcond=None)[0]
     done = _limited(spread, shared, start, lambda z: z[-1], np.eye(len(start))[-1])
     values = spread @ done[:-1]
     return Lost.of(values[0], (values[1], values[2]))
@@ -168,14 +176,16 @@ def smallest_worst(shared: bool = True) -> Lost:
 def allowed(factor: float = 2.0, shared: bool = True) -> dict[str, tuple[float, float]]:
     """Lowest and highest ε_r and α₁ whose misfit is nowhere above ``factor`` times the smallest worst."""
     spread, best = _spread(shared), smallest_worst(shared)
-    names = ("relative_permittivity", "alpha_1") if shared else ("relative_permittivity", "alpha_small", "alpha_large")
+    names = ("relative_permittivity", "alpha_1") if shared else ("relative_permittivity",
+                                                                 "alpha_small", "alpha_large")
     centre = np.linalg.lstsq(spread, np.array([best.permittivity, *best.alpha]), rcond=None)[0]
     found = {}
     for number, name in enumerate(names):
         ends = []
         for sign in (1.0, -1.0):
             aim = sign * np.eye(len(names) + 1)[number]
-            done = _limited(spread, shared, np.append(centre, 1e3 * best.worst), lambda z, aim=aim: aim @ z, aim,
+            done = _limited(spread, shared, np.append(centre, 1e3 * best.worst),
+                            lambda z, aim=aim: aim @ z, aim,
                             most=1e3 * factor * best.worst)
             ends.append(float(done[number]))
         found[name] = (ends[0], ends[1])
@@ -189,12 +199,14 @@ def worst_misfit(permittivity: Array, alpha: Array) -> Array:
     worst = np.zeros(grid[0].shape)
     for row, mass in enumerate(MASSES):
         for column in range(len(read[row])):
-            high, low = (model.rest(column, mass, volts, *grid)[0] for volts in (model.high, model.low))
+            high, low = (model.rest(column, mass, volts, *grid)[0]
+                         for volts in (model.high, model.low))
             worst = np.maximum(worst, np.abs(high - low - read[row, column]))
     return worst
 
 
-def _limited(spread: Array, shared: bool, start: Array, cost: Any, slope: Array, most: float | None = None) -> Array:
+def _limited(spread: Array, shared: bool, start: Array, cost: Any, slope: Array,
+             most: float | None = None) -> Array:
     """(constants, t [mm]) with the least cost among those whose misfits are within ±t, t at most ``most``."""
     model, read = Ranges(), ranges()
 
@@ -207,7 +219,8 @@ def _limited(spread: Array, shared: bool, start: Array, cost: Any, slope: Array,
         ones = np.ones((len(slopes), 1))
         return np.block([[-slopes, ones], [slopes, ones]])
 
-    done = minimize(cost, start, jac=lambda z: slope, method="SLSQP", bounds=[*_bounds(shared), (0.0, most)],
+    done = minimize(cost, start, jac=lambda z: slope, method="SLSQP",
+                    bounds=[*_bounds(shared), (0.0, most)],
                     constraints={"type": "ineq", "fun": room, "jac": room_slopes},
                     options={"ftol": 1e-12, "maxiter": 300})
     return np.asarray(done.x)

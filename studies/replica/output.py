@@ -53,8 +53,10 @@ def record(found: Replica, choices: Choices, seconds: float) -> dict[str, Any]:
         },
         "chosen": _chosen(found, choices),
         "table_2": {"rows": _table_2(found), "why": _why_ranges(found)},
-        "settling": {"rows": [_settling(one) for one in found.criteria], "why": _why_settling(found)},
-        "hysteresis": {"rows": _hysteresis(found), "period_s": found.period, "why": _why_hysteresis(found)},
+        "settling": {"rows": [_settling(one) for one in found.criteria],
+                     "why": _why_settling(found)},
+        "hysteresis": {"rows": _hysteresis(found), "period_s": found.period,
+                       "why": _why_hysteresis(found)},
         "findings": [one.json() for one in findings(found)],
         "seconds": seconds,
     }
@@ -84,9 +86,11 @@ def _table_2(found: Replica) -> list[dict[str, Any]]:
     return [{
         "mass_g": 1e3 * mass, "specimen": name, "paper_mm": 1e3 * float(read[row, column]),
         **{f"{key}_mm": 1e3 * float(values[row, column]) for key, values in ours.items()},
-        **{f"{key}_less_paper_mm": 1e3 * float((values - read)[row, column]) for key, values in ours.items()},
+        **{f"{key}_less_paper_mm": 1e3 * float((values - read)[row, column])
+           for key, values in ours.items()},
         "paper_percent": float(PERCENTAGES[row, column]),
-        **{f"{key}_percent": float(100 * values[row, column] / values[row, 0]) for key, values in ours.items()},
+        **{f"{key}_percent": float(100 * values[row, column] / values[row, 0])
+           for key, values in ours.items()},
     } for row, mass in enumerate(MASSES) for column, name in enumerate(NAMES)]
 
 
@@ -96,13 +100,16 @@ def _settling(one: Criterion) -> dict[str, Any]:
     words = f"{threshold} um" if one.kind == "length" else f"{threshold} % of the {one.kind}"
     cells = {f"{name}_{1e3 * mass:g}g_s": float(one.times[row, column])
              for row, mass in enumerate(MASSES) for column, name in enumerate(NAMES)}
-    return {"criterion": words, "threshold": factor * one.threshold, "unit": unit, **cells, "rms_s": one.rms}
+    return {"criterion": words, "threshold": factor * one.threshold, "unit": unit, **cells,
+            "rms_s": one.rms}
 
 
 def _hysteresis(found: Replica) -> list[dict[str, Any]]:
     return [{"offset_kV": 1e-3 * sine[0], "amplitude_kV": 1e-3 * sine[1], "specimen": name,
-             "range_um": 1e6 * float(np.ptp(loop.deflection)), "gap_percent": 100 * loop_gap(loop.deflection)}
-            for sine, row in zip(SINES, found.loops, strict=True) for name, loop in zip(NAMES, row, strict=True)]
+             "range_um": 1e6 * float(np.ptp(loop.deflection)),
+             "gap_percent": 100 * loop_gap(loop.deflection)}
+            for sine, row in zip(SINES, found.loops, strict=True)
+            for name, loop in zip(NAMES, row, strict=True)]
 
 
 def loop_gap(deflection: Array) -> float:
@@ -155,7 +162,8 @@ def _why_settling(found: Replica) -> list[str]:
     words = _settling(nearest)["criterion"]
     heavier, theirs = (float(np.mean(times[1] / times[0])) for times in (nearest.times, paper))
     slow = [NAMES[int(np.argmax(row))] for row in (*nearest.times, *paper)]
-    shapes = (f"the {slow[0]} is the slowest under both masses here and there" if len(set(slow)) == 1
+    shapes = (f"the {slow[0]} is the slowest under both masses here and there"
+              if len(set(slow)) == 1
               else "the order of the shapes is not the paper's")
     return [
         f"For settling the paper names no criterion. Of those tried, {words} comes nearest, {nearest.rms:.2f} s from "

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 class Swings:
     """Half the way [m] between neighbouring extremes, the time midway [s], and how far the response went at last [m].
 
-    The crossing of a threshold is interpolated between them on a logarithmic scale, as an oscillation dies.
+    The crossing of a threshold is interpolated between them on a logarithmic scale, as an
+    oscillation dies.
     """
 
     time: Array
@@ -63,7 +64,8 @@ class Criterion:
 
     def json(self) -> dict[str, Any]:
         """As stored."""
-        return {"kind": self.kind, "threshold": self.threshold, "times_s": self.times.tolist(), "rms_s": self.rms}
+        return {"kind": self.kind, "threshold": self.threshold, "times_s": self.times.tolist(),
+                "rms_s": self.rms}
 
 
 #: Kinds of criteria: what the threshold is a share of; a plain length in metres.
@@ -86,5 +88,6 @@ def nearest(swings: list[list[Swings]], kind: str) -> Criterion:
     """The threshold of a kind whose six times are nearest to the paper's, among those that give all six."""
     largest = min(one.height.max() / KINDS[kind](one) for row in swings for one in row)
     smallest = max(one.height.min() / KINDS[kind](one) for row in swings for one in row)
-    found = (at(swings, kind, threshold) for threshold in np.geomspace(largest, smallest, 402)[1:-1])
+    found = (at(swings, kind, threshold) for threshold in np.geomspace(largest, smallest,
+                                                                       402)[1:-1])
     return min(found, key=lambda one: one.rms)

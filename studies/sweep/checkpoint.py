@@ -23,8 +23,9 @@ _TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
 class Shelf:
     """The folder of a sweep.
 
-    A task's file is ``tasks/xx/ID.json``, xx the id's first digits: the SHA-256 of all that follows the first line,
-    then the id, the time it took and the rows. Files are written under another name and renamed.
+    A task's file is ``tasks/xx/ID.json``, xx the id's first digits: the SHA-256 of all that follows
+    the first line, then the id, the time it took and the rows. Files are written under another name
+    and renamed.
     """
 
     folder: Path
@@ -41,21 +42,24 @@ class Shelf:
         with ExitStack() as held:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(held.enter_context((self.folder / ".lock").open("w")), fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(held.enter_context((self.folder / ".lock").open("w")),
+                            fcntl.LOCK_EX | fcntl.LOCK_NB)
                 for pattern in _TEMPORARY:
                     for left in self.folder.glob(pattern):
                         left.unlink()
             except BlockingIOError:
                 raise InputError("is in use by another sweep", file=self.folder) from None
             except OSError as error:
-                raise InputError(f"cannot be written: {error.strerror or error}", file=self.folder) from None
+                raise InputError(f"cannot be written: {error.strerror or error}",
+                                 file=self.folder) from None
             yield
 
     def put(self, task: Task, result: Result) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for number, content in result.fields.items():
             write_atomically(self.vtu(number), partial(_fill, content))
-        body = json.dumps({"task": task.id, "wall_s": result.wall_s, "fields": sorted(result.fields),
+        body = json.dumps({"task": task.id, "wall_s": result.wall_s,
+                           "fields": sorted(result.fields),
                            "rows": result.rows}, ensure_ascii=False)
         write_text(self._file(task), f"{_digest(body)}\n{body}\n")
 
@@ -66,13 +70,15 @@ class Shelf:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror or error}", file=self._file(task)) from None
+            raise InputError(f"cannot be read: {error.strerror or error}",
+                             file=self._file(task)) from None
         except ValueError:  # also bytes that are no text
             return None
         if digest != _digest(body):
             return None
         content = json.loads(body)
-        if content["task"] != task.id or not all(self.vtu(number).exists() for number in content["fields"]):
+        if content["task"] != task.id or not all(self.vtu(number).exists()
+                                                 for number in content["fields"]):
             return None
         rows: list[Row] = content["rows"]
         return rows

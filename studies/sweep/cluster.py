@@ -13,7 +13,8 @@ from tympan.studies.sweep.task import Result, Task
 
 _PATIENCE = "10s"
 
-#: glibc's numbers of its thresholds for trimming and for mapping, from malloc.h, with its own limits for both [bytes].
+#: glibc's numbers of its thresholds for trimming and for mapping, from malloc.h, with its own
+#: limits for both [bytes].
 _TRIM, _MAP = (-1, 64 << 20), (-3, 32 << 20)
 _TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
 
@@ -21,7 +22,8 @@ _TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
 def cluster(tasks: Sequence[Task], address: str) -> Iterator[Found]:
     """Hand the tasks to the scheduler at an address such as ``tcp://10.0.0.5:8786``, as they come back.
 
-    Dask tries a task again when its worker dies; one over which several died is given up, as Dask is set up to.
+    Dask tries a task again when its worker dies; one over which several died is given up, as Dask
+    is set up to.
 
     Raises
     ------
@@ -31,7 +33,8 @@ def cluster(tasks: Sequence[Task], address: str) -> Iterator[Found]:
     try:
         from distributed import Client, as_completed
     except ImportError:
-        raise InputError("wants Dask: pip install 'tympan[cluster]'", key="--scheduler", given=address) from None
+        raise InputError("wants Dask: pip install 'tympan[cluster]'", key="--scheduler",
+                         given=address) from None
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -58,8 +61,8 @@ def _run(task: Task) -> Result:
 def _hoarding() -> Iterator[None]:
     """Keep freed memory meanwhile.
 
-    Dask starts its workers so that they give back every array they free, to look small while they wait. Taking the
-    pages again made a specimen 40 % slower.
+    Dask starts its workers so that they give back every array they free, to look small while they
+    wait. Taking the pages again made a specimen 40 % slower.
     """
     wanted = os.environ.get(_TRIM_SET, "")
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if wanted.isdigit() else None

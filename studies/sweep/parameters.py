@@ -22,13 +22,15 @@ Array = NDArray[np.float64]
 #: More specimens than this are a slip of the pen.
 MOST = 1_000_000
 
-_COUNT: Rule = (lambda x: 1 <= x <= MOST and x == int(x), f"must be a whole number from 1 to {MOST}")
+_COUNT: Rule = (lambda x: 1 <= x <= MOST and x == int(x),
+                f"must be a whole number from 1 to {MOST}")
 _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number, not negative")
 
 
 def choices(table: Table) -> list[Choice]:
     """Every combination of the grid, each with every row of the list and every point of the sample."""
-    parts = [_grid(table.table("grid", {})), _list(table.table("list", {})), _sample(table.table("sample", {}))]
+    parts = [_grid(table.table("grid", {})), _list(table.table("list", {})),
+             _sample(table.table("sample", {}))]
     keys = [key for part in parts if part for key in part[0]]
     for key in keys:
         if keys.count(key) > 1:
@@ -36,11 +38,13 @@ def choices(table: Table) -> list[Choice]:
         if any(other != key and other.startswith(f"{key}.") for other in keys):
             raise table.error(key, "is varied as a whole and by its parts: only one of both")
     if np.prod([float(len(part)) for part in parts]) > MOST:
-        raise table.error("grid", f"there must be at most {MOST} specimens", [len(part) for part in parts])
+        raise table.error("grid", f"there must be at most {MOST} specimens",
+                          [len(part) for part in parts])
     return [{**first, **second, **third} for first, second, third in product(*parts)]
 
 
-def with_choice(content: Mapping[str, Any], choice: Mapping[str, Any], table: Table) -> dict[str, Any]:
+def with_choice(content: Mapping[str, Any], choice: Mapping[str, Any], table: Table) -> dict[str,
+                                                                                             Any]:
     """A copy of nested tables with the values of a choice; an element of a list is named by its number."""
     changed = copy.deepcopy(dict(content))
     for key, value in choice.items():
@@ -70,7 +74,8 @@ def _set(content: dict[str, Any], key: str, value: Any, table: Table) -> None:
     *path, last = key.split(".")
     inner: Any = content
     for number, name in enumerate(path):
-        inner = inner[_index(inner, name, key, table)] if isinstance(inner, list) else inner.setdefault(name, {})
+        inner = inner[_index(inner, name, key, table)] if isinstance(inner,
+                                                                     list) else inner.setdefault(name, {})
         if not isinstance(inner, dict | list):
             raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table", inner)
     inner[_index(inner, last, key, table) if isinstance(inner, list) else last] = value
@@ -93,13 +98,15 @@ def _flat(table: Table) -> Iterator[str]:
     """The keys of a table, which must be dotted names in quotation marks."""
     for key, value in table.data.items():
         if isinstance(value, Mapping):
-            raise table.error(key, f'must be a list; write a dotted key in quotation marks, such as "{key}.…" = […]')
+            raise table.error(key,
+                              f'must be a list; write a dotted key in quotation marks, such as "{key}.…" = […]')
         yield key
 
 
 def _grid(table: Table) -> list[Choice]:
     keys = list(_flat(table))
-    return [dict(zip(keys, row, strict=True)) for row in product(*(_values(table, key) for key in keys))]
+    return [dict(zip(keys, row, strict=True))
+            for row in product(*(_values(table, key) for key in keys))]
 
 
 def _list(table: Table) -> list[Choice]:
@@ -109,7 +116,8 @@ def _list(table: Table) -> list[Choice]:
     length = len(next(iter(columns.values())))
     for key, values in columns.items():
         if len(values) != length:
-            raise table.error(key, f"must be as long as the first list of [list], {length}", len(values))
+            raise table.error(key, f"must be as long as the first list of [list], {length}",
+                              len(values))
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
@@ -125,7 +133,8 @@ def _sample(table: Table) -> list[Choice]:
         raise table.error("ranges", "must name at least one key", {})
     limits = [_range(ranges, key) for key in keys]
     table.done()
-    return [{key: _between(limit, share) for key, limit, share in zip(keys, limits, point, strict=True)}
+    return [{key: _between(limit, share) for key, limit, share in zip(keys, limits, point,
+                                                                      strict=True)}
             for point in draw(len(keys), count, seed).tolist()]
 
 
@@ -135,7 +144,8 @@ def _range(table: Table, key: str) -> tuple[float, float, str]:
     found = [read_quantity(value) for value in values]
     first, *others = found
     if len(found) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
-        raise table.error(key, 'must be two values of one kind, the smaller first, such as ["8 mm", "15 mm"]; '
+        raise table.error(key,
+                          'must be two values of one kind, the smaller first, such as ["8 mm", "15 mm"]; '
                           "one element of a list has its number in the key", values)
     (low, unit), (high, _) = first, others[0]
     if not -np.inf < low < high < np.inf:
@@ -156,18 +166,22 @@ def _random(dimensions: int, count: int, seed: int) -> Array:
 def _latin_hypercube(dimensions: int, count: int, seed: int) -> Array:
     from scipy.stats import qmc
 
-    return np.asarray(qmc.LatinHypercube(dimensions, seed=np.random.default_rng(seed)).random(count))
+    return np.asarray(qmc.LatinHypercube(dimensions,
+                                         seed=np.random.default_rng(seed)).random(count))
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> Array:
     """The first points of the scrambled sequence; a power of two of them is balanced."""
     from scipy.stats import qmc
 
-    points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random_base2(max(count - 1, 0).bit_length())
+    points = qmc.Sobol(dimensions,
+                       seed=np.random.default_rng(seed)).random_base2(max(count - 1,
+                                                                          0).bit_length())
     return np.asarray(points[:count])
 
 
-#: Points in the unit cube, shape (count, dimensions), of a number of dimensions, a count and a seed.
+#: Points in the unit cube, shape (count, dimensions), of a number of dimensions, a count and a
+#: seed.
 METHODS: dict[str, Callable[[int, int, int], Array]] = {
     "random": _random, "latin_hypercube": _latin_hypercube, "sobol": _sobol}
 

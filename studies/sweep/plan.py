@@ -20,7 +20,8 @@ from tympan.studies.case import Settings
 from tympan.studies.sweep.parameters import Choice, choices, with_choice
 from tympan.studies.sweep.task import Task, solver
 
-#: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of the rig.
+#: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
+#: the rig.
 _LOADS = ("mass", "voltage")
 _RIG = "rig."
 
@@ -60,9 +61,9 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     Raises
     ------
     InputError
-        For unknown keys, wrong units and values out of range of the sweep and of all its specimens, naming the file
-        and the key; a combination of allowed values that cannot be built is an entry without a task instead, unless
-        all are.
+        For unknown keys, wrong units and values out of range of the sweep and of all its specimens,
+        naming the file and the key; a combination of allowed values that cannot be built is an
+        entry without a task instead, unless all are.
     """
     table = Table.read(file)
     reader = _Reader(table, settings, _fields(table))
@@ -77,10 +78,12 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of both")
     table.done()
     digits = len(str(max(len(rows) - 1, 1)))
-    entries = tuple(reader.entry(base, f"{base.stem}-{number:0{digits}}" if len(rows) > 1 else base.stem, row, loads)
+    entries = tuple(reader.entry(base, f"{base.stem}-{number:0{digits}}" if len(rows) > 1
+                                 else base.stem, row, loads)
                     for base in bases for number, row in enumerate(rows))
     if all(entry.task is None for entry in entries):
-        raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}", file=file)
+        raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
+                         file=file)
     return Sweep(entries, file.read_text(encoding="utf-8-sig"))
 
 
@@ -104,12 +107,15 @@ class _Reader:
     settings: Settings
     fields: bool
 
-    def entry(self, base: _Base, name: str, choice: Choice, loads: Mapping[str, tuple[float, ...] | None]) -> Entry:
+    def entry(self, base: _Base, name: str, choice: Choice,
+              loads: Mapping[str, tuple[float, ...] | None]) -> Entry:
         """The entry of one choice of values."""
         masses = loads["mass"] or (self._load(choice, "mass"),)
         voltages = loads["voltage"] or (self._load(choice, "voltage"),)
-        for_rig = {key.removeprefix(_RIG): value for key, value in choice.items() if key.startswith(_RIG)}
-        changes = {key: value for key, value in choice.items() if key not in _LOADS and not key.startswith(_RIG)}
+        for_rig = {key.removeprefix(_RIG): value for key, value in choice.items()
+                   if key.startswith(_RIG)}
+        changes = {key: value for key, value in choice.items() if key not in _LOADS
+                   and not key.startswith(_RIG)}
         rig = self._rig(for_rig)
         try:
             specimen = self._specimen(base, changes)
@@ -124,7 +130,8 @@ class _Reader:
             return load_specimen(base.file)
         content = with_choice(base.content, changes, self.table)
         try:
-            return specimen_from_table(Table(self.table.file, content), read_material, read_strength)
+            return specimen_from_table(Table(self.table.file, content), read_material,
+                                       read_strength)
         except Unbuildable:
             raise
         except InputError as error:
@@ -133,9 +140,11 @@ class _Reader:
     def _blamed(self, error: InputError, file: Path, changes: Choice) -> InputError:
         """The error, told of the sweep if it varies that key or one beside it, of the specimen's file otherwise."""
         key = error.key or ""
-        varied = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.") for name in changes)
+        varied = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
+                     for name in changes)
         beside = any(name.rpartition(".")[0] == key.rpartition(".")[0] for name in changes)
-        return error if varied or beside else InputError(error.allowed, file=file, key=key, given=error.given)
+        return error if varied or beside else InputError(error.allowed, file=file, key=key,
+                                                         given=error.given)
 
     def _rig(self, changes: Choice) -> Rig:
         given = self.table.value("rig", {})
@@ -144,7 +153,8 @@ class _Reader:
             content, file = own.data, own.file
         else:
             content, file = self.table.table("rig", {}).data, self.table.file
-        return Rig.from_table(Table(self.table.file if changes else file, with_choice(content, changes, self.table),
+        return Rig.from_table(Table(self.table.file if changes else file,
+                                    with_choice(content, changes, self.table),
                                     "" if isinstance(given, str) and not changes else "rig"))
 
     def _load(self, choice: Choice, name: str) -> float:
@@ -172,13 +182,15 @@ def _load(table: Table, name: str, value: Any) -> float:
         number = quantity(value, name)
         checked_load(*((number, 0.0) if name == "mass" else (0.0, number)))
     except InputError as error:
-        raise InputError(error.allowed, file=table.file, key=table.path(name), given=value) from None
+        raise InputError(error.allowed, file=table.file, key=table.path(name),
+                         given=value) from None
     return number
 
 
 def _masses(table: Table) -> tuple[float, ...]:
     value = table.value("mass")
-    masses = tuple(_load(table, "mass", item) for item in (value if isinstance(value, list) else [value]))
+    masses = tuple(_load(table, "mass", item)
+                   for item in (value if isinstance(value, list) else [value]))
     if not masses or len(set(masses)) < len(masses):
         raise table.error("mass", "must be a mass or a list of different ones", value)
     return masses
@@ -194,7 +206,8 @@ def _voltages(table: Table) -> tuple[float, ...]:
         span.done()
         voltages = tuple(np.linspace(low, high, count).tolist())
     else:
-        voltages = tuple(_load(table, "voltage", item) for item in (value if isinstance(value, list) else [value]))
+        voltages = tuple(_load(table, "voltage", item)
+                         for item in (value if isinstance(value, list) else [value]))
     if not voltages or list(voltages) != sorted(set(voltages)):
         raise table.error("voltage", "must ascend", value)
     return voltages

@@ -32,20 +32,24 @@ class Summary:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return {"cases": sum(self.statuses.values()), "statuses": self.statuses, "solved": self.solved,
+        return {"cases": sum(self.statuses.values()), "statuses": self.statuses,
+                "solved": self.solved,
                 "kept": self.kept}
 
 
-def run(sweep: Sweep, folder: Path, solve: Solve, progress: Progress = lambda done, kept: None) -> Summary:
+def run(sweep: Sweep, folder: Path, solve: Solve,
+        progress: Progress = lambda done, kept: None) -> Summary:
     """Solve what is not finished in a folder yet, and write its tables.
 
-    Leaves ``sweep.nc``, ``sweep.parquet``, ``sweep.csv``, ``sweep.json`` and ``tasks/``, with fields also ``fields/``.
-    It may be ended at any moment, and run again: no finished task is solved twice.
+    Leaves ``sweep.nc``, ``sweep.parquet``, ``sweep.csv``, ``sweep.json`` and ``tasks/``, with
+    fields also ``fields/``. It may be ended at any moment, and run again: no finished task is
+    solved twice.
 
     Raises
     ------
     InputError
-        When the folder cannot be written, is full, or another sweep uses it; what was finished is kept.
+        When the folder cannot be written, is full, or another sweep uses it; what was finished is
+        kept.
     """
     shelf = Shelf(folder)
     with shelf.alone():
@@ -58,7 +62,8 @@ def run(sweep: Sweep, folder: Path, solve: Solve, progress: Progress = lambda do
         progress(done, kept)
         missing = [task for number, task in tasks.items() if number not in found]
         if missing:
-            store.remove(folder, *FILES)  # what is there belongs to another plan, or to an older solver
+            store.remove(folder,
+                         *FILES)  # what is there belongs to another plan, or to an older solver
         for task, result in solve(missing):
             if isinstance(result, str):
                 found[task.id] = task.failed(result)  # not kept: another run may have more luck
@@ -67,8 +72,10 @@ def run(sweep: Sweep, folder: Path, solve: Solve, progress: Progress = lambda do
                 found[task.id] = result.rows
             done += len(found[task.id])
             progress(done, kept)
-        rows_of = [found[entry.task.id] if entry.task is not None else None for entry in sweep.entries]
+        rows_of = [found[entry.task.id] if entry.task is not None else None
+                   for entry in sweep.entries]
         statuses = write_tables(folder, sweep, rows_of)
         summary = Summary(dict(Counter(statuses)), done - kept, kept)
-        store.write_json(folder / "sweep.json", {"solver": solver(), "source": sweep.source, **summary.json()})
+        store.write_json(folder / "sweep.json",
+                         {"solver": solver(), "source": sweep.source, **summary.json()})
     return summary

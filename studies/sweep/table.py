@@ -25,7 +25,8 @@ FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
 AXES = ("specimen", "mass", "voltage")
 
 #: Units by how a column's name ends, longest first.
-_UNITS = {"_V_per_m": "V/m", "_m2": "m^2", "_kg": "kg", "_Pa": "Pa", "_rad": "rad", "_m": "m", "_N": "N", "_F": "F",
+_UNITS = {"_V_per_m": "V/m", "_m2": "m^2", "_kg": "kg", "_Pa": "Pa", "_rad": "rad", "_m": "m",
+          "_N": "N", "_F": "F",
           "_V": "V", "_J": "J"}
 
 _TEXTS = ("status", "warnings", "id")
@@ -50,16 +51,18 @@ def write_tables(folder: Path, sweep: Sweep, rows: Sequence[Sequence[Row] | None
 def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
     """Dimensions specimen, mass and voltage; what the specimens differ in is a coordinate along the first.
 
-    Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that do not exist are
-    nan; several warnings are joined with " | ".
+    Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that
+    do not exist are nan; several warnings are joined with " | ".
     """
     import xarray as xr
 
     entries = sweep.entries
     shape = (len(entries), len(entries[0].masses), len(entries[0].voltages))
-    filled = [list(found) if found is not None else _unbuilt(entry) for entry, found in zip(entries, rows, strict=True)]
+    filled = [list(found) if found is not None else _unbuilt(entry)
+              for entry, found in zip(entries, rows, strict=True)]
     flat = [row for found in filled for row in found]
-    data = {name: (AXES, _column(name, [row[name] for row in flat]).reshape(shape)) for name in ("id", *COLUMNS)}
+    data = {name: (AXES, _column(name, [row[name] for row in flat]).reshape(shape))
+            for name in ("id", *COLUMNS)}
     coordinates: dict[str, Any] = {"specimen": [entry.name for entry in entries],
                                    "base": ("specimen", _texts([entry.base for entry in entries]))}
     coordinates |= _loads(entries) | parameters(entries)
@@ -82,14 +85,16 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
 def parameters(entries: Sequence[Entry]) -> dict[str, Any]:
     """Coordinates of what the specimens differ in, one per number; the unit ends the name."""
     found = [dict(flattened(entry.choice)) for entry in entries]
-    keys = [key for key in dict.fromkeys(key for row in found for key in row) if key not in ("mass", "voltage")]
+    keys = [key for key in dict.fromkeys(key for row in found for key in row)
+            if key not in ("mass", "voltage")]
     return dict(_parameter(key, [row.get(key) for row in found]) for key in keys)
 
 
 def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
     read = [None if value is None else read_quantity(value) for value in values]
     units = {found[1] for found in read if found is not None}
-    if len(units) != 1 or any(found is None and value is not None for found, value in zip(read, values, strict=True)):
+    if len(units) != 1 or any(found is None and value is not None
+                              for found, value in zip(read, values, strict=True)):
         return key, ("specimen", _texts(["" if value is None else str(value) for value in values]))
     unit = units.pop()
     name = f"{key}_{unit.replace('/', '_per_').replace('^', '')}" if unit else key
@@ -102,7 +107,8 @@ def _loads(entries: Sequence[Entry]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, axis, values in (("mass_kg", "mass", [entry.masses for entry in entries]),
                                ("voltage_V", "voltage", [entry.voltages for entry in entries])):
-        found[name] = (axis, np.array(values[0])) if len(set(values)) == 1 else (("specimen", axis), np.array(values))
+        found[name] = (axis, np.array(values[0])) if len(set(values)) == 1 else (("specimen", axis),
+                                                                                 np.array(values))
     return found
 
 
@@ -114,7 +120,8 @@ def _unbuilt(entry: Entry) -> list[Row]:
 
 def _column(name: str, values: list[Any]) -> np.ndarray:
     if name in _TEXTS:
-        return _texts([" | ".join(value) if isinstance(value, list) else str(value) for value in values])
+        return _texts([" | ".join(value) if isinstance(value, list) else str(value)
+                       for value in values])
     return np.array([np.nan if value is None else float(value) for value in values])
 
 

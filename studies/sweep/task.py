@@ -22,10 +22,12 @@ from tympan.geometry.toml_writer import law_content, specimen_content
 from tympan.studies.case import Case, CaseResult, Settings, build_model, summaries
 from tympan.studies.files import write_fields
 
-#: To be raised whenever a change of mesher or solver changes results: finished cases of before are then not reused.
+#: To be raised whenever a change of mesher or solver changes results: finished cases of before are
+#: then not reused.
 REVISION = 2
 
-#: Of a case that could not even be tried: no film can be built or meshed, or the process that tried it died.
+#: Of a case that could not even be tried: no film can be built or meshed, or the process that tried
+#: it died.
 FAILED = "failed"
 
 #: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
@@ -70,10 +72,12 @@ class Task:
 
         Equal inputs have equal ids on any machine.
         """
-        common = {"specimen": _content(self.specimen), "rig": self.rig.record(), "settings": asdict(self.settings),
+        common = {"specimen": _content(self.specimen), "rig": self.rig.record(),
+                  "settings": asdict(self.settings),
                   "solver": self.solver}
         head = _hash(common)
-        return tuple(_hash([head, mass, voltage]) for mass in self.masses for voltage in self.voltages)
+        return tuple(_hash([head, mass, voltage]) for mass in self.masses
+                     for voltage in self.voltages)
 
     @cached_property
     def id(self) -> str:
@@ -102,7 +106,8 @@ class Task:
     def failed(self, reason: str) -> list[Row]:
         """Rows that say why there is no result."""
         empty: Row = dict.fromkeys(COLUMNS)
-        return [{**empty, "id": number, "status": FAILED, "warnings": [reason]} for number in self.ids]
+        return [{**empty, "id": number, "status": FAILED, "warnings": [reason]}
+                for number in self.ids]
 
     def _solved(self) -> tuple[list[Row], dict[str, bytes]]:
         model = build_model(self.specimen, self.settings, self.rig.loading)
@@ -110,12 +115,14 @@ class Task:
         rows: list[Row] = []
         kept: dict[str, bytes] = {}
         for mass in self.masses:
-            path = voltage_path(model, self.rig.force(mass, model.plate_area), seen, self.rig.gas_pressure,
+            path = voltage_path(model, self.rig.force(mass, model.plate_area), seen,
+                                self.rig.gas_pressure,
                                 self.settings.path)
             cases = [Case(self.specimen, mass, voltage, self.rig) for voltage in self.voltages]
             for result, outcome in summaries(cases, model, path):
                 number = self.ids[len(rows)]
-                rows.append({"id": number} | {name: value for name, value in result.json().items() if name in COLUMNS})
+                rows.append({"id": number} | {name: value for name, value in result.json().items()
+                                              if name in COLUMNS})
                 if self.fields and outcome.status == "equilibrium":
                     kept[number] = _vtu(*whole(model, outcome.state))
         return rows, kept
@@ -135,7 +142,8 @@ def _vtu(model: Any, state: Any) -> bytes:
 
 def _content(specimen: Specimen) -> Any:
     """All of a specimen but its name, floats to the last digit."""
-    return {**specimen_content(specimen, lambda one: law_content(one.membrane.material, {})), "name": "any"}
+    return {**specimen_content(specimen, lambda one: law_content(one.membrane.material, {})),
+            "name": "any"}
 
 
 def _hash(value: Any) -> str:
@@ -145,4 +153,5 @@ def _hash(value: Any) -> str:
 
 #: Columns of a result beside the inputs: those of ``solve --json`` that do not depend on the clock.
 COLUMNS: tuple[str, ...] = tuple(
-    item.name for item in fields(CaseResult) if item.name not in ("specimen", "mass_kg", "voltage_V", "wall_s"))
+    item.name for item in fields(CaseResult) if item.name not in ("specimen", "mass_kg",
+                                                                  "voltage_V", "wall_s"))

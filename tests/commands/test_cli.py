@@ -16,9 +16,12 @@ import pytest
 from tympan.cli import main
 from tympan.studies.paper.actuators import FILES as ACTUATORS
 
-SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "reaction_N", "capacitance_F",
-              "max_stretch", "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "dofs", "wall_s", "warnings"}
-ALPHA_KEYS = {"specimen", "circles", "alpha", "basis", "fit_error", "held_out_error", "from_fields", "warnings"}
+SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "reaction_N",
+              "capacitance_F",
+              "max_stretch", "max_true_stress_Pa", "max_field_V_per_m", "tilt_rad", "dofs",
+              "wall_s", "warnings"}
+ALPHA_KEYS = {"specimen", "circles", "alpha", "basis", "fit_error", "held_out_error", "from_fields",
+              "warnings"}
 SOFT = """
 name = "soft"
 [frame]
@@ -47,7 +50,8 @@ def printed(capsys: pytest.CaptureFixture[str]) -> dict:
 
 @pytest.mark.parametrize("name", ACTUATORS)
 def test_solve_json(name: str, capsys) -> None:
-    assert main(["solve", str(ACTUATORS[name]), "--mass", "17.9 g", "--voltage", "3.5 kV", "--json"]) == 0
+    assert main(["solve", str(ACTUATORS[name]), "--mass", "17.9 g", "--voltage", "3.5 kV",
+                 "--json"]) == 0
     result = printed(capsys)
     assert set(result) >= SOLVE_KEYS
     assert result["status"] == "equilibrium"
@@ -55,7 +59,8 @@ def test_solve_json(name: str, capsys) -> None:
     assert 2e-3 < result["deflection_m"] < 4e-3
     assert result["reaction_N"] == pytest.approx(17.9e-3 * 9.80665, rel=1e-6)
     # A parallel plate of the mounted film: ε₀ ε_r A/t, a little more when stretched.
-    area = np.pi * (4.5e-2 * {"circular": 4.5e-2, "elliptical-small": 6e-2, "elliptical-large": 7.5e-2}[name] - 1e-4)
+    area = np.pi * (4.5e-2 * {"circular": 4.5e-2, "elliptical-small": 6e-2,
+                              "elliptical-large": 7.5e-2}[name] - 1e-4)
     assert result["capacitance_F"] == pytest.approx(8.8541878e-12 * 4.7 * area / 0.2e-3, rel=0.01)
     assert result["max_field_V_per_m"] == pytest.approx(3500 / 0.2e-3, rel=0.03)
     assert result["warnings"] == []
@@ -84,7 +89,8 @@ def test_alpha_json(name: str, basis: str, capsys) -> None:
 
 
 def test_alpha_of_other_numbers_of_circles(capsys) -> None:
-    assert main(["alpha", str(ACTUATORS["elliptical-large"]), "--circles", "3", "--radii", "sectors", "--json"]) == 0
+    assert main(["alpha", str(ACTUATORS["elliptical-large"]), "--circles", "3", "--radii",
+                 "sectors", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert len(result["circles"]) == len(result["alpha"]) == len(result["ranges"]) == 3
     assert result["radii"] == "sectors"
@@ -96,21 +102,25 @@ def test_alpha_refuses_too_many_circles(capsys) -> None:
 
 
 def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
-    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "-o", str(tmp_path / "new" / "folder")]) == 0
+    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "-o",
+                 str(tmp_path / "new" / "folder")]) == 0
     assert "deflection_m" in capsys.readouterr().out
     folder = tmp_path / "new" / "folder"
     assert sorted(file.name for file in folder.iterdir()) == ["circular.json", "circular.vtu"]
     mesh = meshio.read(folder / "circular.vtu")
     stored = json.loads((folder / "circular.json").read_text())
-    assert mesh.point_data["displacement"][:, 2].max() == pytest.approx(stored["deflection_m"], rel=1e-9)
-    assert mesh.point_data["stress_1"].max() == pytest.approx(stored["max_true_stress_Pa"], rel=1e-3)
+    assert mesh.point_data["displacement"][:, 2].max() == pytest.approx(stored["deflection_m"],
+                                                                        rel=1e-9)
+    assert mesh.point_data["stress_1"].max() == pytest.approx(stored["max_true_stress_Pa"],
+                                                              rel=1e-3)
 
 
 def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
     file = tmp_path / "soft.toml"
     file.write_text(SOFT)
     for voltage, names in (("3 kV", ["soft.json", "soft.vtu"]), ("20 kV", ["soft.json"])):
-        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o", str(tmp_path / "out")]) == 0
+        assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o",
+                     str(tmp_path / "out")]) == 0
         assert sorted(item.name for item in (tmp_path / "out").iterdir()) == names
     assert "no_equilibrium" in capsys.readouterr().out
 
@@ -124,7 +134,8 @@ def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: 
     result = printed(capsys)
     assert result["status"] in ("equilibrium", "not_converged")
     if result["status"] == "equilibrium":
-        assert result["reaction_N"] == pytest.approx(result["mass_kg"] * 9.80665, rel=1e-6, abs=1e-9)
+        assert result["reaction_N"] == pytest.approx(result["mass_kg"] * 9.80665, rel=1e-6,
+                                                     abs=1e-9)
 
 
 def test_study_into_a_file_is_one_message(tmp_path, capsys) -> None:
@@ -139,7 +150,8 @@ def test_rig_reaches_the_solver(tmp_path, capsys) -> None:
     rig.write_text('spring = "10 N/m"\n')
     deflections = []
     for extra in ([], ["--rig", str(rig)]):
-        assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json", *extra]) == 0
+        assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json",
+                     *extra]) == 0
         deflections.append(printed(capsys)["deflection_m"])
     assert deflections[1] < 0.95 * deflections[0]
 
@@ -158,7 +170,8 @@ def test_export_writes_parts_that_can_be_read_back(tmp_path, capsys) -> None:
 
     assert main(["export", str(ACTUATORS["elliptical-small"]), "-o", str(tmp_path)]) == 0
     files = [Path(line) for line in capsys.readouterr().out.splitlines()]
-    assert sorted(file.suffix for file in files) == [".dxf"] * 4 + [".step"] * 4 + [".svg"] * 4 + [".vtu"]
+    assert sorted(file.suffix
+                  for file in files) == [".dxf"] * 4 + [".step"] * 4 + [".svg"] * 4 + [".vtu"]
     assert all(file.stat().st_size > 300 for file in files)
     film = cq.importers.importStep(str(tmp_path / "elliptical-small-film.step"))
     assert film.val().Area() == pytest.approx(np.pi * (60 * 45 - 100), rel=1e-6)
@@ -186,9 +199,11 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
     cpu = after.children_user - before.children_user + after.children_system - before.children_system
     assert cpu < 0.5
     code = "import sys, tympan.cli; tympan.cli._parser(); print('\\n'.join(sys.modules))"
-    listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    listed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                            check=True)
     modules = set(listed.stdout.split())
-    heavy = {"numpy", "scipy", "skfem", "meshio", "cadquery", "OCP", "gmsh", "vtk", "vtkmodules", "pyvista",
+    heavy = {"numpy", "scipy", "skfem", "meshio", "cadquery", "OCP", "gmsh", "vtk", "vtkmodules",
+             "pyvista",
              "matplotlib", "pint", "tqdm", "jinja2"}
     assert not modules & heavy
 

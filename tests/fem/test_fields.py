@@ -20,8 +20,10 @@ LOAD = 17.9e-3 * 9.80665
 @pytest.fixture(scope="module")
 def loaded() -> dict[str, tuple]:
     """The paper's three actuators under 17.9 g."""
-    specimens = {"circle": circular(DEFAULT), "small": elliptical(60e-3, DEFAULT), "large": elliptical(75e-3, DEFAULT)}
-    return {name: (model(item), equilibrium(model(item), LOAD, 0.0).state) for name, item in specimens.items()}
+    specimens = {"circle": circular(DEFAULT), "small": elliptical(60e-3, DEFAULT),
+                 "large": elliptical(75e-3, DEFAULT)}
+    return {name: (model(item), equilibrium(model(item), LOAD, 0.0).state)
+            for name, item in specimens.items()}
 
 
 def at_plate(fields: Fields) -> np.ndarray:
@@ -67,7 +69,8 @@ def test_deflection_grows_from_circle_to_large_ellipse(loaded) -> None:
 def test_vertical_traction_around_the_plate_carries_the_weight(loaded) -> None:
     for pair in loaded.values():
         edge = edge_fields(*whole(*pair), "plate", 12, quadrature=True)
-        assert (edge.fields.plate_traction * edge.weights[:, None]).sum(axis=0) == pytest.approx([0, 0, LOAD], rel=1e-3,
+        assert (edge.fields.plate_traction
+                * edge.weights[:, None]).sum(axis=0) == pytest.approx([0, 0, LOAD], rel=1e-3,
                                                                                                abs=1e-6)
 
 
@@ -75,7 +78,8 @@ def test_profiles_follow_the_ode_from_plate_to_frame() -> None:
     film = model(circular(NEO_HOOKE))
     state = held(film, 15e-3, 3000.0).state
     exact = axisymmetric.solve_deflection(
-        axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(25e3), 4.7), 15e-3, 3000.0)
+        axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(25e3), 4.7), 15e-3,
+        3000.0)
     fields = axis_profile(film, state, "y")
     radius = np.abs(fields.position[:, 1]).clip(10e-3, 45e-3)
     assert np.allclose(fields.displacement[:, 2], exact.z(radius), atol=2e-6)
@@ -91,11 +95,14 @@ def test_fields_are_consistent_with_each_other(skewed_model) -> None:
     outcome = equilibrium(skewed_model, 0.2, 3000.0)
     fields = cell_fields(skewed_model, outcome.state, ELEMENTS[2].doflocs.T)
     film = skewed().membrane
-    assert np.allclose(fields.thickness * fields.stretch_1 * fields.stretch_2, film.thickness, rtol=1e-12)
-    assert np.allclose(fields.stress_1 + fields.stress_2, fields.stress_radial + fields.stress_circumferential)
+    assert np.allclose(fields.thickness * fields.stretch_1 * fields.stretch_2, film.thickness,
+                       rtol=1e-12)
+    assert np.allclose(fields.stress_1 + fields.stress_2,
+                       fields.stress_radial + fields.stress_circumferential)
     covered = fields.electric_field > 0
     assert 0.3 < covered.mean() < 0.9
-    assert np.allclose(fields.electric_field[covered] * fields.thickness[covered], 3000.0, rtol=1e-12)
+    assert np.allclose(fields.electric_field[covered] * fields.thickness[covered], 3000.0,
+                       rtol=1e-12)
     assert np.all(fields.maxwell_stress[~covered] == 0)
     jp = 2.4 * 2.1
     permittivity = 8.8541878128e-12 * 4.7 * (fields.stretch_1 * fields.stretch_2 / jp) ** -0.3

@@ -35,7 +35,8 @@ def several(request) -> tuple[Model, list[State]]:
     if request.param == "margins and grease":
         specimen = replace(specimen, electrode=Electrode(2e-3, 3e-3, 2e3))
     made = model(specimen, refine=0.7)
-    states = [held(made, heave, voltage).state for heave, voltage in ((1e-3, 0.0), (5e-3, 2e3), (8e-3, 4e3))]
+    states = [held(made, heave, voltage).state for heave, voltage in ((1e-3, 0.0), (5e-3, 2e3),
+                                                                      (8e-3, 4e3))]
     if request.param == "wrinkled":
         made = replace(made, wrinkles=True)
         flat = [replace(state, positions=state.positions * np.array([1.0, 0.1 + 0.05 * share, 1.0]))
@@ -83,6 +84,7 @@ def test_cases_summarised_together_are_those_solved_alone_also_past_pull_in() ->
     specimen = circular(Ogden((15e3,), (2.0,)))
     cases = [Case(specimen, 17.9e-3, voltage) for voltage in (0.0, 4e3, 7e3, 8e3)]
     made = build_model(specimen, Settings())
-    together = [result for result, _ in summaries(cases, made, [find(case, Settings())[1] for case in cases])]
+    together = [result for result, _ in summaries(cases, made,
+                                                  [find(case, Settings())[1] for case in cases])]
     assert [result.status for result in together] == ["equilibrium"] * 2 + ["no_equilibrium"] * 2
     assert together == [replace(solve(case, Settings()), wall_s=0.0) for case in cases]

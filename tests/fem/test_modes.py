@@ -73,7 +73,8 @@ def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
     """Bessel's zeros, twins included, up to four nodal diameters."""
     film = model(annulus(), refine=refine)
     found = transverse(vibrations(film, State.mounted(film, voltage**2), HELD, count=24))
-    exact = np.sort(np.concatenate([np.repeat(annulus_modes.held(m, 3, INNER, OUTER), 1 if m == 0 else 2)
+    exact = np.sort(np.concatenate([np.repeat(annulus_modes.held(m, 3, INNER, OUTER),
+                                              1 if m == 0 else 2)
                                     for m in range(7)]))
     assert len(found) >= 9
     assert found == pytest.approx(hertz(exact, voltage)[: len(found)], rel=tolerance)
@@ -82,9 +83,11 @@ def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
 
 def test_voltage_lowers_the_frequency_by_the_maxwell_tension() -> None:
     film = model(annulus())
-    low, high = (transverse(vibrations(film, State.mounted(film, u**2), HELD, count=1))[0] for u in (6000.0, 0.0))
+    low, high = (transverse(vibrations(film, State.mounted(film, u**2), HELD, count=1))[0]
+                 for u in (6000.0, 0.0))
     assert 0.4 < oracle(NEO_HOOKE).resultant(6000.0) / oracle(NEO_HOOKE).resultant() < 0.85
-    assert (low / high) ** 2 == pytest.approx(oracle(NEO_HOOKE).resultant(6000.0) / oracle(NEO_HOOKE).resultant(),
+    assert (low / high) ** 2 == pytest.approx(oracle(NEO_HOOKE).resultant(6000.0)
+                                              / oracle(NEO_HOOKE).resultant(),
                                               rel=1e-6)
 
 
@@ -95,7 +98,8 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
     errors = []
     for size in sizes:
         film = structured(order, size, size).with_specimen(annulus())
-        errors.append(abs(transverse(vibrations(film, State.mounted(film), HELD, count=6))[0] / exact - 1))
+        errors.append(abs(transverse(vibrations(film, State.mounted(film), HELD, count=6))[0]
+                          / exact - 1))
     assert np.log2(errors[0] / errors[1]) >= 2 * order - 0.2, errors
 
 
@@ -103,7 +107,8 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
 def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
     film = model(annulus(), refine=2.0)
     found = vibrations(film, State.mounted(film), plate_of(mass), count=24)
-    even = [number for number, (motion, shape) in enumerate(zip(found.plate, found.shapes, strict=True))
+    even = [number
+            for number, (motion, shape) in enumerate(zip(found.plate, found.shapes, strict=True))
             if along(shape) > 0.99 and abs(motion[HEAVE]) > 1e-4 * abs(shape).max()]
     exact = hertz(annulus_modes.heaving(2, INNER, OUTER, mass / PER_AREA))
     assert found.frequencies_Hz[even[0]] == pytest.approx(exact[0], rel=1e-7)
@@ -114,28 +119,33 @@ def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
 def test_tilt_of_a_disc_on_a_flat_film(mass) -> None:
     film, plate = model(annulus(), refine=2.0), plate_of(mass)
     found = vibrations(film, State.mounted(film), plate, count=6)
-    tilting = [number for number, label in enumerate(names(*named(film, found))) if label.startswith("tilt")]
+    tilting = [number for number, label in enumerate(names(*named(film, found)))
+               if label.startswith("tilt")]
     exact = hertz(annulus_modes.tilting(1, INNER, OUTER, mass * INNER**2 / 4 / PER_AREA))
     assert found.frequencies_Hz[tilting] == pytest.approx(np.repeat(exact, 2), rel=2e-6)
-    assert {names(*named(film, found))[number] for number in tilting} == {"tilt about x", "tilt about y"}
+    assert {names(*named(film, found))[number] for number in tilting} == {"tilt about x",
+                                                                          "tilt about y"}
 
 
 def named(film: Model, found: Modes) -> tuple[Model, Modes]:
     return whole(film, State.mounted(film))[0], found
 
 
-@pytest.mark.parametrize(("heave", "voltage"), [(0.0, 2000.0), (5e-3, 0.0), (5e-3, 3000.0), (15e-3, 4000.0)])
+@pytest.mark.parametrize(("heave", "voltage"),
+                         [(0.0, 2000.0), (5e-3, 0.0), (5e-3, 3000.0), (15e-3, 4000.0)])
 def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> None:
     film = model(circular())
     state = held(film, heave, voltage).state
     step = 1e-5
-    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step, voltage).force
+    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step,
+                                                  voltage).force
                     for sign in (1, -1))
     stiffness = (above - below) / (2 * step)
     found = vibrations(film, state, plate_of(), count=6)
     heaving = int(np.argmax(found.shares[:, HEAVE]))
     assert found.shares[heaving, HEAVE] == pytest.approx(1)
-    assert (2 * np.pi * found.frequencies_Hz[heaving]) ** 2 == pytest.approx(stiffness / MASS, rel=3e-5)
+    assert (2 * np.pi * found.frequencies_Hz[heaving]) ** 2 == pytest.approx(stiffness / MASS,
+                                                                             rel=3e-5)
 
 
 @pytest.mark.parametrize("push", [120.0, 300.0])
@@ -145,7 +155,8 @@ def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> Non
     film = model(annulus(), refine=2.0).with_loading(pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
     found = vibrations(film, State.mounted(film), plate_of(), count=3)
-    rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA, push / tension) * np.sqrt(tension / PER_AREA)
+    rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA,
+                                 push / tension) * np.sqrt(tension / PER_AREA)
     assert found.unstable == 1
     assert found.growth[0] == pytest.approx(rate, rel=1e-7)
     assert list(found.growth[1:]) == [0, 0, 0]
@@ -174,20 +185,25 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
 def test_film_s_mass_on_a_loaded_film_by_the_ode_s_motion(factor) -> None:
     """Rayleigh: a film much lighter than the plate moves as in statics, with an error of the next order in its mass."""
     heave, voltage, step = 8e-3, 3000.0, 1e-5
-    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step, voltage) for sign in (1, -1))
+    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step, voltage)
+                    for sign in (1, -1))
     nodes, weights = np.polynomial.legendre.leggauss(200)
     radius = (INNER + OUTER) / 2 + (OUTER - INNER) / 2 * nodes
-    motion = (np.array([above.r(radius), above.z(radius)]) - [below.r(radius), below.z(radius)]) / (2 * step)
-    carried = float(((motion**2).sum(0) * 2 * np.pi * radius * weights).sum() * (OUTER - INNER) / 2 * PER_AREA)
+    motion = (np.array([above.r(radius), above.z(radius)]) - [below.r(radius),
+                                                              below.z(radius)]) / (2 * step)
+    carried = float(((motion**2).sum(0) * 2 * np.pi * radius * weights).sum() * (OUTER - INNER) / 2
+                    * PER_AREA)
     mass = factor * MASS
     expected = (above.force - below.force) / (2 * step) / (mass + carried)
     film = model(annulus())
     found = vibrations(film, held(film, heave, voltage).state, plate_of(mass), count=1)
     assert carried > 0.005 * MASS
-    assert (2 * np.pi * found.frequencies_Hz[0]) ** 2 == pytest.approx(expected, rel=2e-4 / factor**2 + 2e-5)
+    assert (2 * np.pi * found.frequencies_Hz[0]) ** 2 == pytest.approx(expected,
+                                                                       rel=2e-4 / factor**2 + 2e-5)
 
 
-def loaded(specimen, *, symmetry: bool = True, order: int = 4, refine: float = 1.0) -> tuple[Model, State]:
+def loaded(specimen, *, symmetry: bool = True, order: int = 4, refine: float = 1.0) -> tuple[Model,
+                                                                                             State]:
     film = model(specimen, symmetry=symmetry, order=order, refine=refine)
     outcome = equilibrium(film, 0.15, 2500.0)
     assert outcome.status == "equilibrium"
@@ -201,13 +217,15 @@ def heavy(specimen):
 def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
     """ω² by other means: skfem's mass form, the plate's coupling by differences, everything dense.
 
-    The stiffness of the plate's freedoms is differentiated from forces, second derivatives of its motion included.
+    The stiffness of the plate's freedoms is differentiated from forces, second derivatives of its
+    motion included.
     """
     def push(moved: PlateMotion) -> np.ndarray:
         return film.loading.on_plate(replace(state, plate=moved), film.centre, film.plate_area)[1]
 
     form = skfem.BilinearForm(lambda u, v, w: dot(u, v))
-    basis = skfem.CellBasis(film.mesh, skfem.ElementVector(film.mesh.elem(), 3), intorder=2 * film.mesh.order + 4)
+    basis = skfem.CellBasis(film.mesh, skfem.ElementVector(film.mesh.elem(), 3),
+                            intorder=2 * film.mesh.order + 4)
     membrane = film.specimen.membrane
     virgin = membrane.density * membrane.thickness / membrane.area_prestretch
     mass = virgin * form.assemble(basis).toarray()
@@ -242,7 +260,9 @@ def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
     stiffness[len(free):, : len(free)] = stiffness[: len(free), len(free):].T
     total = reduction.T @ mass @ reduction
     turned = state.plate.rotation @ plate.inertia @ state.plate.rotation.T
-    total[len(free):, len(free):] += plate.mass * centre.T @ centre + scipy.linalg.block_diag(np.zeros((3, 3)), turned)
+    total[len(free):,
+          len(free):] += plate.mass * centre.T @ centre + scipy.linalg.block_diag(np.zeros((3, 3)),
+                                                                                  turned)
     return scipy.linalg.eigh((stiffness + stiffness.T) / 2, total, eigvals_only=True)
 
 
@@ -294,7 +314,8 @@ def test_mass_matrix_holds_the_film_s_mass() -> None:
 
 @pytest.mark.parametrize("mass", [MASS, np.inf])
 @pytest.mark.parametrize("specimen", [
-    elliptical(60e-3), replace(elliptical(60e-3), plate=Plate(Circle(INNER), (8e-3, 0.0)))], ids=["quarter", "half"])
+    elliptical(60e-3), replace(elliptical(60e-3), plate=Plate(Circle(INNER), (8e-3, 0.0)))],
+                         ids=["quarter", "half"])
 def test_symmetry_classes_make_up_the_whole_film_s_spectrum(specimen, mass) -> None:
     plate = HELD if np.isinf(mass) else plate_of()
     states = [loaded(heavy(specimen), symmetry=symmetry) for symmetry in (True, False)]
@@ -306,7 +327,8 @@ def test_symmetry_classes_make_up_the_whole_film_s_spectrum(specimen, mass) -> N
     film, state = states[1]
     nodal_mass = film_mass(film)
     for mode in distinct:
-        product = sum(part.shapes[mode, :, axis] @ nodal_mass @ full.shapes[mode, :, axis] for axis in range(3))
+        product = sum(part.shapes[mode, :, axis] @ nodal_mass @ full.shapes[mode, :, axis]
+                      for axis in range(3))
         if not np.isinf(mass):
             product += part.plate[mode] @ plate.matrix(state.plate) @ full.plate[mode]
         assert abs(product) == pytest.approx(1, abs=1e-6)
@@ -328,18 +350,22 @@ def test_a_film_without_mass_is_the_limit_of_a_light_one() -> None:
     specimen = replace(specimen, membrane=replace(specimen.membrane, density=0.0))
     film, state = loaded(specimen, order=2, refine=0.7)
     light = film.with_specimen(replace(specimen, membrane=replace(specimen.membrane, density=1e-3)))
-    # The second has no inertia against rotation, the third only that of its centre of mass about the plate's.
-    for plate, left in ((plate_of(), 6), (plate_of(MASS, MASS), 3), (RigidPlate(MASS, arm=(4e-3, 1e-3)), 3)):
+    # The second has no inertia against rotation, the third only that of its centre of mass about
+    # the plate's.
+    for plate, left in ((plate_of(), 6), (plate_of(MASS, MASS), 3),
+                        (RigidPlate(MASS, arm=(4e-3, 1e-3)), 3)):
         none, some = (vibrations(item, state, plate, count=6) for item in (film, light))
         assert len(none.frequencies_Hz) == left
         assert none.frequencies_Hz == pytest.approx(some.frequencies_Hz[:left], rel=1e-5)
 
 
-@pytest.mark.parametrize(("guide", "moving"), [("level", {"x", "y", "z", "rz"}), ("vertical", {"z"}), ("fixed", set())])
+@pytest.mark.parametrize(("guide", "moving"),
+                         [("level", {"x", "y", "z", "rz"}), ("vertical", {"z"}), ("fixed", set())])
 def test_a_guide_leaves_only_its_motions(guide, moving) -> None:
     film = model(annulus()).with_loading(Loading(guide=guide))
     found = vibrations(film, State.mounted(film), plate_of(), count=12)
-    carried = {name for name, share in zip(FREEDOMS, found.shares.T, strict=True) if share.max() > 0.5}
+    carried = {name for name, share in zip(FREEDOMS, found.shares.T, strict=True)
+               if share.max() > 0.5}
     assert carried == moving
     held_plate = vibrations(film, State.mounted(film), HELD, count=12 - len(moving))
     if not moving:
@@ -349,9 +375,11 @@ def test_a_guide_leaves_only_its_motions(guide, moving) -> None:
 def test_a_spring_stiffens_the_heave_alone() -> None:
     without, with_spring = (vibrations(film, State.mounted(film), plate_of()) for film in (
         model(circular()).with_loading(Loading((Spring(k),))) for k in (0.0, 50.0)))
-    first, second = (item.eigenvalues[np.argmax(item.shares[:, HEAVE])] for item in (without, with_spring))
+    first, second = (item.eigenvalues[np.argmax(item.shares[:, HEAVE])]
+                     for item in (without, with_spring))
     assert second - first == pytest.approx(50.0 / MASS, rel=1e-9)
-    assert np.sort(np.delete(with_spring.eigenvalues, with_spring.shares[:, HEAVE].argmax())) == pytest.approx(
+    assert np.sort(np.delete(with_spring.eigenvalues,
+                             with_spring.shares[:, HEAVE].argmax())) == pytest.approx(
         np.sort(np.delete(without.eigenvalues, without.shares[:, HEAVE].argmax())))
 
 
@@ -364,7 +392,8 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
     for label, frequency in zip(labels, found.frequencies_Hz, strict=True):
         if label.startswith("film ("):
             m, n = map(int, label[6:-1].split(","))
-            assert frequency == pytest.approx(hertz(annulus_modes.held(m, n + 1, INNER, OUTER))[n], rel=2e-3), label
+            assert frequency == pytest.approx(hertz(annulus_modes.held(m, n + 1, INNER, OUTER))[n],
+                                              rel=2e-3), label
             seen.add((m, n))
     assert seen >= {(0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1)}
     assert "film, in plane" in labels
@@ -377,7 +406,8 @@ def test_an_ellipse_s_film_modes_get_no_round_names() -> None:
     assert set(labels) <= {"film", "film, in plane"}
 
 
-@pytest.mark.parametrize(("outline", "second"), [(Ellipse((3.0, 2.0)), (np.pi * 54 / 4, np.pi * 24 / 4))])
+@pytest.mark.parametrize(("outline", "second"),
+                         [(Ellipse((3.0, 2.0)), (np.pi * 54 / 4, np.pi * 24 / 4))])
 def test_moments_of_an_ellipse(outline, second) -> None:
     found = moments(outline)
     assert found.area == pytest.approx(6 * np.pi, rel=1e-6)
@@ -433,7 +463,8 @@ def test_command(tmp_path, capsys) -> None:
     assert err == ""
     result = json.loads(printed)
     assert result["status"] == "equilibrium"
-    assert [mode["name"] for mode in result["modes"]] == ["heave", "slide along y", "slide along x", "tilt about y"]
+    assert [mode["name"] for mode in result["modes"]] == ["heave", "slide along y", "slide along x",
+                                                          "tilt about y"]
     frequencies = [mode["frequency_Hz"] for mode in result["modes"]]
     assert frequencies == sorted(frequencies)
     assert sum(result["modes"][0]["plate_share"].values()) + result["modes"][0]["film_share"] == pytest.approx(1)
@@ -451,7 +482,8 @@ def test_command_past_pull_in_leaves_no_old_files(tmp_path, capsys) -> None:
     file = tmp_path / "oval.toml"
     file.write_text(OVAL)
     (tmp_path / "oval-modes.vtu").write_text("old")
-    assert main(["modes", str(file), "--mass", "17.9 g", "--voltage", "30 kV", "--json", "-o", str(tmp_path)]) == 0
+    assert main(["modes", str(file), "--mass", "17.9 g", "--voltage", "30 kV", "--json", "-o",
+                 str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["status"], result["modes"]) == ("no_equilibrium", [])
     assert not (tmp_path / "oval-modes.vtu").exists()

@@ -43,7 +43,8 @@ def solved(skewed_model: Model):
     film = skewed_model.with_loading(LOADING)
     solution = equilibrium(film, FORCE, VOLTAGE, PRESSURE).solution
     known = Parameters(film)
-    return film, solution, gradient_many(film, solution, WANTED, {name: known[name] for name in known.names})
+    return film, solution, gradient_many(film, solution, WANTED,
+                                         {name: known[name] for name in known.names})
 
 
 def test_every_number_of_the_model_is_a_parameter(solved) -> None:
@@ -87,37 +88,45 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
     found = Adjoint.of(film, solution).solve(right)[0]
     assert np.abs(found - truth).max() < 1e-9 * np.abs(truth).max()
     assert np.abs(stale - truth).max() > 1e-6 * np.abs(truth).max()
-    assert heave_gradient(film, solution, ["force"])["force"] == pytest.approx(exact["heave"]["force"], rel=1e-12)
+    assert heave_gradient(film, solution,
+                          ["force"])["force"] == pytest.approx(exact["heave"]["force"], rel=1e-12)
 
 
 def test_similarity_ties_the_derivatives_together() -> None:
     """The heave over the size depends on F/(mu T b), eps U²/(mu T²) and a/b alone; logarithmic slopes cancel."""
     film = model(circular())
     outcome = equilibrium(film, FORCE, VOLTAGE)
-    values = {"force": FORCE, "voltage": VOLTAGE, "membrane.material.mu.0": 25e3, "membrane.thickness": 1e-3,
-              "membrane.relative_permittivity": 4.7, "frame.radius": 45e-3, "plate.outline.radius": 10e-3}
+    values = {"force": FORCE, "voltage": VOLTAGE, "membrane.material.mu.0": 25e3,
+              "membrane.thickness": 1e-3,
+              "membrane.relative_permittivity": 4.7, "frame.radius": 45e-3,
+              "plate.outline.radius": 10e-3}
     slope = heave_gradient(film, outcome, list(values))
     heave = outcome.state.plate.heave
     log = {name: slope[name] * value / heave for name, value in values.items()}
     assert log["voltage"] == pytest.approx(2 * log["membrane.relative_permittivity"], rel=1e-9)
-    assert log["membrane.material.mu.0"] == pytest.approx(-log["force"] - log["voltage"] / 2, rel=1e-8)
+    assert log["membrane.material.mu.0"] == pytest.approx(-log["force"] - log["voltage"] / 2,
+                                                          rel=1e-8)
     assert log["membrane.thickness"] == pytest.approx(-log["force"] - log["voltage"], rel=1e-8)
-    assert log["frame.radius"] + log["plate.outline.radius"] == pytest.approx(1 - log["force"], abs=1e-8)
+    assert log["frame.radius"] + log["plate.outline.radius"] == pytest.approx(1 - log["force"],
+                                                                              abs=1e-8)
 
 
 def test_a_quarter_answers_like_the_whole() -> None:
-    quarter, whole = (model(elliptical(60e-3), symmetry=symmetry, refine=0.7, order=2) for symmetry in (True, False))
+    quarter, whole = (model(elliptical(60e-3), symmetry=symmetry, refine=0.7, order=2)
+                      for symmetry in (True, False))
     even = [name for name in parameters(quarter) if "offset" not in name and "arm" not in name]
     labels = {name: one for name, one in QUANTITIES.items() if name != "tilt"}
     answers = []
     for film in (quarter, whole):
         known, outcome = Parameters(film), equilibrium(film, FORCE, VOLTAGE)
-        answers.append(gradient_many(film, outcome, labels, {name: known[name] for name in known.names}))
+        answers.append(gradient_many(film, outcome, labels,
+                                     {name: known[name] for name in known.names}))
     for label, one in labels.items():
         for name in even:
             value = known[name].value(whole, outcome.state) or 1.0
             size = float(abs(one.value(whole, outcome.state)) / abs(value))
-            assert answers[0][label][name] == pytest.approx(answers[1][label][name], rel=1e-6, abs=1e-8 * size), name
+            assert answers[0][label][name] == pytest.approx(answers[1][label][name], rel=1e-6,
+                                                            abs=1e-8 * size), name
     assert answers[0]["heave"]["plate.offset.0"] == answers[0]["heave"]["loading.arm.1"] == 0
     assert abs(answers[1]["heave"]["plate.offset.0"]) < 1e-6 * abs(answers[1]["heave"]["frame.semi_axes.0"])
 

@@ -45,13 +45,16 @@ def slope(function: Callable[[float], float], value: float, step: float) -> floa
 
 def test_radii_against_the_axisymmetric_equations() -> None:
     film = model(circular())
-    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), ["plate.outline.radius", "frame.radius"])
+    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE),
+                           ["plate.outline.radius", "frame.radius"])
 
     def heave(**radius: float) -> float:
         return axisymmetric.solve_load(replace(FILM, **radius), FORCE, VOLTAGE).deflection
 
-    assert found["plate.outline.radius"] == pytest.approx(slope(lambda a: heave(inner=a), 10e-3, 1e-5), rel=1e-5)
-    assert found["frame.radius"] == pytest.approx(slope(lambda b: heave(outer=b), 45e-3, 5e-5), rel=1e-5)
+    assert found["plate.outline.radius"] == pytest.approx(slope(lambda a: heave(inner=a), 10e-3,
+                                                                1e-5), rel=1e-5)
+    assert found["frame.radius"] == pytest.approx(slope(lambda b: heave(outer=b), 45e-3, 5e-5),
+                                                  rel=1e-5)
 
 
 def test_pull_in_against_the_axisymmetric_equations() -> None:
@@ -69,7 +72,8 @@ def test_pull_in_against_the_axisymmetric_equations() -> None:
                 "membrane.thickness": slope(lambda t: pull_in(thickness=t), 1e-3, 1e-6),
                 "force": slope(pull_in, force, 1e-3 * force)}
     known = Parameters(film)
-    found = limit_gradient(film, outcome.critical, "voltage", {name: known[name] for name in expected})
+    found = limit_gradient(film, outcome.critical, "voltage",
+                           {name: known[name] for name in expected})
     voltage = np.sqrt(outcome.critical.state.voltage_squared)
     for name, value in expected.items():
         assert found[name] / (2 * voltage) == pytest.approx(value, rel=3e-4), name
@@ -95,28 +99,35 @@ def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
     film = model(skewed(), refine=0.7, order=3)
     nodes = film.reference[:, :2][film.connectivity]
     gradients, weights = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes)
-    np.testing.assert_allclose(gradients, film.gradients, rtol=1e-9, atol=1e-8 * np.abs(gradients).max())
+    np.testing.assert_allclose(gradients, film.gradients, rtol=1e-9,
+                               atol=1e-8 * np.abs(gradients).max())
     np.testing.assert_allclose(weights, film.weights, rtol=1e-10)
     motion = velocities(film).of(("frame", "semi_axes", "0"))[film.connectivity]
-    stepped = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes + 1e-30j * motion)[1].imag / 1e-30
+    stepped = isoparametric(film.mesh, film.basis.X, film.basis.W,
+                            nodes + 1e-30j * motion)[1].imag / 1e-30
     # The film's area πab − πr² grows with a by πb.
     assert stepped.sum() == pytest.approx(np.pi * 45e-3, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", ["plate.offset.0", "plate.outline.radius", "frame.semi_axes.0", "voltage",
-                                  "electrode.margin_plate", "electrode.stiffness", "membrane.prestretch.0",
+@pytest.mark.parametrize("name",
+                         ["plate.offset.0", "plate.outline.radius", "frame.semi_axes.0", "voltage",
+                                  "electrode.margin_plate", "electrode.stiffness",
+                                  "membrane.prestretch.0",
                                   "membrane.thickness"])
 def test_the_work_changes_as_the_forces_do(name: str) -> None:
     """The residual of the complex model along a motion, against what Work puts together without forming it."""
-    film = model(skewed(), refine=0.7, order=3).with_loading(Loading(arm=(1e-3, 2e-3), gravity=9.81))
-    film = film.with_specimen(replace(film.specimen, electrode=replace(film.specimen.electrode, stiffness=2e3)))
+    film = model(skewed(), refine=0.7,
+                 order=3).with_loading(Loading(arm=(1e-3, 2e-3), gravity=9.81))
+    film = film.with_specimen(replace(film.specimen,
+                                      electrode=replace(film.specimen.electrode, stiffness=2e3)))
     state = equilibrium(film, FORCE, VOLTAGE, 15.0).state
     rng = np.random.default_rng(1)
     motion = rng.normal(size=int(film.free.sum())), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
     other, stepped = Parameters(film)[name].changed(film, state, 1e-30j)
     inner, plate = other.residual(other.nodal_forces(stepped), stepped)
     expected = (motion[0] @ inner + motion[1] @ plate).imag
-    assert Work(Stiffness(film, state), [motion]).change(other, stepped)[0] == pytest.approx(expected, rel=1e-9)
+    assert Work(Stiffness(film, state),
+                [motion]).change(other, stepped)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def electrode(outline: Region) -> Specimen:
@@ -153,7 +164,8 @@ def test_an_electrode_across_the_frame_is_refused() -> None:
     (Stadium((75e-3, 45e-3)), Plate(Circle(10e-3)), "frame.semi_axes.0"),
     (RoundedRectangle((75e-3, 45e-3), 20e-3), Plate(Circle(10e-3)), "frame.semi_axes.0"),
     (RoundedRectangle((75e-3, 45e-3), 20e-3), Plate(Circle(10e-3)), "frame.corner_radius"),
-    (Ellipse((75e-3, 45e-3)), Plate(RoundedRectangle((20e-3, 10e-3), 4e-3)), "plate.outline.corner_radius"),
+    (Ellipse((75e-3, 45e-3)), Plate(RoundedRectangle((20e-3, 10e-3), 4e-3)),
+     "plate.outline.corner_radius"),
     (Superellipse((75e-3, 45e-3), 3.0), Plate(Circle(10e-3)), "frame.exponent"),
     (ClosedSpline.example(), Plate(Circle(10e-3), (3e-3, 2e-3)), "frame.through.1.1"),
     (Rotated(Stadium((75e-3, 45e-3)), 0.3), Plate(Ellipse((20e-3, 10e-3))), "frame.rotation")])
@@ -166,8 +178,10 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
 
     film = model(base, order=4)
     found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
-    # The frame's corners hardly matter: over a short step a new mesh changes the heave by more than they do.
-    step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3, "frame.corner_radius": 2e-3}.get(name, 3e-4)
+    # The frame's corners hardly matter: over a short step a new mesh changes the heave by more than
+    # they do.
+    step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3, "frame.corner_radius": 2e-3}.get(name,
+                                                                                             3e-4)
     assert found == pytest.approx(slope(heave, 0.0, step), rel=2e-4)
 
 
@@ -175,4 +189,5 @@ def test_sharp_corners_into_the_film_are_refused_and_named() -> None:
     film = model(replace(circular(), plate=Plate(RoundedRectangle((20e-3, 10e-3), 0.0))), order=2)
     with pytest.raises(InputError, match=r"sharp corner at 20, -?10 mm"):
         velocities(film).check()
-    velocities(model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)), order=2)).check()
+    velocities(model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)),
+                     order=2)).check()

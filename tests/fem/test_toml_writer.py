@@ -27,7 +27,8 @@ from tympan.geometry.units import DIMENSIONS, quantity
 
 OUTLINES = examples()
 MECHANISMS = {"spring": Spring(3.0, 1e-3), "magnet": Magnet(0.1, 4e-3, 3e-3, 3.5)}
-FIELDS = {"constant": (Constant(31e6),), "power": (Power(30.6e6, 1.13), Power(51e6, 0.63, 0.25, 2e-3))}
+FIELDS = {"constant": (Constant(31e6),),
+          "power": (Power(30.6e6, 1.13), Power(51e6, 0.63, 0.25, 2e-3))}
 
 #: No field has its default.
 RIG = Rig(9.81, 1e-3, 4.0, 0.03, 20e3, 0.01, -3e-6, 1e-7 / 60, "level", (1e-3, -2e-3), 12.0, -3.5,

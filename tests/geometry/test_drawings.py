@@ -82,8 +82,10 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
         kinds = [kind for kind, _ in wires]
         assert [kinds.count(kind) for kind in ("outline", "opening", "holes")] == [1, 1, len(holes)]
         assert ring.BoundingBox().zlen == pytest.approx(height, abs=1e-5)
-        # OpenCASCADE's areas and volumes within splines err by up to 0.4 %, the curves themselves do not.
-        outline, opening = (joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)], None)
+        # OpenCASCADE's areas and volumes within splines err by up to 0.4 %, the curves themselves
+        # do not.
+        outline, opening = (joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)],
+                                   None)
                             for _, wire in wires[:2])
         assert area(opening) == pytest.approx(area(made.frame), rel=1e-9)
         # Steiner's formula, which holds around convex outlines.
@@ -101,12 +103,16 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("outline", "words"), [
     (Polygon(((0.0, 0.0), (0.1, 0.1), (0.1, 0.0), (0.0, 0.1))), "crosses itself at 0, 0 mm"),
-    (ClosedSpline(((0.05, 0.0), (-0.05, 0.03), (-0.05, -0.03), (0.05, 0.03), (0.06, -0.01))), "crosses itself at"),
+    (ClosedSpline(((0.05, 0.0), (-0.05, 0.03), (-0.05, -0.03), (0.05, 0.03), (0.06, -0.01))),
+     "crosses itself at"),
     (Polygon(((0.0, 0.0), (0.0, 0.1), (0.1, 0.1), (0.1, 0.0))), "runs clockwise.*at -50, -50 mm"),
-    (Polygon(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.09998, 0.1), (0.0, 0.1))), "0.02 mm long.* at 50, 50 mm"),
+    (Polygon(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.09998, 0.1), (0.0, 0.1))),
+     "0.02 mm long.* at 50, 50 mm"),
     (Polygon(((0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)), 2e-5), "less than 0.001.* at"),
-    (Polygon(((-0.1, -0.1), (0.1, -0.1), (0.0, 5e-5), (0.1, 0.1), (-0.1, 0.1), (0.0, -5e-5))), "crosses itself|neck"),
-    (Polygon(((-0.1, -0.1), (0.1, -0.1), (1e-5, 0.0), (0.1, 0.1), (-0.1, 0.1), (-1e-5, 0.0))), "neck narrower .* at"),
+    (Polygon(((-0.1, -0.1), (0.1, -0.1), (0.0, 5e-5), (0.1, 0.1), (-0.1, 0.1), (0.0, -5e-5))),
+     "crosses itself|neck"),
+    (Polygon(((-0.1, -0.1), (0.1, -0.1), (1e-5, 0.0), (0.1, 0.1), (-0.1, 0.1), (-1e-5, 0.0))),
+     "neck narrower .* at"),
 ])
 def test_what_cannot_be_an_outline_is_refused_with_its_place(outline: Outline, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
@@ -115,13 +121,15 @@ def test_what_cannot_be_an_outline_is_refused_with_its_place(outline: Outline, w
 
 
 def test_a_plate_beyond_a_frame_that_bends_inwards_is_refused_with_its_place() -> None:
-    notched = Polygon(((-40e-3, -40e-3), (0.0, -5e-3), (40e-3, -40e-3), (40e-3, 40e-3), (-40e-3, 40e-3)))
+    notched = Polygon(((-40e-3, -40e-3), (0.0, -5e-3), (40e-3, -40e-3), (40e-3, 40e-3),
+                       (-40e-3, 40e-3)))
     with pytest.raises(InputError, match=r"beyond it at 0, -5 mm"):
         Specimen("film", notched, Plate(Circle(12e-3)), circular().membrane)
 
 
 def test_fillets_that_do_not_fit_are_refused_with_their_side() -> None:
-    with pytest.raises(InputError, match="the side from 0, 0 mm is 10 mm long, the arcs at its ends need 12 mm"):
+    with pytest.raises(InputError,
+                       match="the side from 0, 0 mm is 10 mm long, the arcs at its ends need 12 mm"):
         check(Polygon(((0.0, 0.0), (0.01, 0.0), (0.01, 0.05), (0.0, 0.05)), 6e-3), "frame")
 
 
@@ -136,12 +144,15 @@ def _lines(*points: tuple[float, ...]) -> Callable[[ezdxf.layouts.Modelspace], N
 @pytest.mark.parametrize(("draw", "words"), [
     (_lines((0, 0), (50, 0), (50, 40), (0, 40)), "is open at (0, 40|50, 40|0, 0)"),
     (_lines((0, 0), (50, 0), (50, 40), (0, 0), (0, 30)), "(branches|is open) at"),
-    (lambda space: [space.add_circle((0, 0), 30), space.add_circle((0, 0), 10)], "one closed curve, but has 2"),
-    (_lines((0, 0, 0), (50, 0, 5), (50, 40, 0), (0, 0, 0)), "must be flat: a LINE has a point at 50, 0, 5"),
+    (lambda space: [space.add_circle((0, 0), 30), space.add_circle((0, 0), 10)],
+     "one closed curve, but has 2"),
+    (_lines((0, 0, 0), (50, 0, 5), (50, 40, 0), (0, 0, 0)),
+     "must be flat: a LINE has a point at 50, 0, 5"),
     (lambda space: space.add_text("nothing"), "no lines, arcs or splines"),
     (lambda space: space.add_3dface([(0, 0), (1, 0), (1, 1)]), "has a 3DFACE"),
 ])
-def test_drawings_that_are_no_outline_are_refused(draw: Callable, words: str, tmp_path: Path) -> None:
+def test_drawings_that_are_no_outline_are_refused(draw: Callable, words: str,
+                                                  tmp_path: Path) -> None:
     document = ezdxf.new(units=ezdxf.units.MM)
     draw(document.modelspace())
     document.saveas(tmp_path / "egg.dxf")
@@ -153,7 +164,8 @@ def test_drawings_that_are_no_outline_are_refused(draw: Callable, words: str, tm
 
 def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
     document = ezdxf.new(units=ezdxf.units.CM)
-    document.modelspace().add_lwpolyline([(3, 2, 1), (3, 6, 0), (-3, 6, 1), (-3, 2, 0)], format="xyb", close=True)
+    document.modelspace().add_lwpolyline([(3, 2, 1), (3, 6, 0), (-3, 6, 1), (-3, 2, 0)],
+                                         format="xyb", close=True)
     document.saveas(tmp_path / "stadium.dxf")
     found = imported(tmp_path, shape="dxf", file="stadium.dxf")
     assert found.semi_axes == pytest.approx((50e-3, 20e-3))
@@ -162,9 +174,11 @@ def test_polylines_with_bulges_and_other_units(tmp_path: Path) -> None:
 
 def test_step_files_that_are_no_outline_are_refused(tmp_path: Path) -> None:
     cad.write_step([cq.Solid.makeBox(10, 10, 10)], tmp_path / "box.step")
-    cad.write_step([cq.Edge.makeLine(cq.Vector(0, 0, 0), cq.Vector(10, 0, 0))], tmp_path / "open.step")
+    cad.write_step([cq.Edge.makeLine(cq.Vector(0, 0, 0), cq.Vector(10, 0, 0))],
+                   tmp_path / "open.step")
     (tmp_path / "none.step").write_text("no", encoding="utf-8")
-    for name, words in (("box", "must be flat"), ("open", "is open at 10, 0 mm"), ("none", "is no STEP file"),
+    for name, words in (("box", "must be flat"), ("open", "is open at 10, 0 mm"),
+                        ("none", "is no STEP file"),
                         ("missing", "is no file")):
         with pytest.raises(InputError, match=words):
             imported(tmp_path, shape="step", file=f"{name}.step")
@@ -182,9 +196,11 @@ def test_splines_of_other_degrees_come_close(tmp_path: Path) -> None:
     assert len(dxf_pieces(tmp_path / "circle.dxf", "*")) == 2
 
 
-def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
     command = ["export", str(FILES["circular"]), "-o", str(tmp_path), "--refine", "0.5"]
-    assert main([*command, "--screw", "3 mm", "--width", "12 mm", "--spacing", "30 mm", "--plate-height", "3 mm"]) == 0
+    assert main([*command, "--screw", "3 mm", "--width", "12 mm", "--spacing", "30 mm",
+                 "--plate-height", "3 mm"]) == 0
     plate = cq.importers.importStep(str(tmp_path / "circular-plate.step")).val()
     assert plate.Volume() == pytest.approx(3 * np.pi * (10**2 - 1.5**2), rel=1e-6)
     frame = cq.importers.importStep(str(tmp_path / "circular-frame.step")).val()
@@ -198,4 +214,5 @@ def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path, capsys: pytest
 
 
 def test_the_command_s_default_sizes_are_the_parts_own() -> None:
-    assert PartOptions(**{name: quantity(text, "length") for name, (text, _) in SIZES.items()}) == PartOptions()
+    assert PartOptions(**{name: quantity(text, "length")
+                          for name, (text, _) in SIZES.items()}) == PartOptions()

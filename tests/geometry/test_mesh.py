@@ -66,12 +66,15 @@ def test_area_and_boundaries(name: str, order: int) -> None:
 def test_electrode_margins_have_their_areas() -> None:
     specimen = replace(circular(), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
     mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset("xy")))
-    assert 4 * area(mesh, mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2), rel=1e-6)
+    assert 4 * area(mesh,
+                    mesh.subdomains["covered"]) == pytest.approx(np.pi * (42e-3**2 - 12e-3**2),
+                                                                 rel=1e-6)
     assert 4 * area(mesh, mesh.subdomains["bare"]) == pytest.approx(
         np.pi * (45e-3**2 - 42e-3**2 + 12e-3**2 - 10e-3**2), rel=1e-6)
 
 
-@pytest.mark.parametrize(("frame", "plate"), [(17, 17), (16, 16), (25, 8), (34, 0), (0, 34), (3, 2), (0.5, 0.5)])
+@pytest.mark.parametrize(("frame", "plate"),
+                         [(17, 17), (16, 16), (25, 8), (34, 0), (0, 34), (3, 2), (0.5, 0.5)])
 def test_no_band_folds_its_elements(frame: float, plate: float) -> None:
     """A flat film is stretched alike everywhere, however narrow the bands: folded elements would show."""
     specimen = replace(circular(), electrode=Electrode(frame * 1e-3, plate * 1e-3))
@@ -160,6 +163,8 @@ broken()
 mesh()
 broken()
 """
-    done = subprocess.run([sys.executable, "-c", script], input=pickle.dumps(circular()), capture_output=True,
-                          check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+    done = subprocess.run([sys.executable, "-c", script], input=pickle.dumps(circular()),
+                          capture_output=True,
+                          check=False,
+                          env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     assert (done.returncode, done.stdout) == (0, b"alive\n" * 2), done.stderr.decode()

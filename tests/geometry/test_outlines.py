@@ -82,10 +82,12 @@ def test_level_is_the_distance_near_the_curve(outline: Outline) -> None:
     foot = edge.foot(np.column_stack([x, y]))
     inner = (foot[1] > 1e-6) & (foot[1] < 1 - 1e-6)
     value, slope = edge.at((foot[0][inner], foot[1][inner]))
-    normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1, keepdims=True)
+    normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1,
+                                                                           keepdims=True)
     for distance in (1e-5 * size, -1e-5 * size):
         assert np.allclose(outline.level(*(value + distance * normal).T), distance, rtol=1e-4)
-    assert outline.level(np.zeros(1), np.zeros(1))[0] < 0 < outline.level(np.array([2 * size]), np.zeros(1))[0]
+    assert outline.level(np.zeros(1), np.zeros(1))[0] < 0 < outline.level(np.array([2 * size]),
+                                                                          np.zeros(1))[0]
 
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.sampled_from(sorted(EXAMPLES)))
@@ -113,7 +115,8 @@ def test_mirror_planes_are_true_and_all_there_are(outline: Outline) -> None:
     for plane, image in (("x", (-x, y)), ("y", (x, -y))):
         off = np.abs(outline.level(*image)).max() / max(outline.semi_axes)
         assert off < 1e-12 if plane in outline.mirror_planes else off > 1e-3
-    assert Rotated(outline, 0.3).mirror_planes == (frozenset("xy") if outline.shape == "circle" else frozenset())
+    assert Rotated(outline, 0.3).mirror_planes == (frozenset("xy") if outline.shape == "circle"
+                                                   else frozenset())
 
 
 @pytest.mark.parametrize("part", ["frame", "plate"])
@@ -132,7 +135,8 @@ def test_every_outline_meshes_and_solves(outline: Outline, part: str) -> None:
 
 def test_a_superellipse_of_exponent_two_is_an_ellipse() -> None:
     axes = (75e-3, 45e-3)
-    assert np.abs(Superellipse(axes, 2.0).curve.level(*Ellipse(axes).points(2000))).max() < 1e-9 * 75e-3
+    assert np.abs(Superellipse(axes,
+                               2.0).curve.level(*Ellipse(axes).points(2000))).max() < 1e-9 * 75e-3
     assert area(Superellipse(axes, 2.0)) == pytest.approx(np.pi * 75e-3 * 45e-3, rel=1e-9)
 
 
@@ -160,7 +164,8 @@ def test_a_stadium_without_straight_lines_is_a_circle() -> None:
 def test_a_rotated_ellipse_behaves_as_an_ellipse() -> None:
     upright = replace(film(Rotated(Ellipse((60e-3, 45e-3)), np.pi / 2)))
     lying = film(Ellipse((60e-3, 45e-3)))
-    heaves = [equilibrium(build_model(specimen, COARSE), 0.17, 3e3).state.plate.heave for specimen in (upright, lying)]
+    heaves = [equilibrium(build_model(specimen, COARSE), 0.17, 3e3).state.plate.heave
+              for specimen in (upright, lying)]
     assert heaves[0] == pytest.approx(heaves[1], rel=1e-6)
     assert upright.frame.semi_axes == pytest.approx((45e-3, 60e-3))
 
@@ -176,6 +181,7 @@ def test_electrode_margins_follow_every_outline(outline: Outline) -> None:
 
 
 def test_margins_at_sharp_corners_are_refused() -> None:
-    sharp = replace(film(RoundedRectangle((45e-3, 40e-3), 0.0)), electrode=Electrode(margin_frame=3e-3))
+    sharp = replace(film(RoundedRectangle((45e-3, 40e-3), 0.0)),
+                    electrode=Electrode(margin_frame=3e-3))
     with pytest.raises(InputError, match="without sharp corners"):
         build_model(sharp, COARSE)

@@ -62,22 +62,27 @@ BAD = [
     ("2.2360679775, 2.2", "true, 2", "membrane.prestretch", "number"),
     ('thickness = "1 mm"', 'thickness = "-1 mm"', "membrane.thickness", "positive"),
     ('thickness = "1 mm"', 'thickness = "inf mm"', "membrane.thickness", "positive"),
-    ("relative_permittivity = 4.7", "relative_permittivity = 0.5", "membrane.relative_permittivity", "at least 1"),
+    ("relative_permittivity = 4.7", "relative_permittivity = 0.5", "membrane.relative_permittivity",
+     "at least 1"),
     ('shape = "circle"', 'shape = "heart"', "plate.shape", "circle, drawn"),
     ('"0.02 kPa"]', '"-3 kPa"]', "membrane.material", "admissible"),
     ("alpha = [2, 4]", "alpha = [2]", "membrane.material.mu", "same length"),
     ("alpha = [2, 4]", "alpha = [2, 0]", "membrane.material.alpha", "zero"),
     ('law = "ogden"', 'law = "jelly"', "membrane.material.law", "ogden"),
-    (OGDEN, 'law = "neo_hooke"\nmu = "-1 kPa"', "membrane.material.mu", "given '-1 kPa': must be positive"),
+    (OGDEN, 'law = "neo_hooke"\nmu = "-1 kPa"', "membrane.material.mu",
+     "given '-1 kPa': must be positive"),
     (OGDEN, 'law = "neo_hooke"\nmu = "1 kPa"\nalpha = 2', "membrane.material.alpha", "unknown key"),
     (OGDEN, 'law = "mooney_rivlin"\nc10 = "8 kPa"', "membrane.material.c01", "missing"),
-    (OGDEN, 'law = "mooney_rivlin"\nc10 = "8 kPa"\nc01 = "-1 kPa"', "membrane.material", "admissible"),
+    (OGDEN, 'law = "mooney_rivlin"\nc10 = "8 kPa"\nc01 = "-1 kPa"', "membrane.material",
+     "admissible"),
     (OGDEN, 'law = "yeoh"\nc = []', "membrane.material.c", "list"),
     (OGDEN, 'law = "yeoh"\nc = ["8 kPa", "-1 kPa"]', "membrane.material", "admissible"),
     (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = 0', "membrane.material.j_lim", "positive"),
-    (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = "110 kPa"', "membrane.material.j_lim", "without a unit"),
+    (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = "110 kPa"', "membrane.material.j_lim",
+     "without a unit"),
     (OGDEN, 'law = "gent"\nmu = "18 kPa"\nj_lim = 6', "membrane.prestretch", "locks before it"),
-    (OGDEN, 'law = "arruda_boyce"\nmu = "18 kPa"\nlambda_lock = 1', "membrane.material.lambda_lock", "above 1"),
+    (OGDEN, 'law = "arruda_boyce"\nmu = "18 kPa"\nlambda_lock = 1', "membrane.material.lambda_lock",
+     "above 1"),
     ('margin_frame = "1 mm"', 'margin_frame = "40 mm"', "electrode", "margins"),
     ('margin_frame = "1 mm"', 'margin_frame = "-1 mm"', "electrode.margin_frame", "negative"),
     ("[membrane]", "[membrane", "", "not valid TOML"),
@@ -152,7 +157,8 @@ def test_unknown_material_lists_the_library(write, capsys) -> None:
 
 def test_shipped_actuators_load() -> None:
     axes = {specimen.name: specimen.frame.semi_axes for specimen in actuators()}
-    assert axes == {"circular": (0.045, 0.045), "elliptical-small": (0.06, 0.045), "elliptical-large": (0.075, 0.045)}
+    assert axes == {"circular": (0.045, 0.045), "elliptical-small": (0.06, 0.045),
+                    "elliptical-large": (0.075, 0.045)}
     assert list(axes) == list(FILES)
 
 
@@ -167,11 +173,13 @@ def test_rig_file(tmp_path) -> None:
         Rig.read(file)
 
 
-@given(st.floats(-1e6, 1e6), st.sampled_from([("length", "mm", 1e-3), ("mass", "g", 1e-3), ("stress", "kPa", 1e3),
+@given(st.floats(-1e6, 1e6),
+       st.sampled_from([("length", "mm", 1e-3), ("mass", "g", 1e-3), ("stress", "kPa", 1e3),
                                               ("voltage", "kV", 1e3), ("stress", "g/mm/s^2", 1.0)]))
 def test_quantities_are_read_as_written(number: float, unit: tuple[str, str, float]) -> None:
     dimension, name, factor = unit
-    assert quantity(f"{number!r} {name}", dimension) == pytest.approx(number * factor, rel=1e-14, abs=1e-300)
+    assert quantity(f"{number!r} {name}", dimension) == pytest.approx(number * factor, rel=1e-14,
+                                                                      abs=1e-300)
 
 
 @given(st.text(max_size=12), st.sampled_from(sorted(DIMENSIONS)))

@@ -1,15 +1,17 @@
 """Independent closed forms for vibrations of a flat annular film under an equal tension, with or without a rigid disc.
 
-Nothing of the project is imported here. A film of tension ``N`` [N/m] and mass ``s`` per area [kg/m²] between the
-radii ``a`` and ``b`` obeys ``N lap(w) = -s w^2 w``, so ``w(r, t) = f(r) cos(m t)`` with
-``f = A J_m(k r) + B Y_m(k r)``, ``omega = k c``, ``c^2 = N / s``, and ``f(b) = 0``. At the inner edge:
+Nothing of the project is imported here. A film of tension ``N`` [N/m] and mass ``s`` per area
+[kg/m²] between the radii ``a`` and ``b`` obeys ``N lap(w) = -s w^2 w``, so ``w(r, t) = f(r) cos(m
+t)`` with ``f = A J_m(k r) + B Y_m(k r)``, ``omega = k c``, ``c^2 = N / s``, and ``f(b) = 0``. At
+the inner edge:
 
 * plate held: ``f(a) = 0``;
 * rigid disc of mass ``M`` that heaves (m = 0): ``-M omega^2 f(a) = 2 pi a N f'(a)``;
 * rigid disc of inertia ``I`` about a diameter that tilts (m = 1, tilt ``f(a)/a``):
-  ``I omega^2 f(a)/a = pi a^2 N (f(a)/a - f'(a))``. The first term on the right is the tension's: it pulls
-  horizontally on an edge that stands ``f(a) cos t`` above the frame;
-* rigid disc pushed off by a spring ``-K`` stiffer than the film: it leaves as ``exp(g t)``, and with ``kappa = g / c``
+  ``I omega^2 f(a)/a = pi a^2 N (f(a)/a - f'(a))``. The first term on the right is the tension's: it
+  pulls horizontally on an edge that stands ``f(a) cos t`` above the frame;
+* rigid disc pushed off by a spring ``-K`` stiffer than the film: it leaves as ``exp(g t)``, and
+with ``kappa = g / c``
   the modified Bessel functions take over: ``M g^2 f(a) = K f(a) + 2 pi a N f'(a)``.
 """
 
@@ -63,7 +65,8 @@ def _cross(order: int, k: float, inner: float, outer: float) -> tuple[float, flo
     return value, k * (jvp(order, k * inner) * y - yvp(order, k * inner) * j)
 
 
-def _roots(equation: Callable[[float], float], count: int, inner: float, outer: float) -> np.ndarray:
+def _roots(equation: Callable[[float], float], count: int, inner: float,
+           outer: float) -> np.ndarray:
     """Lowest positive roots; neighbours are about pi/(b - a) apart, so this net is fine enough for all of them."""
     step = np.pi / (outer - inner) / 200
     k = step * np.arange(1, 200 * (count + 2) + 1)
@@ -71,4 +74,5 @@ def _roots(equation: Callable[[float], float], count: int, inner: float, outer: 
     change = np.flatnonzero(values[:-1] * values[1:] < 0)[:count]
     if len(change) < count:
         raise ArithmeticError(f"only {len(change)} of {count} roots found")
-    return np.array([brentq(equation, k[i], k[i + 1], xtol=1e-14 * k[i], rtol=1e-15) for i in change])
+    return np.array([brentq(equation, k[i], k[i + 1], xtol=1e-14 * k[i], rtol=1e-15)
+                     for i in change])

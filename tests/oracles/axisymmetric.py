@@ -1,9 +1,10 @@
 """Independent axisymmetric reference for a prestretched hyperelastic annular membrane.
 
-A virgin film of thickness ``T`` is stretched equibiaxially by ``lp``, clamped in a frame at the mounted
-radius ``b`` and bonded to a rigid concentric plate of mounted radius ``a``.  The plate carries an axial
-force ``F``; compliant electrodes cover the whole annulus and carry the voltage ``U``.  Nothing of the
-project is imported here: this module is the oracle that the project is compared with.
+A virgin film of thickness ``T`` is stretched equibiaxially by ``lp``, clamped in a frame at the
+mounted radius ``b`` and bonded to a rigid concentric plate of mounted radius ``a``.  The plate
+carries an axial force ``F``; compliant electrodes cover the whole annulus and carry the voltage
+``U``.  Nothing of the project is imported here: this module is the oracle that the project is
+compared with.
 
 Kinematics (``R`` in ``[a, b]`` is the mounted radius, a prime is ``d/dR``), membrane theory::
 
@@ -25,15 +26,16 @@ Boundary conditions: ``r(a) = a, z(a) = w, r(b) = b, z(b) = 0``.
 
 Two unrelated methods are provided, both with ``x = ln(R / a)`` as the independent variable:
 
-* a spectral Ritz method, which minimises ``Pi`` over polynomials (:func:`solve_deflection` and all that is
+* a spectral Ritz method, which minimises ``Pi`` over polynomials (:func:`solve_deflection` and all
+that is
   built on it: :func:`solve_load`, :func:`pull_in`);
 * shooting on the Euler-Lagrange equations (:func:`shoot_deflection`), which never uses ``Pi``.
 
-A plain membrane is meant: a compressive hoop resultant stays.  With ``Film.relaxed`` it is relaxed by
-tension-field theory (Pipkin 1986, IMA J. Appl. Math. 36, 85): the film may wrinkle, so that its hoop stretch is
-any ``l2* >= l2`` and ``Psi(l1, l2)`` becomes its minimum over these, ``Psi(l1, max(l2, n(l1)))`` with the natural
-width ``Psi_2(l1, n) = 0``.  The meridional stress must be tensile, as it is wherever a force is carried.
-All quantities are in SI units.
+A plain membrane is meant: a compressive hoop resultant stays.  With ``Film.relaxed`` it is relaxed
+by tension-field theory (Pipkin 1986, IMA J. Appl. Math. 36, 85): the film may wrinkle, so that its
+hoop stretch is any ``l2* >= l2`` and ``Psi(l1, l2)`` becomes its minimum over these, ``Psi(l1,
+max(l2, n(l1)))`` with the natural width ``Psi_2(l1, n) = 0``.  The meridional stress must be
+tensile, as it is wherever a force is carried. All quantities are in SI units.
 """
 
 from __future__ import annotations
@@ -62,11 +64,12 @@ class NoEquilibrium(ArithmeticError):
     """There is no equilibrium on the primary branch, or none within the searched range.
 
     ``limit_force`` [N] is the largest force carried by the searched part of the primary branch and
-    ``limit_deflection`` [m] the deflection at which that happens.  ``past_limit`` tells a genuine limit point
-    (pull-in) from the mere end of the searched range.
+    ``limit_deflection`` [m] the deflection at which that happens.  ``past_limit`` tells a genuine
+    limit point (pull-in) from the mere end of the searched range.
     """
 
-    def __init__(self, message: str, limit_force: float, limit_deflection: float, past_limit: bool) -> None:
+    def __init__(self, message: str, limit_force: float, limit_deflection: float,
+                 past_limit: bool) -> None:
         super().__init__(message)
         self.limit_force = limit_force
         self.limit_deflection = limit_deflection
@@ -76,7 +79,8 @@ class NoEquilibrium(ArithmeticError):
 class Material(Protocol):
     """Energy per virgin volume ``W(l1, l2)`` [J/m^3 = Pa] with ``l3 = 1 / (l1 l2)`` already eliminated.
 
-    ``w1 = dW/dl1``, ``w12 = d2W/(dl1 dl2)`` and so on [Pa]; arguments and results are arrays of one shape.
+    ``w1 = dW/dl1``, ``w12 = d2W/(dl1 dl2)`` and so on [Pa]; arguments and results are arrays of one
+    shape.
     """
 
     def energy(self, l1: FloatArray, l2: FloatArray) -> FloatArray: ...
@@ -97,8 +101,8 @@ class Ogden:
     """Incompressible Ogden law ``W = sum_p mu_p / alpha_p (l1^a + l2^a + l3^a - 3)``, ``a = alpha_p``.
 
     ``mu`` [Pa], ``alpha`` [-].  Convention ``mu_p / alpha_p``: the initial shear modulus is
-    ``1/2 sum mu_p alpha_p``.  (Ogden 1972, Proc. R. Soc. A 326, 565.)  ``Ogden((mu,), (2.0,))`` is the
-    neo-Hooke law ``W = mu / 2 (l1^2 + l2^2 + l3^2 - 3)``.
+    ``1/2 sum mu_p alpha_p``.  (Ogden 1972, Proc. R. Soc. A 326, 565.)  ``Ogden((mu,), (2.0,))`` is
+    the neo-Hooke law ``W = mu / 2 (l1^2 + l2^2 + l3^2 - 3)``.
     """
 
     mu: tuple[float, ...]
@@ -156,8 +160,9 @@ def neo_hooke(mu: float) -> Ogden:
 class EnergyFunction:
     """Any energy ``W(l1, l2)`` [Pa] given with its first derivatives ``first = dW/dl1``, ``second = dW/dl2``.
 
-    The second derivatives are five-point central differences (step 1e-3, error about 1e-12 relative).  The
-    Ritz method needs them only to converge and to judge stability, its force does not depend on them.
+    The second derivatives are five-point central differences (step 1e-3, error about 1e-12
+    relative).  The Ritz method needs them only to converge and to judge stability, its force does
+    not depend on them.
     """
 
     function: EnergyLaw
@@ -200,10 +205,10 @@ def _difference(function: Callable[[float], FloatArray], step: float = 1e-3) -> 
 class Film:
     """The mounted film.
 
-    ``inner`` (plate edge) and ``outer`` (frame) are mounted radii [m], ``thickness`` is that of the virgin
-    film [m], ``prestretch`` the equibiaxial stretch per axis [-].  The permittivity is
-    ``relative_permittivity (l1 l2 / prestretch^2)^(-permittivity_exponent)`` times ``eps0`` [F/m].  ``relaxed``
-    says whether a compressive hoop stress is relaxed by wrinkling.
+    ``inner`` (plate edge) and ``outer`` (frame) are mounted radii [m], ``thickness`` is that of the
+    virgin film [m], ``prestretch`` the equibiaxial stretch per axis [-].  The permittivity is
+    ``relative_permittivity (l1 l2 / prestretch^2)^(-permittivity_exponent)`` times ``eps0`` [F/m].
+    ``relaxed`` says whether a compressive hoop stress is relaxed by wrinkling.
     """
 
     inner: float
@@ -263,15 +268,18 @@ def _psi(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> 
     slack = plain.d2 < 0.0
     if not (film.relaxed and np.any(slack)):
         return plain
-    width = natural_width(film, np.atleast_1d(l1)[np.atleast_1d(slack)], np.atleast_1d(l2)[np.atleast_1d(slack)],
+    width = natural_width(film, np.atleast_1d(l1)[np.atleast_1d(slack)],
+                          np.atleast_1d(l2)[np.atleast_1d(slack)],
                           squared_voltage)
     wide = np.array(l2, dtype=np.float64, ndmin=1)
     wide[np.atleast_1d(slack)] = width
     at = _plain(film, l1, wide.reshape(np.shape(l2)), squared_voltage)
     ratio = at.d12 / at.d22  # minus the slope of the natural width
     zero = 0.0 * at.d2
-    wrinkled = _Psi(at.value, at.d1, zero, at.d11 - at.d12 * ratio, zero, zero, at.q1 - at.q2 * ratio, zero)
-    return _Psi(*(np.where(slack, there, here) for there, here in zip(wrinkled, plain, strict=True)))
+    wrinkled = _Psi(at.value, at.d1, zero, at.d11 - at.d12 * ratio, zero, zero,
+                    at.q1 - at.q2 * ratio, zero)
+    return _Psi(*(np.where(slack, there, here)
+                  for there, here in zip(wrinkled, plain, strict=True)))
 
 
 def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
@@ -279,7 +287,8 @@ def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: f
     with np.errstate(all="ignore"):  # points without a root end in nan
         factor = 1.02
         low, high = l2, l2 * factor
-        while np.any(below := _plain(film, l1, high, squared_voltage).d2 < 0.0) and np.all(high < 30.0 * l2):
+        while np.any(below := _plain(film, l1, high, squared_voltage).d2
+                     < 0.0) and np.all(high < 30.0 * l2):
             factor = min(factor**1.5, 1.2)
             low, high = np.where(below, high, low), np.where(below, factor * high, high)
         width = np.where(below, np.nan, high)
@@ -324,14 +333,16 @@ class _Profile(NamedTuple):
 class Solution:
     """An equilibrium.
 
-    ``force`` [N] on the plate and ``deflection`` [m] of the plate are positive in the same direction,
-    ``voltage`` [V].  ``energy`` [J] is the potential ``Pi`` of the module docstring: elastic energy counted
-    from the virgin film, minus ``1/2 C U^2``, without the potential ``-F w`` of the load.  ``stiffness`` is
-    ``dF/dw`` [N/m] at constant voltage.  ``stable`` is true where the equilibrium is a minimum under constant
-    force and ``stable_held`` where it is one with the plate held, both among axisymmetric shapes only; for a
-    shooting solution these three are not evaluated (NaN, False, False).
+    ``force`` [N] on the plate and ``deflection`` [m] of the plate are positive in the same
+    direction, ``voltage`` [V].  ``energy`` [J] is the potential ``Pi`` of the module docstring:
+    elastic energy counted from the virgin film, minus ``1/2 C U^2``, without the potential ``-F w``
+    of the load.  ``stiffness`` is ``dF/dw`` [N/m] at constant voltage.  ``stable`` is true where
+    the equilibrium is a minimum under constant force and ``stable_held`` where it is one with the
+    plate held, both among axisymmetric shapes only; for a shooting solution these three are not
+    evaluated (NaN, False, False).
 
-    The profiles take mounted radii ``R`` [m] in ``[inner, outer]`` and return arrays of the same shape.
+    The profiles take mounted radii ``R`` [m] in ``[inner, outer]`` and return arrays of the same
+    shape.
     """
 
     film: Film
@@ -393,9 +404,9 @@ class Solution:
 class _State:
     """Ritz equilibrium: coefficients ``c`` of r and z [m], deflection [m], ``q = U^2`` [V^2].
 
-    ``energy`` [J], ``force`` [N]; ``stiffness = dF/dw`` [N/m] and ``sensitivity = dF/dq`` [N/V^2] follow the
-    equilibrium; ``held`` is true if the Hessian is positive definite with the plate held.  ``tangent_w`` and
-    ``tangent_q`` are ``dc/dw`` and ``dc/dq``.
+    ``energy`` [J], ``force`` [N]; ``stiffness = dF/dw`` [N/m] and ``sensitivity = dF/dq`` [N/V^2]
+    follow the equilibrium; ``held`` is true if the Hessian is positive definite with the plate
+    held.  ``tangent_w`` and ``tangent_q`` are ``dc/dw`` and ``dc/dq``.
     """
 
     c: FloatArray
@@ -417,9 +428,10 @@ class _State:
 class _Ritz:
     """Spectral Ritz discretisation of ``Pi`` in ``xi in [-1, 1]``, ``R = a exp((1 + xi) ln(b / a) / 2)``.
 
-    ``r = R + sum c_k B_k`` and ``z = w (1 - xi) / 2 + sum d_k B_k`` with the integrated Legendre polynomials
-    ``B_k' = P_k, k >= 1``, which vanish at both ends.  The boundary conditions hold exactly, and the force
-    ``F = dPi/dw`` at fixed coefficients has twice the order of the shape (envelope theorem).
+    ``r = R + sum c_k B_k`` and ``z = w (1 - xi) / 2 + sum d_k B_k`` with the integrated Legendre
+    polynomials ``B_k' = P_k, k >= 1``, which vanish at both ends.  The boundary conditions hold
+    exactly, and the force ``F = dPi/dw`` at fixed coefficients has twice the order of the shape
+    (envelope theorem).
     """
 
     def __init__(self, film: Film, degree: int) -> None:
@@ -477,9 +489,11 @@ class _Ritz:
 
         None if the shape is not admissible (non-positive stretch or overflow).
         """
-        profile, r_x, z_x = self._kinematics(c, deflection, self.xi, self.radius, self.bubble, self.slope)
+        profile, r_x, z_x = self._kinematics(c, deflection, self.xi, self.radius, self.bubble,
+                                             self.slope)
         l1, l2 = profile.lambda1, profile.lambda2
-        if not (np.all(np.isfinite(l1)) and np.all(np.isfinite(l2)) and l1.min() > 1e-3 and l2.min() > 1e-3):
+        if not (np.all(np.isfinite(l1)) and np.all(np.isfinite(l2)) and l1.min() > 1e-3
+                and l2.min() > 1e-3):
             return None
         if max(l1.max(), l2.max()) > 1e3:
             return None
@@ -538,8 +552,9 @@ class _Ritz:
     def follow_force(self, base: _State, arc: float, force: float) -> _State | None:
         """Next equilibrium of constant ``force`` [N], ``arc`` ahead of the stable state ``base``, or None.
 
-        Deflection and ``q = U^2`` are both unknown; the step is measured along the tangent of the branch in
-        the plane of ``w / (b - a)`` and ``q / q_unit``, so that neither needs to be monotonic.
+        Deflection and ``q = U^2`` are both unknown; the step is measured along the tangent of the
+        branch in the plane of ``w / (b - a)`` and ``q / q_unit``, so that neither needs to be
+        monotonic.
         """
         w_unit, q_unit = self.film.outer - self.film.inner, self.q_unit
         along_w, along_q = -base.sensitivity * q_unit, base.stiffness * w_unit  # dF = 0, U growing
@@ -685,8 +700,8 @@ def solve_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     """Equilibrium with the plate held at ``deflection`` [m] under ``voltage`` [V].
 
     The branch is followed from the flat film at that voltage, also past a maximum of the force; see
-    ``Solution.stable`` and ``Solution.stable_held``.  Raises :class:`NoEquilibrium` beyond the deflection at
-    which the branch turns back (a limit point even with the plate held).
+    ``Solution.stable`` and ``Solution.stable_held``.  Raises :class:`NoEquilibrium` beyond the
+    deflection at which the branch turns back (a limit point even with the plate held).
     """
     sign = -1.0 if deflection < 0.0 else 1.0
 
@@ -701,11 +716,12 @@ def solve_load(
 ) -> Solution:
     """Stable equilibrium on the primary branch under the dead load ``force`` [N] and ``voltage`` [V].
 
-    At constant voltage ``F(w)`` is followed from the flat film; the primary branch ends at the first limit
-    point, where ``dF/dw = 0`` (pull-in under a dead load).  Raises :class:`NoEquilibrium` if ``force`` is
-    above the limit force, if the flat film is unstable already, or if the force is not reached up to
-    ``max_deflection`` [m] (default: ``3 (outer - inner)``; ``past_limit`` is False then).  An equilibrium
-    beyond the limit point (snap-through of a stiffening film) is not sought.
+    At constant voltage ``F(w)`` is followed from the flat film; the primary branch ends at the
+    first limit point, where ``dF/dw = 0`` (pull-in under a dead load).  Raises
+    :class:`NoEquilibrium` if ``force`` is above the limit force, if the flat film is unstable
+    already, or if the force is not reached up to ``max_deflection`` [m] (default: ``3 (outer -
+    inner)``; ``past_limit`` is False then).  An equilibrium beyond the limit point (snap-through of
+    a stiffening film) is not sought.
     """
     sign = -1.0 if force < 0.0 else 1.0
     load = abs(force)
@@ -793,10 +809,11 @@ def _at_load(ritz: _Ritz, low: _State, high: _State, load: float) -> _State:
 def pull_in(film: Film, force: float) -> Solution:
     """The fold of the load-controlled branch: ``force`` [N] is kept while the voltage rises from zero.
 
-    The equilibria of constant force are followed by arc length in the plane of deflection and ``U^2``.  The
-    voltage is largest where ``dF/dw`` at constant voltage vanishes, since on the branch
-    ``d(U^2)/dw = -(dF/dw) / (dF/dU^2)``; the first such point is returned.  Raises :class:`NoEquilibrium` if
-    the branch shows no fold as far as it can be followed (a film that stiffens enough has none).
+    The equilibria of constant force are followed by arc length in the plane of deflection and
+    ``U^2``.  The voltage is largest where ``dF/dw`` at constant voltage vanishes, since on the
+    branch ``d(U^2)/dw = -(dF/dw) / (dF/dU^2)``; the first such point is returned.  Raises
+    :class:`NoEquilibrium` if the branch shows no fold as far as it can be followed (a film that
+    stiffens enough has none).
     """
     if force == 0.0 or film.relative_permittivity == 0.0 or film.permittivity_exponent >= 2.0:
         raise ValueError("pull-in needs a force, a permittivity and a permittivity exponent below 2")
@@ -846,17 +863,18 @@ def _fold(ritz: _Ritz, load: float) -> _State:
 def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Solution:
     """Same problem as :func:`solve_deflection`, by shooting on the Euler-Lagrange equations.
 
-    With ``x = ln(R / a)``, ``z_R = -(l1 / lp) sin t`` and ``r_R = (l1 / lp) cos t`` the equations of the
-    module docstring become, with the second derivatives of ``Psi``::
+    With ``x = ln(R / a)``, ``z_R = -(l1 / lp) sin t`` and ``r_R = (l1 / lp) cos t`` the equations
+    of the module docstring become, with the second derivatives of ``Psi``::
 
         dl2/dx = l1 cos t - l2
         dl1/dx = (Psi_2 cos t - Psi_1 - Psi_12 dl2/dx) / Psi_11
         dt/dx  = -(Psi_2 / Psi_1) sin t
         dz/dx  = -(R / lp) l1 sin t
 
-    ``l1`` and ``t`` at the plate are found by Newton's method such that ``r(b) = b`` and ``z(a) - z(b) = w``;
-    the force is ``F = 2 pi a (T / lp) Psi_1 sin t`` there.  The meridional tension must be positive.
-    There is no continuation: the start is the small-deflection shape, and no limit point is noticed.
+    ``l1`` and ``t`` at the plate are found by Newton's method such that ``r(b) = b`` and ``z(a) -
+    z(b) = w``; the force is ``F = 2 pi a (T / lp) Psi_1 sin t`` there.  The meridional tension must
+    be positive. There is no continuation: the start is the small-deflection shape, and no limit
+    point is noticed.
     """
     lp, a, span = film.prestretch, film.inner, film.log_ratio
     q = voltage**2

@@ -1,8 +1,8 @@
 """Whether a reported equilibrium is one: forces and moments summed again, without the solver's own.
 
-Stresses come from a singular value decomposition of the deformation gradient and the law's first derivatives, gas
-pressure acts along the deformed film's normal, the weight at its arm: none of tympan.fem.film.density,
-tympan.fem.membrane.enclosed_volume, tympan.fem.membrane.loading.
+Stresses come from a singular value decomposition of the deformation gradient and the law's first
+derivatives, gas pressure acts along the deformed film's normal, the weight at its arm: none of
+tympan.fem.film.density, tympan.fem.membrane.enclosed_volume, tympan.fem.membrane.loading.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _STEP = 1e-30
 class Balance:
     """What is left over in the whole film, relative to the largest nodal force; moments over the frame's half extent.
 
-    ``nodes``: on the free nodes. ``force`` and ``moment``: on the plate, along the motions its guide allows.
-    ``slope``: of the potential along random motions of film and plate, over force times motion.
-    ``plate_stable``: in all motions of the plate, also those that a mirrored part of the film cannot make.
-    ``film_modes``: negative eigenvalues of the film with the plate held.
+    ``nodes``: on the free nodes. ``force`` and ``moment``: on the plate, along the motions its
+    guide allows. ``slope``: of the potential along random motions of film and plate, over force
+    times motion. ``plate_stable``: in all motions of the plate, also those that a mirrored part of
+    the film cannot make. ``film_modes``: negative eigenvalues of the film with the plate held.
     """
 
     nodes: float
@@ -61,7 +61,8 @@ def balance(part: Model, state_of_part: State) -> Balance:
     force, moment = plate_balance(model, state, forces[model.plate_nodes])
     allowed = np.array([name in GUIDES[model.loading.guide] for name in FREEDOMS])
     tangent = Tangent(model, model.linearised(state), state)
-    return Balance(float(np.abs(forces[free]).max()) / scale, float(np.abs(force[allowed[:3]]).max(initial=0)) / scale,
+    return Balance(float(np.abs(forces[free]).max()) / scale,
+                   float(np.abs(force[allowed[:3]]).max(initial=0)) / scale,
                    float(np.abs(moment[allowed[3:]]).max(initial=0)) / scale / model.size,
                    slope(model, state, forces), tangent.plate_stable, tangent.wrinkling)
 
@@ -72,7 +73,8 @@ def nodal_forces(model: Model, state: State) -> Array:
     density, shapes = model.specimen.membrane.density, model.shapes
     piola = _nominal_stress(model, state, deformation)
     elements = np.einsum("epij,eplj,ep->eli", piola, model.gradients, model.volumes)
-    elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes, shapes)
+    elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes,
+                                                                    shapes)
     normal = np.cross(deformation[..., 0], deformation[..., 1])
     elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes, model.basis.dx)
     result = np.zeros_like(state.positions)
@@ -89,7 +91,8 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         _, w1, w2, *_ = film.material.derivatives(l1, l2)
         j, n = l1 * l2, film.permittivity_exponent
         permittivity = epsilon_0 * film.relative_permittivity * (j / film.area_prestretch) ** -n
-        maxwell = (1 - n / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.covered
+        maxwell = (1 - n
+                   / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.covered
         return w1 - maxwell / l1, w2 - maxwell / l2
 
     def electrode_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
@@ -101,7 +104,8 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         principal = np.stack(stress(values[..., 0], values[..., 1]), axis=-1)
         return np.einsum("...ik,...k,...kj->...ij", left, principal, right)
 
-    return along_axes(deformation * stretched, film_stress) * stretched + along_axes(deformation, electrode_stress)
+    return along_axes(deformation * stretched,
+                      film_stress) * stretched + along_axes(deformation, electrode_stress)
 
 
 def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]:
@@ -112,7 +116,8 @@ def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]
     hung = plate.rotation @ np.array([*loading.arm, 0.0])
     gas = state.pressure * model.plate_area * plate.rotation[:, 2]
     push = np.array([0.0, 0.0, sum(_pull(bias, plate.heave) for bias in loading.biases)])
-    return weight + gas + push - rim.sum(axis=0), np.cross(hung, weight) - np.cross(arms, rim).sum(axis=0)
+    return weight + gas + push - rim.sum(axis=0), np.cross(hung, weight) - np.cross(arms,
+                                                                                    rim).sum(axis=0)
 
 
 def _pull(bias: object, heave: float) -> float:
@@ -126,8 +131,8 @@ def _pull(bias: object, heave: float) -> float:
 def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
     """Largest slope of the potential along random motions, over the largest force times the motion's length.
 
-    By a complex step, which has no error of truncation: near a law's locking stretch, or across a gap far narrower
-    than the frame, a difference's would be larger than the forces left over.
+    By a complex step, which has no error of truncation: near a law's locking stretch, or across a
+    gap far narrower than the frame, a difference's would be larger than the forces left over.
     """
     random, largest = default_rng(5), 0.0
     for _ in range(tries):
@@ -135,8 +140,10 @@ def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
         motion = np.zeros(6)
         motion[list(model.plate_freedoms)] = random.standard_normal(len(model.plate_freedoms))
         motion[:3] *= model.size
-        length = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum() * model.size**2)
-        rise = complex(model.potential(displaced(model, state, nodes, motion, _STEP * 1j))).imag / _STEP
+        length = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
+                         * model.size**2)
+        rise = complex(model.potential(displaced(model, state, nodes, motion,
+                                                 _STEP * 1j))).imag / _STEP
         largest = max(largest, abs(rise) / float(length * np.abs(forces).max()))
     return largest
 

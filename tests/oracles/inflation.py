@@ -1,16 +1,18 @@
 """Independent reference for discs and annuli under gas pressure, own weight and a force on the plate.
 
-Words, kinematics and energy are those of :mod:`axisymmetric`; nothing of the project is imported. Besides the force
-``F`` on the plate there are a gas pressure ``p`` on the film, normal to it wherever it goes, and a weight ``g`` per
-virgin area along the load. With the virgin radius ``rho = R / lp``, the stretches ``l1`` along and ``l2 = r / rho``
-around, and the slope ``t`` against the plane (``z' < 0 < t``), equilibrium along and across the meridian is ::
+Words, kinematics and energy are those of :mod:`axisymmetric`; nothing of the project is imported.
+Besides the force ``F`` on the plate there are a gas pressure ``p`` on the film, normal to it
+wherever it goes, and a weight ``g`` per virgin area along the load. With the virgin radius ``rho =
+R / lp``, the stretches ``l1`` along and ``l2 = r / rho`` around, and the slope ``t`` against the
+plane (``z' < 0 < t``), equilibrium along and across the meridian is ::
 
     (rho T Psi_1)'   =  T Psi_2 cos t + g rho sin t
     rho T Psi_1 t'   =  p r l1 + g rho cos t - T Psi_2 sin t
 
 Two methods: shooting on these equations (:func:`shoot`), and a Ritz method (:func:`minimise`) on ::
 
-    Pi = integral of T Psi dA - p V - F w - g integral of z dA,    V = integral of pi r^2 (-dz) - pi a^2 w
+    Pi = integral of T Psi dA - p V - F w - g integral of z dA,    V = integral of pi r^2 (-dz) - pi
+    a^2 w
 
 A pressure on the plate as well is a force ``p pi a^2`` on it. All quantities are in SI units.
 """
@@ -74,24 +76,29 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
         psi = _psi(film, l1, l2, q)
         sine, cosine = math.sin(slope), math.cos(slope)
         l2_x = l1 * cosine - l2
-        l1_x = (psi.d2 * cosine + loads.weight * rho * sine / thickness - psi.d1 - psi.d12 * l2_x) / psi.d11
+        l1_x = (psi.d2 * cosine + loads.weight * rho * sine / thickness - psi.d1 - psi.d12
+                * l2_x) / psi.d11
         push = rho * (loads.pressure * l2 * l1 + loads.weight * cosine) / (thickness * psi.d1)
-        return [float(l1_x), l2_x, float(push - psi.d2 / psi.d1 * sine), -l1 * rho * sine / film.outer]
+        return [float(l1_x), l2_x, float(push - psi.d2 / psi.d1 * sine),
+                -l1 * rho * sine / film.outer]
 
     def trajectory(first: float) -> Any:
         rho, around = start_radius / lp, lp if film.inner else first
         lifted = loads.force / (2 * math.pi)
         if not film.inner:
             lifted = 0.5 * (loads.pressure * around**2 + loads.weight) * rho**2
-        sine = lifted / (rho * thickness * float(_psi(film, np.float64(first), np.float64(around), q).d1))
-        result = solve_ivp(rate, (0.0, span), [first, around, math.asin(sine), 0.0], method="DOP853", rtol=1e-12,
+        sine = lifted / (rho * thickness
+                         * float(_psi(film, np.float64(first), np.float64(around), q).d1))
+        result = solve_ivp(rate, (0.0, span), [first, around, math.asin(sine), 0.0],
+                           method="DOP853", rtol=1e-12,
                            atol=1e-13, dense_output=True)
         if not result.success:
             raise ArithmeticError(f"shooting failed: {result.message}")
         return result
 
     first = guess or 1.02 * lp
-    found = root_scalar(lambda l1: trajectory(l1).y[1, -1] / lp - 1.0, x0=first, x1=1.001 * first, xtol=1e-13)
+    found = root_scalar(lambda l1: trajectory(l1).y[1, -1] / lp - 1.0, x0=first, x1=1.001 * first,
+                        xtol=1e-13)
     if not found.converged:
         raise ArithmeticError("shooting did not converge")
     path = trajectory(found.root)
@@ -109,7 +116,8 @@ def minimise(film: Film, loads: Loads, degree: int = 30) -> Bubble:
     ritz = _Expansion(film, degree)
     unknowns = ritz.start(loads)
     for share in np.linspace(0.1, 1.0, 10):
-        part = Loads(share * loads.pressure, share * loads.force, loads.voltage, share * loads.weight)
+        part = Loads(share * loads.pressure, share * loads.force, loads.voltage,
+                     share * loads.weight)
         unknowns = ritz.solve(unknowns, part)
     return Bubble(ritz.apex(unknowns), lambda radius: ritz.meridian(unknowns, radius))
 
@@ -132,14 +140,16 @@ class _Expansion:
         """Values and slopes by R of the functions of r, and of z, in columns."""
         film, identity = self.film, np.eye(self.degree)
         if film.inner:
-            s, s_by = 2 * np.log(radius / film.inner) / film.log_ratio - 1, 2 / (film.log_ratio * radius)
+            s, s_by = 2 * np.log(radius / film.inner) / film.log_ratio - 1, 2 / (film.log_ratio
+                                                                                 * radius)
             bubble, bubble_by = 1 - s * s, -2 * s
         else:
             s, s_by = 2 * (radius / film.outer) ** 2 - 1, 4 * radius / film.outer**2
             bubble, bubble_by = 0.5 * (1 - s), -0.5 + 0 * s
         values = legendre.legval(s, identity).T
         slopes = legendre.legval(s, legendre.legder(identity)).T
-        z, z_by = bubble[:, None] * values, (bubble_by[:, None] * values + bubble[:, None] * slopes) * s_by[:, None]
+        z, z_by = bubble[:, None] * values, (bubble_by[:, None] * values + bubble[:, None]
+                                             * slopes) * s_by[:, None]
         if not film.inner:  # r is odd in R
             return radius[:, None] * z, z + radius[:, None] * z_by, z, z_by
         r, r_by = film.outer * z, film.outer * z_by
@@ -151,7 +161,8 @@ class _Expansion:
         one = np.array([self.film.prestretch])
         modulus = 0.75 * float(_psi(self.film, one, one, 0.0).d11[0])
         push = abs(0.1 * loads.pressure) + abs(0.1 * loads.weight)
-        dome = 0.6 * self.film.outer * (push * self.film.outer / (modulus * self.film.thickness)) ** (1 / 3)
+        dome = 0.6 * self.film.outer * (push * self.film.outer
+                                        / (modulus * self.film.thickness)) ** (1 / 3)
         unknowns = np.zeros(self.r.shape[1] + self.z.shape[1])
         unknowns[self.r.shape[1]] = dome
         return unknowns
@@ -162,7 +173,8 @@ class _Expansion:
             return float(unknowns[self.r.shape[1]])
         return float(self.meridian(unknowns, np.array([0.0]) + 1e-12 * self.film.outer)[2][0])
 
-    def meridian(self, unknowns: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def meridian(self, unknowns: FloatArray, radius: FloatArray) -> tuple[FloatArray, FloatArray,
+                                                                          FloatArray]:
         """Stretches and height at mounted radii."""
         r, r_by, z, z_by = self.basis(radius)
         c, d = np.split(unknowns, [r.shape[1]])
@@ -202,8 +214,10 @@ class _Expansion:
         across = np.hstack([-along_z[:, None] * self.r_by, along_r[:, None] * self.z_by])
         gradient = one.T @ (volume * psi.d1) + two.T @ (volume * psi.d2)
         cross = one.T @ ((volume * psi.d12)[:, None] * two)
-        hessian = (one.T @ ((volume * psi.d11)[:, None] * one) + two.T @ ((volume * psi.d22)[:, None] * two)
-                   + cross + cross.T + across.T @ ((volume * psi.d1 * ratio / length)[:, None] * across))
+        hessian = (one.T @ ((volume * psi.d11)[:, None] * one) + two.T
+                   @ ((volume * psi.d22)[:, None] * two)
+                   + cross + cross.T + across.T
+                   @ ((volume * psi.d1 * ratio / length)[:, None] * across))
         wide, fall = np.hstack([self.r, zero_z]), -np.hstack([zero_r, self.z_by])
         tall = np.hstack([zero_r, self.z])
         push = math.pi * loads.pressure * step
@@ -220,9 +234,10 @@ def hencky(poisson: float, tension: float = 0.0, terms: int = 400) -> tuple[floa
     """Hencky's series for a clamped linear membrane under uniform pressure: ``b0`` and the apex coefficient.
 
     ``n(s) = sum b_k s^2k`` solves ``n'' + 3 n'/s + 8 / n^2 = 0`` for the radial resultant
-    ``N = (E h p^2 a^2 / 64)^(1/3) n(r/a)``; the edge does not move. The apex is at ``w0 = a (p a / (E h))^(1/3)`` times
-    the second number returned. ``tension``: resultant before the pressure, in the unit of ``n``. (Hencky, Z. Math.
-    Phys. 63, 311, 1915, as corrected by Fichter, NASA TP-3658, 1997.)
+    ``N = (E h p^2 a^2 / 64)^(1/3) n(r/a)``; the edge does not move. The apex is at ``w0 = a (p a /
+    (E h))^(1/3)`` times the second number returned. ``tension``: resultant before the pressure, in
+    the unit of ``n``. (Hencky, Z. Math. Phys. 63, 311, 1915, as corrected by Fichter, NASA TP-3658,
+    1997.)
     """
     numbers = np.arange(terms)
 

@@ -1,7 +1,8 @@
 """One sample of every registered law, with an independent implementation of its energy.
 
-The references know W(I₁, I₂) and its slopes by the invariants, and Rivlin's formula for a film with free faces,
-λ₁ W₁ = 2 (λ₁² − λ₃²) (∂W/∂I₁ + λ₂² ∂W/∂I₂); nothing of tympan.fem.film.laws. Second derivatives are differences.
+The references know W(I₁, I₂) and its slopes by the invariants, and Rivlin's formula for a film with
+free faces, λ₁ W₁ = 2 (λ₁² − λ₃²) (∂W/∂I₁ + λ₂² ∂W/∂I₂); nothing of tympan.fem.film.laws. Second
+derivatives are differences.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def rivlin(energy: Callable[[Any, Any], Any], by_first: Callable[[Any], Any], by
         return sum(squares), squares[0] * squares[1] + squares[1] * squares[2] + squares[2] * squares[0]
 
     def stress(l1: Any, l2: Any) -> Any:
-        return 2 * (l1**2 - (l1 * l2) ** -2.0) * (by_first(invariants(l1, l2)[0]) + l2**2 * by_second) / l1
+        return 2 * (l1**2 - (l1 * l2) ** -2.0) * (by_first(invariants(l1, l2)[0]) + l2**2
+                                                  * by_second) / l1
 
     return axisymmetric.EnergyFunction(
         lambda l1, l2: energy(*invariants(l1, l2)), stress, lambda l1, l2: stress(l2, l1))
@@ -62,9 +64,12 @@ def gent(mu: float, limit: float) -> axisymmetric.EnergyFunction:
 def arruda_boyce(mu: float, links: float) -> axisymmetric.EnergyFunction:
     """Arruda and Boyce (1993) with their N = links: the terms as printed."""
     return rivlin(
-        lambda i1, _: mu * ((i1 - 3) / 2 + (i1**2 - 9) / (20 * links) + 11 * (i1**3 - 27) / (1050 * links**2)
-                            + 19 * (i1**4 - 81) / (7000 * links**3) + 519 * (i1**5 - 243) / (673750 * links**4)),
-        lambda i1: mu * (1 / 2 + i1 / (10 * links) + 11 * i1**2 / (350 * links**2) + 19 * i1**3 / (1750 * links**3)
+        lambda i1, _: mu
+        * ((i1 - 3) / 2 + (i1**2 - 9) / (20 * links) + 11 * (i1**3 - 27) / (1050 * links**2)
+                            + 19 * (i1**4 - 81) / (7000 * links**3) + 519 * (i1**5 - 243)
+                            / (673750 * links**4)),
+        lambda i1: mu * (1 / 2 + i1 / (10 * links) + 11 * i1**2 / (350 * links**2) + 19 * i1**3
+                         / (1750 * links**3)
                          + 519 * i1**4 / (134750 * links**4)))
 
 
@@ -89,7 +94,8 @@ def prestretched_ogden(reference: float) -> axisymmetric.EnergyFunction:
 
     def energy(l1: Any, l2: Any) -> Any:
         plane = sum(b / a * (l1**a + l2**a) / reference**a for b, a in zip(*inner, strict=True))
-        return plane + sum(g / a * reference ** (2 * a) / (l1 * l2) ** a for g, a in zip(*outer, strict=True)) - 42875
+        return plane + sum(g / a * reference ** (2 * a) / (l1 * l2) ** a
+                           for g, a in zip(*outer, strict=True)) - 42875
 
     def stress(l1: Any, l2: Any) -> Any:
         squeeze = reference**2 / (l1 * l2)
@@ -122,7 +128,8 @@ SAMPLES = {
         15e3 * 4.96 * 40 / (40 - 7.04)),
     "arruda_boyce": Sample(
         ArrudaBoyce(14e3, 4.0), 'mu = "14 kPa"\nlambda_lock = 4', arruda_boyce(14e3, 16.0),
-        14e3 * 4.96 * (1 + 10.04 / 80 + 11 * 10.04**2 / 44800 + 19 * 10.04**3 / 3584000 + 519 * 10.04**4 / 4415488000)),
+        14e3 * 4.96 * (1 + 10.04 / 80 + 11 * 10.04**2 / 44800 + 19 * 10.04**3 / 3584000 + 519
+                       * 10.04**4 / 4415488000)),
     "separable": Sample(
         Separable((40e3, 2e3), (3e3, 1.5e3), (2.0, 4.0), 2.1),
         'beta = ["40 kPa", "2 kPa"]\ngamma = ["3 kPa", "1.5 kPa"]\nreference = 2.1', separable(2.1),
@@ -135,6 +142,7 @@ SAMPLES = {
     "stiffened": Sample(
         Stiffened(NeoHooke(20e3), 0.3, 9.0),
         'nominal = { law = "neo_hooke", mu = "20 kPa" }\nexponent = 0.3\ninvariant = 9',
-        rivlin(lambda i1, _: 90e3 / 1.3 * ((i1 / 9) ** 1.3 - 3**-1.3), lambda i1: 10e3 * (i1 / 9) ** 0.3),
+        rivlin(lambda i1, _: 90e3 / 1.3 * ((i1 / 9) ** 1.3 - 3**-1.3),
+               lambda i1: 10e3 * (i1 / 9) ** 0.3),
         20e3 * 4.96 * (10.04 / 9) ** 0.3),
 }

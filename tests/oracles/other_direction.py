@@ -1,7 +1,7 @@
 """The same case reached from another direction: voltage first, the plate held at heaves, or the axisymmetric equations.
 
-Each check returns a :class:`Verdict`. "agrees" and "differs" are about the status and the numbers of the outcome;
-"silent" means that this direction says nothing about the case.
+Each check returns a :class:`Verdict`. "agrees" and "differs" are about the status and the numbers
+of the outcome; "silent" means that this direction says nothing about the case.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
 from tympan.geometry.specimen import Material
 
-#: Largest difference of heaves and of loads at the limit, relative; the oracle's also has the coarse mesh's error.
+#: Largest difference of heaves and of loads at the limit, relative; the oracle's also has the
+#: coarse mesh's error.
 SAME, LIKE_ORACLE = 1e-4, 5e-3
 
 
@@ -41,8 +42,10 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     way, case = "voltage first", drawn.case
     outcome = equilibrium(model, 0.0, case.rig.film_voltage(case.voltage))
     if outcome.status != "equilibrium" and found.status == "equilibrium":
-        return Verdict(way, "silent", words="without its load the film has no equilibrium at this voltage")
-    for load, value in (("pressure", case.rig.gas_pressure), ("force", case.rig.force(case.mass, model.plate_area))):
+        return Verdict(way, "silent",
+                       words="without its load the film has no equilibrium at this voltage")
+    for load, value in (("pressure", case.rig.gas_pressure),
+                        ("force", case.rig.force(case.mass, model.plate_area))):
         if outcome.status == "equilibrium":
             outcome = ramp(model, outcome.solution, load, value)
     if outcome.status == "not_converged":
@@ -54,13 +57,15 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
         return Verdict(way, "agrees")
     heaves = outcome.state.plate.heave, found.state.plate.heave
     error = abs(heaves[0] - heaves[1]) / max(abs(heaves[1]), 1e-3 * model.size)
-    return Verdict(way, "agrees" if error < SAME else "differs", error, "heaves {:.4g}, {:.4g} m".format(*heaves))
+    return Verdict(way, "agrees" if error < SAME else "differs", error,
+                   "heaves {:.4g}, {:.4g} m".format(*heaves))
 
 
 def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     """The load that keeps the plate at one heave after another, from where that load is zero to beyond the limit.
 
-    The heave takes the place of the load as what is given, so that the limit point is nothing special there.
+    The heave takes the place of the load as what is given, so that the limit point is nothing
+    special there.
     """
     way, critical, load = "heave by heave", found.critical, found.limited
     assert critical is not None
@@ -81,7 +86,8 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
             break
         change = heave - at.state.plate.heave
         ahead = tuple(change * part for part in at.tangent.along())
-        at = newton(model, moved(model, at.state, (ahead[0], ahead[1]), (load,)), (load,), (Heave(float(heave)),),
+        at = newton(model, moved(model, at.state, (ahead[0], ahead[1]), (load,)), (load,),
+                    (Heave(float(heave)),),
                     motions=motions)
         if at.converged:
             points.append((float(heave), at.state.load(load)))
@@ -94,7 +100,8 @@ def _compared(way: str, points: list[tuple[float, float]], found: Outcome, words
     heaves, loads = np.array(points).T
     top = int(np.argmax(loads))
     if top == len(loads) - 1 and len(loads) < 31:
-        return Verdict(way, "silent", words=f"the heaves could be followed only to the {top}th of 30")
+        return Verdict(way, "silent",
+                       words=f"the heaves could be followed only to the {top}th of 30")
     if not 0 < top < len(loads) - 1:
         return Verdict(way, "differs", words=f"the load is largest at the {top}th of 30 heaves")
     near = slice(max(0, top - 2), top + 3)
@@ -123,7 +130,8 @@ def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
         words = f"pull-in at {limit:.5g} V"
     if found.status == "no_equilibrium":
         error = abs(np.sqrt(found.limit or 0) / limit - 1) if np.isfinite(limit) else np.inf
-        return Verdict(way, "agrees" if error < LIKE_ORACLE and limit < case.voltage else "differs", error, words)
+        return Verdict(way, "agrees" if error < LIKE_ORACLE and limit < case.voltage else "differs",
+                       error, words)
     if limit < case.voltage:
         return Verdict(way, "differs", words=f"{words}, asked for {case.voltage:.5g} V")
     try:

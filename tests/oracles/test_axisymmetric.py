@@ -31,11 +31,13 @@ OGDEN = Ogden((30e3, 2e3), (1.3, 5.5))
 RADII = np.linspace(A, B, 15)
 
 
-def film(material: Material, eps0: float = 8.8541878128e-12, exponent: float = 0.0, lp: float = LP) -> Film:
+def film(material: Material, eps0: float = 8.8541878128e-12, exponent: float = 0.0,
+         lp: float = LP) -> Film:
     return Film(A, B, T, lp, material, EPSR, exponent, eps0)
 
 
-# --- published values -------------------------------------------------------------------------------------
+# --- published values
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -54,7 +56,8 @@ def film(material: Material, eps0: float = 8.8541878128e-12, exponent: float = 0
         (15e3, 17.9, 5.0, 4.3477),
     ],
 )
-def test_published_deflection_under_load(mu: float, grams: float, kilovolt: float, millimetre: float) -> None:
+def test_published_deflection_under_load(mu: float, grams: float, kilovolt: float,
+                                         millimetre: float) -> None:
     force = grams * 1e-3 * GRAVITY
     solution = solve_load(film(neo_hooke(mu), EPS0_ROUNDED), force, kilovolt * 1e3)
     assert solution.deflection * 1e3 == pytest.approx(millimetre, abs=5.01e-5)
@@ -98,7 +101,8 @@ def test_published_prescribed_deflection(
     assert float(solution.sigma2(A)) * 1e-3 == pytest.approx(sigma2, abs=1.01e-4)
 
 
-# --- two methods ------------------------------------------------------------------------------------------
+# --- two methods
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -124,11 +128,13 @@ def test_ritz_and_shooting_agree(case: Film, deflection: float, voltage: float) 
     assert shot.force == pytest.approx(ritz.force, rel=1e-10)
     assert shot.energy == pytest.approx(ritz.energy, rel=1e-10)
     for name in ("lambda1", "lambda2", "r", "sigma1", "sigma2"):
-        np.testing.assert_allclose(getattr(shot, name)(radii), getattr(ritz, name)(radii), rtol=1e-8)
+        np.testing.assert_allclose(getattr(shot, name)(radii), getattr(ritz, name)(radii),
+                                   rtol=1e-8)
     np.testing.assert_allclose(shot.z(radii), ritz.z(radii), rtol=0.0, atol=1e-9 * deflection)
 
 
-# --- closed forms -----------------------------------------------------------------------------------------
+# --- closed forms
+# -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("voltage", [0.0, 6e3])
@@ -148,11 +154,13 @@ def test_small_deflection(material: Material, voltage: float, exponent: float) -
 
 
 def test_small_deflection_constant_of_neo_hooke() -> None:
-    # true stress mu (lp^2 - lp^-4) less Maxwell stress eps (U lp^2 / T)^2, on the mounted thickness T / lp^2
+    # true stress mu (lp^2 - lp^-4) less Maxwell stress eps (U lp^2 / T)^2, on the mounted thickness
+    # T / lp^2
     mu, voltage, eps0 = 25e3, 6e3, 8.8541878128e-12
     stress = mu * (LP**2 - LP**-4) - eps0 * EPSR * (voltage * LP**2 / T) ** 2
     expected = 2.0 * math.pi * stress * T / LP**2 * 1e-4 / math.log(B / A)
-    assert film(neo_hooke(mu)).small_deflection_force(1e-4, voltage) == pytest.approx(expected, rel=1e-13)
+    assert film(neo_hooke(mu)).small_deflection_force(1e-4, voltage) == pytest.approx(expected,
+                                                                                      rel=1e-13)
 
 
 def test_quadratic_energy_is_solved_exactly() -> None:
@@ -170,7 +178,8 @@ def test_quadratic_energy_is_solved_exactly() -> None:
     np.testing.assert_allclose(solution.lambda1(RADII), stretch, rtol=1e-12)
 
 
-# --- internal consistency ---------------------------------------------------------------------------------
+# --- internal consistency
+# ---------------------------------------------------------------------------------
 
 
 def quadrature(solution: Solution, scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -186,7 +195,8 @@ def test_energy_is_the_potential_of_force_and_charge() -> None:
     middle = solve_deflection(case, w, voltage)
     h = 1e-5
     slope = (
-        solve_deflection(case, w + h, voltage).energy - solve_deflection(case, w - h, voltage).energy
+        solve_deflection(case, w + h, voltage).energy - solve_deflection(case, w - h,
+                                                                         voltage).energy
     ) / (2.0 * h)
     assert slope == pytest.approx(middle.force, rel=1e-6)
     forces = [solve_deflection(case, w + s * h, voltage).force for s in (-1.0, 1.0)]
@@ -200,7 +210,8 @@ def test_energy_is_the_potential_of_force_and_charge() -> None:
     assert middle.energy == pytest.approx(elastic - 0.5 * charge * voltage, rel=1e-11)
     h = 1.0
     slope = (
-        solve_deflection(case, w, voltage + h).energy - solve_deflection(case, w, voltage - h).energy
+        solve_deflection(case, w, voltage + h).energy - solve_deflection(case, w,
+                                                                         voltage - h).energy
     ) / (2.0 * h)
     assert -slope == pytest.approx(charge, rel=1e-6)
 
@@ -223,10 +234,12 @@ def test_ogden_derivatives() -> None:
             getattr(numeric, name)(l1, l2), getattr(OGDEN, name)(l1, l2), rtol=1e-9, atol=1e-6
         )
     np.testing.assert_allclose(
-        (OGDEN.energy(l1 + h, l2) - OGDEN.energy(l1 - h, l2)) / (2.0 * h), OGDEN.w1(l1, l2), rtol=1e-8
+        (OGDEN.energy(l1 + h, l2) - OGDEN.energy(l1 - h, l2)) / (2.0 * h), OGDEN.w1(l1, l2),
+        rtol=1e-8
     )
     np.testing.assert_allclose(
-        (OGDEN.energy(l1, l2 + h) - OGDEN.energy(l1, l2 - h)) / (2.0 * h), OGDEN.w2(l1, l2), rtol=1e-8
+        (OGDEN.energy(l1, l2 + h) - OGDEN.energy(l1, l2 - h)) / (2.0 * h), OGDEN.w2(l1, l2),
+        rtol=1e-8
     )
 
 
@@ -254,18 +267,21 @@ def test_unloaded_film_stays_flat() -> None:
     np.testing.assert_allclose(solution.lambda2(RADII), LP, rtol=1e-13)
 
 
-# --- pull-in ----------------------------------------------------------------------------------------------
+# --- pull-in
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("mu", "grams", "voltage"),
     [(20e3, 17.9, 8122.80407), (20e3, 22.45, 7938.12952), (15e3, 17.9, 6828.82824)],
 )
-def test_pull_in_is_the_largest_voltage_with_equilibrium(mu: float, grams: float, voltage: float) -> None:
+def test_pull_in_is_the_largest_voltage_with_equilibrium(mu: float, grams: float,
+                                                         voltage: float) -> None:
     case, force = film(neo_hooke(mu), EPS0_ROUNDED), grams * 1e-3 * GRAVITY
     fold = pull_in(case, force)
     assert pull_in_voltage(case, force) == fold.voltage
-    assert fold.voltage == pytest.approx(voltage, rel=1e-8)  # regression of this module, not published
+    assert fold.voltage == pytest.approx(voltage,
+                                         rel=1e-8)  # regression of this module, not published
     assert fold.force == pytest.approx(force, rel=1e-10)
 
     below = solve_load(case, force, fold.voltage * (1.0 - 1e-6))
@@ -284,7 +300,8 @@ def test_force_has_its_maximum_at_the_limit_point() -> None:
         solve_load(case, 1.0, 7e3)
     limit = caught.value
     h = 5e-5
-    left, top, right = (shoot_deflection(case, limit.limit_deflection + s * h, 7e3).force for s in (-1, 0, 1))
+    left, top, right = (shoot_deflection(case, limit.limit_deflection + s * h, 7e3).force
+                        for s in (-1, 0, 1))
     assert top == pytest.approx(limit.limit_force, rel=1e-10)
     assert left < top > right
     assert not solve_deflection(case, limit.limit_deflection + h, 7e3).stable

@@ -37,7 +37,8 @@ def wrinkled_force(film: Film, mu: float, heave: float) -> float:
 
     def excess(pull: float) -> float:
         stretches = np.array([stretch(pull / radius) for radius in radii])
-        return 0.5 * (film.outer - film.inner) * float(weight @ stretches) / film.prestretch - length
+        return 0.5 * (film.outer - film.inner) * float(weight
+                                                       @ stretches) / film.prestretch - length
 
     pull = brentq(excess, 0.0, 9 * mu * film.outer, xtol=1e-14)
     return 2 * math.pi * film.thickness / film.prestretch * pull * heave / length
@@ -78,7 +79,8 @@ def test_two_methods_agree_where_part_of_the_film_is_wrinkled() -> None:
 
 
 def test_derivatives_of_the_relaxed_energy() -> None:
-    film = Film(10e-3, 45e-3, 1e-3, math.sqrt(5), Ogden((18.4e3, 210.0), (2.0, 4.0)), 4.7, 0.2, relaxed=True)
+    film = Film(10e-3, 45e-3, 1e-3, math.sqrt(5), Ogden((18.4e3, 210.0), (2.0, 4.0)), 4.7, 0.2,
+                relaxed=True)
     l1, l2, q, h = np.array([2.7, 2.9, 1.5]), np.array([2.1, 2.2, 1.6]), 8600.0**2, 1e-5
     psi = _psi(film, l1, l2, q)
     assert (_plain(film, l1, l2, q).d2 < 0).tolist() == [True, True, False]
@@ -93,4 +95,5 @@ def test_derivatives_of_the_relaxed_energy() -> None:
 
 def test_a_taut_film_is_not_changed() -> None:
     taut = Film(10e-3, 45e-3, 1e-3, math.sqrt(5), neo_hooke(MU), 4.7)
-    assert solve_deflection(replace(taut, relaxed=True), 0.015, 4e3).force == solve_deflection(taut, 0.015, 4e3).force
+    assert solve_deflection(replace(taut, relaxed=True), 0.015,
+                            4e3).force == solve_deflection(taut, 0.015, 4e3).force

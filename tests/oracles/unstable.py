@@ -16,7 +16,8 @@ from tests.oracles.axisymmetric import Film, FloatArray, NoEquilibrium, _fold, _
 def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> float:
     """Voltage [V] beyond the fold at which the plate at ``heave`` [m] carries ``force`` [N].
 
-    Followed from the fold in the heave, with shape and ``U^2`` unknown, so it may be unstable, held or not.
+    Followed from the fold in the heave, with shape and ``U^2`` unknown, so it may be unstable, held
+    or not.
     """
     ritz = _Ritz(film, degree)
     fold = _fold(ritz, force)
@@ -26,12 +27,14 @@ def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> 
     steps = max(2, math.ceil((heave - fold.deflection) / 4e-5))
     for target in np.linspace(fold.deflection, heave, steps + 1)[1:]:
         share = 0.0 if past is None else (target - now[0]) / (now[0] - past[0])
-        guess = now if past is None else tuple(b + share * (b - a) for a, b in zip(past, now, strict=True))
+        guess = now if past is None else tuple(b + share * (b - a)
+                                               for a, b in zip(past, now, strict=True))
         past, now = now, (target, *_at(ritz, guess[1], float(target), guess[2], force))
     return math.sqrt(now[2])
 
 
-def _at(ritz: _Ritz, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray, float]:
+def _at(ritz: _Ritz, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray,
+                                                                                   float]:
     """Shape and ``q = U^2`` at a heave and a force, by Newton's method."""
     unit = ritz.q_unit / ritz.film.outer
     for _ in range(25):
@@ -51,8 +54,9 @@ def _at(ritz: _Ritz, c: FloatArray, heave: float, q: float, force: float) -> tup
 def slack_voltage(film: Film, force: float, highest: float) -> float:
     """Voltage [V] at which the hoop stress at the plate falls to zero, Maxwell stress included.
 
-    Beyond it a film that may wrinkle (``Film.relaxed``) has no stable equilibrium: at the natural width its energy is
-    not convex in the meridional stretch. ``highest``: a voltage below pull-in at which the stress is compressive.
+    Beyond it a film that may wrinkle (``Film.relaxed``) has no stable equilibrium: at the natural
+    width its energy is not convex in the meridional stretch. ``highest``: a voltage below pull-in
+    at which the stress is compressive.
     """
     def hoop(voltage: float) -> float:
         return float(solve_load(film, force, voltage).total2(film.inner))

@@ -15,18 +15,21 @@ SOFT = Ogden((15e3,), (2.0,))
 WEIGHT = 17.9e-3 * 9.80665
 
 
-def branch_points(film: Model, motions: Motions, reach: float = 10.9e-3, longest: float = 0.05) -> list[Point]:
+def branch_points(film: Model, motions: Motions, reach: float = 10.9e-3,
+                  longest: float = 0.05) -> list[Point]:
     """Points from a stable voltage on, through the largest, to a heave beyond it."""
     start = equilibrium(film, WEIGHT, 6000.0).state
     found = []
-    for point in Branch(film, "voltage", motions=motions, arc=ArcSettings(longest=longest)).points(start):
+    for point in Branch(film, "voltage", motions=motions,
+                        arc=ArcSettings(longest=longest)).points(start):
         if point.state.plate.heave > reach:
             break
         found.append(point)
     return found
 
 
-def voltage_at(reference: Reference, heave: float, force: float, near: tuple[FloatArray, float], degree: int
+def voltage_at(reference: Reference, heave: float, force: float, near: tuple[FloatArray, float],
+               degree: int
                ) -> tuple[FloatArray, float]:
     """Shape and U² of the Ritz method at a heave and a force, by Newton's method from a shape and a U² near."""
     return _at(_Ritz(reference, degree), near[0], heave, near[1], force)

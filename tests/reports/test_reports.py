@@ -79,7 +79,8 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Collect references."""
         self.tags.append(tag)
-        self.references += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+        self.references += [value or "" for name, value in attrs
+                            if name in ("src", "href", "srcset", "data", "action")]
 
     def handle_data(self, data: str) -> None:
         """Collect text."""
@@ -94,7 +95,8 @@ def page(report: Path) -> Page:
 
 def test_all_files_are_written_and_nothing_else(report: Path) -> None:
     written = {path.name for path in report.parent.iterdir() if path.is_file()}
-    assert written == {"study.json", "alpha.json", "report.html", "fig4.png", "fig4.pdf", "fig4.svg", "curves.png",
+    assert written == {"study.json", "alpha.json", "report.html", "fig4.png", "fig4.pdf",
+                       "fig4.svg", "curves.png",
                        "curves.svg"}
 
 
@@ -146,7 +148,8 @@ def test_plate_sinks_in_the_picture(stored: Run) -> None:
         assert plate[:, 2] == pytest.approx(-specimen.deflection, rel=1e-6)
         # The last point is the first one again and would count twice.
         up = [view.project(curve[:-1])[:, 1].mean() for curve in (plate, frame)]
-        assert up[1] - up[0] == pytest.approx(specimen.deflection * np.cos(np.radians(view.elevation)), rel=1e-6)
+        assert up[1] - up[0] == pytest.approx(specimen.deflection
+                                              * np.cos(np.radians(view.elevation)), rel=1e-6)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -154,7 +157,8 @@ def test_colours_are_exactly_those_of_the_bar(stored: Run, share: float) -> None
     specimen = stored.specimens[0]
     view = figure4.plan(stored.specimens, stored.stress_range).view
     stress = view.scale.low + share * (view.scale.high - view.scale.low)
-    uniform = replace(specimen, film=replace(specimen.film, stress=np.full_like(specimen.film.stress, stress)))
+    uniform = replace(specimen, film=replace(specimen.film,
+                                             stress=np.full_like(specimen.film.stress, stress)))
     pixels = scene.picture(uniform, view).pixels.reshape(-1, 3)
     colours, counts = np.unique(pixels, axis=0, return_counts=True)
     film = next(colour for colour in colours[np.argsort(-counts)] if colour.min() < 250)
@@ -166,9 +170,12 @@ def loosened(run: Run, state: int) -> Run:
     changed = []
     for item in run.specimens:
         right = item.film.mounted[:, 0] > 1e-6
-        film = replace(item.film, tension=np.where(right, state, 0), least=np.where(right, -1.0, 1.0))
-        curve = replace(item.curves[-1], slack=np.array([0, 0.25, np.nan]), margin=np.array([np.nan, 0.9, np.nan]))
-        changed.append(replace(item, film=film, result=replace(item.result, slack_share=0.5, breakdown_margin=1.5),
+        film = replace(item.film, tension=np.where(right, state, 0),
+                       least=np.where(right, -1.0, 1.0))
+        curve = replace(item.curves[-1], slack=np.array([0, 0.25, np.nan]),
+                        margin=np.array([np.nan, 0.9, np.nan]))
+        changed.append(replace(item, film=film,
+                               result=replace(item.result, slack_share=0.5, breakdown_margin=1.5),
                                curves=(*item.curves[:-1], curve)))
     return replace(run, specimens=tuple(changed))
 
@@ -180,7 +187,8 @@ def test_zones_without_tension_are_hatched(stored: Run) -> None:
     middle = plain.shape[1] // 2
     edge = int(3 * view.line)
     assert np.array_equal(plain[:, :middle - edge], wrinkled[:, :middle - edge])
-    marked = [float((np.abs(plain - other)[:, middle + edge:] > 30).any(axis=2).mean()) for other in (wrinkled, slack)]
+    marked = [float((np.abs(plain - other)[:, middle + edge:] > 30).any(axis=2).mean())
+              for other in (wrinkled, slack)]
     assert marked[0] > 0.1
     assert marked[1] > 1.5 * marked[0]
 
@@ -189,7 +197,8 @@ def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None
     loose = loosened(stored, 1)
     design = figure4.plan(loose.specimens, loose.stress_range)
     pictures = [scene.picture(item, design.view) for item in loose.specimens]
-    legends = [[text.get_text() for text in figure4.compose(run, design, pictures).texts] for run in (stored, loose)]
+    legends = [[text.get_text() for text in figure4.compose(run, design, pictures).texts]
+               for run in (stored, loose)]
     assert ["tension lost" in texts for texts in legends] == [False, True]
     text = Page(html.page(loose, "", "")).shown
     for words_ in ("Hatched", "Hollow"):
@@ -260,7 +269,8 @@ def test_page_has_results_and_settings(page: Page, study_folder: Path) -> None:
     record = json.loads(study_folder.joinpath("study.json").read_text(encoding="utf-8"))
     for specimen in record["specimens"]:
         result = specimen["result"]
-        for number in (result["deflection_m"] * 1e3, result["capacitance_F"] * 1e9, result["max_true_stress_Pa"] / 1e3):
+        for number in (result["deflection_m"] * 1e3, result["capacitance_F"] * 1e9,
+                       result["max_true_stress_Pa"] / 1e3):
             assert f"{number:.4g}"[:5] in page.shown
         assert str(result["dofs"]) in page.shown
         assert specimen["material"] in page.shown
@@ -334,7 +344,8 @@ def test_curve_without_any_equilibrium() -> None:
 
 
 @pytest.mark.parametrize(("low", "high"), [
-    (96.53, 98.68), (98.5, 98.5), (0.0, 0.0), (0.0, 41.0), (30.0, 31.0), (-3.0, 12.0), (96513.6999, 96513.7001),
+    (96.53, 98.68), (98.5, 98.5), (0.0, 0.0), (0.0, 41.0), (30.0, 31.0), (-3.0, 12.0),
+    (96513.6999, 96513.7001),
     (1e-3, 1.1e-3), (99.98, 100.02), (5.0, 433.0),
 ])
 def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -> None:
@@ -346,7 +357,8 @@ def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -
     assert made.ticks[0] - made.low < made.step
     texts = [made.text(tick) for tick in made.ticks]
     assert len(set(texts)) == len(texts)
-    assert [float(text.replace("−", "-")) for text in texts] == pytest.approx(made.ticks, rel=1e-12, abs=1e-12)
+    assert [float(text.replace("−", "-")) for text in texts] == pytest.approx(made.ticks, rel=1e-12,
+                                                                              abs=1e-12)
     assert float(made.start.replace("−", "-")) == pytest.approx(made.low, rel=1e-12, abs=1e-12)
 
 
@@ -366,7 +378,8 @@ def test_columns_fit_the_page(films: list[float]) -> None:
     assert full or max(films) * paper == pytest.approx(85)
 
 
-@pytest.mark.parametrize("name", ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
+@pytest.mark.parametrize("name",
+                         ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
                                   "curves/standing.csv"])
 def test_missing_file_is_named(copy: Path, name: str) -> None:
     copy.joinpath(name).unlink()
@@ -376,7 +389,8 @@ def test_missing_file_is_named(copy: Path, name: str) -> None:
     assert not copy.joinpath("report.html").exists()
 
 
-@pytest.mark.parametrize("name", ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
+@pytest.mark.parametrize("name",
+                         ["study.json", "alpha.json", "fields/standing.vtu", "lines/standing.csv",
                                   "curves/standing.csv"])
 @pytest.mark.parametrize("part", [0.0, 0.3, 0.8])
 def test_truncated_file_is_named(copy: Path, name: str, part: float) -> None:
@@ -388,7 +402,8 @@ def test_truncated_file_is_named(copy: Path, name: str, part: float) -> None:
 
 
 @pytest.mark.parametrize(("name", "old", "new", "key"), [
-    ("study.json", '"deflection_m": ', '"deflection_m": "x", "y": ', "specimens[0].result.deflection_m"),
+    ("study.json", '"deflection_m": ', '"deflection_m": "x", "y": ',
+     "specimens[0].result.deflection_m"),
     ("study.json", '"semi_axes_m"', '"half_axes_m"', "specimens[0].semi_axes_m"),
     ("study.json", '"name": "circular"', '"name": "../circular"', "specimens[0].name"),
     ("study.json", '"rig"', '"rigg"', "rig"),

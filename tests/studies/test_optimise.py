@@ -55,7 +55,8 @@ def result(file: Path) -> Optimised:
     return optimise(read_problem(file), COARSE)
 
 
-def remainders(problem: Problem, values: np.ndarray, direction: np.ndarray, steps: tuple[float, ...]) -> np.ndarray:
+def remainders(problem: Problem, values: np.ndarray, direction: np.ndarray,
+               steps: tuple[float, ...]) -> np.ndarray:
     """What a first-order expansion of stroke and limits misses, shape (steps, 1 + limits), on one mesh moved."""
     bench = Bench(problem, COARSE)
     _, here = bench.fresh(values)
@@ -77,8 +78,10 @@ def test_stroke_and_every_limit_have_exact_slopes(file: Path) -> None:
     other.write_text(text, encoding="utf-8")
     problem = read_problem(other)
     moved = replace(problem.specimen, plate=Plate(Ellipse((12e-3, 9e-3)), (4e-3, 0.0)))
-    problem = replace(problem, specimen=moved, variables=(*AXES, Variable("plate.semi_axes.1", 5e-3, 2e-2)))
-    missed = remainders(problem, np.array([70e-3, 45e-3, 9e-3]), np.array([2e-3, -3e-3, 1e-3]), (0.2, 0.1))
+    problem = replace(problem, specimen=moved,
+                      variables=(*AXES, Variable("plate.semi_axes.1", 5e-3, 2e-2)))
+    missed = remainders(problem, np.array([70e-3, 45e-3, 9e-3]), np.array([2e-3, -3e-3, 1e-3]),
+                        (0.2, 0.1))
     assert missed.shape[1] > 20
     kinds = np.column_stack([missed[:, :5], missed[:, 5:].max(axis=1)])
     assert kinds[1].min() > 1e-8
@@ -125,7 +128,8 @@ class _Rounded(Circle):
 
 def test_a_number_without_derivative_is_refused() -> None:
     specimen = replace(elliptical(60e-3), frame=_Rounded(45e-3))
-    problem = Problem("one", specimen, specimen, 17.9e-3, 4e3, (Variable("frame.radius", 4e-2, 5e-2),), ((45e-3,),))
+    problem = Problem("one", specimen, specimen, 17.9e-3, 4e3,
+                      (Variable("frame.radius", 4e-2, 5e-2),), ((45e-3,),))
     with pytest.raises(InputError, match="no derivative"):
         check(problem, COARSE)
 
@@ -162,7 +166,8 @@ def test_no_neighbour_is_better(result: Optimised) -> None:
     best, problem = optimum.best.best, result.problem
 
     def stroke(specimen: Specimen) -> float:
-        ends = [solve(Case(specimen, problem.mass, voltage), COARSE).deflection_m for voltage in (problem.voltage, 0.0)]
+        ends = [solve(Case(specimen, problem.mass, voltage), COARSE).deflection_m
+                for voltage in (problem.voltage, 0.0)]
         assert ends[0] is not None
         assert ends[1] is not None
         return ends[0] - ends[1]
@@ -196,16 +201,19 @@ def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
     assert found.status == "optimum"
     np.testing.assert_allclose(found.x, [root, 0.6], atol=3e-5)
     assert found.multipliers is not None
-    np.testing.assert_allclose(found.multipliers.limits, [1 / (2 * root), 2 - 1.2 / (2 * root)], rtol=1e-3)
+    np.testing.assert_allclose(found.multipliers.limits, [1 / (2 * root), 2 - 1.2 / (2 * root)],
+                               rtol=1e-3)
 
 
 def test_designs_without_equilibrium_are_backed_away_from() -> None:
     """Without limits the stroke grows to pull-in, beyond which there is nothing."""
     specimen = elliptical(60e-3)
-    problem = Problem("soft", specimen, specimen, 17.9e-3, 6.5e3, (Variable("plate.radius", 2e-3, 2e-2),), ((12e-3,),))
+    problem = Problem("soft", specimen, specimen, 17.9e-3, 6.5e3,
+                      (Variable("plate.radius", 2e-3, 2e-2),), ((12e-3,),))
     film = replace(specimen.membrane, material=replace(NEO_HOOKE, mu=(16e3,)))
     problem = replace(problem, specimen=replace(specimen, membrane=film))
-    run = run_from(problem, "area", 0, np.array([12e-3]), COARSE, DescentSettings(radius=0.3, iterations=10))
+    run = run_from(problem, "area", 0, np.array([12e-3]), COARSE,
+                   DescentSettings(radius=0.3, iterations=10))
     assert run.descent.missing > 0
     assert run.best.stroke > 1.2 * run.stations[0].design.stroke
     assert any("pulls in" in station.design.reason for station in run.stations)
@@ -221,10 +229,14 @@ def test_a_start_without_equilibrium_is_told() -> None:
 
 
 def test_a_frame_out_of_reach_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small = PROBLEM.split("[limits]", maxsplit=1)[0].replace('"11 cm"', '"8 cm"').replace('"8 cm"]', '"76 mm"]')
-    far = small.replace("[vary]", 'reference = "circular"\nhold = "area"\n[vary]').replace('["40 mm"', '["70 mm"')
+    small = PROBLEM.split("[limits]",
+                          maxsplit=1)[0].replace('"11 cm"', '"8 cm"').replace('"8 cm"]', '"76 mm"]')
+    far = small.replace("[vary]",
+                        'reference = "circular"\nhold = "area"\n[vary]').replace('["40 mm"',
+                                                                                 '["70 mm"')
     (tmp_path / "far.toml").write_text(far, encoding="utf-8")
-    assert main(["optimise", str(tmp_path / "far.toml"), "-o", str(tmp_path / "out"), "--json"]) == 0
+    assert main(["optimise", str(tmp_path / "far.toml"), "-o", str(tmp_path / "out"),
+                 "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["optima"] == []
     assert "no design within the bounds has the area" in printed["failed"][0]["reason"]
@@ -262,7 +274,8 @@ def test_length_and_area_of_an_ellipse() -> None:
     ('"plate.radius" = "18 mm"', '"plate.radius" = "30 mm"', "start.0.plate.radius.*bounds"),
     ('voltage = "6.5 kV"', "", "voltage: is missing"),
     ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhold = "volume"', "hold.*area, perimeter"),
-    ('specimen = "elliptical-large"', 'specimen = "round"', "specimen.*one of circular, elliptical-small"),
+    ('specimen = "elliptical-large"', 'specimen = "round"',
+     "specimen.*one of circular, elliptical-small"),
     ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhald = "area"', "did you mean 'hold'"),
 ])
 def test_bad_problems_are_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
@@ -276,17 +289,21 @@ def test_a_margin_to_breakdown_needs_a_strength(tmp_path: Path) -> None:
     from tympan.fem.toml_writer import specimen_to_toml
 
     film = replace(elliptical(60e-3).membrane, strength=None)
-    (tmp_path / "weak.toml").write_text(specimen_to_toml(replace(elliptical(60e-3), membrane=film)), encoding="utf-8")
-    (tmp_path / "bad.toml").write_text(PROBLEM.replace('"elliptical-large"', '"weak.toml"'), encoding="utf-8")
+    (tmp_path / "weak.toml").write_text(specimen_to_toml(replace(elliptical(60e-3), membrane=film)),
+                                        encoding="utf-8")
+    (tmp_path / "bad.toml").write_text(PROBLEM.replace('"elliptical-large"', '"weak.toml"'),
+                                       encoding="utf-8")
     with pytest.raises(InputError, match=r"breakdown_margin.*strength is known"):
         read_problem(tmp_path / "bad.toml")
 
 
-def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
     short = PROBLEM.split("[[start]]", maxsplit=1)[0].replace("2.23", "2").replace(
         '["6 mm", "20 mm"]', '["9 mm", "20 mm"]')
     (tmp_path / "short.toml").write_text(short, encoding="utf-8")
-    command = ["optimise", str(tmp_path / "short.toml"), "-o", str(tmp_path / "out"), "--json", "--refine", "0.5"]
+    command = ["optimise", str(tmp_path / "short.toml"), "-o", str(tmp_path / "out"), "--json",
+               "--refine", "0.5"]
     assert main(command) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "out" / "optimum.json").read_text(encoding="utf-8"))

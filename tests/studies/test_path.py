@@ -48,20 +48,27 @@ def event(result: BranchResult, what: str):  # type: ignore[no-untyped-def]
 
 
 def test_pull_in_and_loss_of_tension_are_where_the_equations_have_them(voltage_branch) -> None:
-    assert event(voltage_branch, "limit").value == pytest.approx(axisymmetric.pull_in_voltage(ORACLE, FORCE), rel=2e-5)
+    assert event(voltage_branch,
+                 "limit").value == pytest.approx(axisymmetric.pull_in_voltage(ORACLE, FORCE),
+                                                 rel=2e-5)
     # Stress at the rim is less exact than force: 2e-4 of it.
-    assert event(voltage_branch, "tension lost").value == pytest.approx(slack_voltage(ORACLE, FORCE, 6800.0), rel=5e-4)
+    assert event(voltage_branch,
+                 "tension lost").value == pytest.approx(slack_voltage(ORACLE, FORCE, 6800.0),
+                                                        rel=5e-4)
 
 
 def test_stations_beyond_pull_in_are_the_unstable_branch(voltage_branch) -> None:
     limit = event(voltage_branch, "limit").station.deflection_m
-    beyond = [station for station in voltage_branch.stations if station.deflection_m > limit * 1.005]
+    beyond = [station for station in voltage_branch.stations if station.deflection_m > limit
+              * 1.005]
     assert len(beyond) >= 4
     for station in beyond:
         assert not station.stable
         assert not station.tense
-        assert station.voltage_V == pytest.approx(branch_voltage(ORACLE, FORCE, station.deflection_m), rel=1e-3)
-    before = [station for station in voltage_branch.stations if station.deflection_m < limit * 0.995]
+        assert station.voltage_V == pytest.approx(branch_voltage(ORACLE, FORCE,
+                                                                 station.deflection_m), rel=1e-3)
+    before = [station for station in voltage_branch.stations if station.deflection_m < limit
+              * 0.995]
     assert all(station.stable for station in before)
     assert voltage_branch.warnings[0].startswith("followed to")
 
@@ -127,7 +134,8 @@ def test_files_and_json(tmp_path: Path, capsys) -> None:
     mode = mesh.point_data["critical_mode"]
     # The critical mode pushes plate and film along the load most; it moves nothing at the frame.
     assert mode[:, 2].max() > 1.5 * np.abs(mode[:, :2]).max()
-    at_frame = np.hypot(*(mesh.points - mesh.point_data["displacement"])[:, :2].T) > 45e-3 * (1 - 1e-9)
+    at_frame = np.hypot(*(mesh.points - mesh.point_data["displacement"])[:,
+                                                                         :2].T) > 45e-3 * (1 - 1e-9)
     assert np.abs(mode[at_frame]).max() < 1e-12 * np.abs(mode).max()
 
 

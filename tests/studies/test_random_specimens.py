@@ -60,20 +60,24 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
     """At a state that is no equilibrium, against differences of the potential itself."""
     rig = Rig(biases=(Magnet(0.1, 0.05, 0.03),)).loading
     film = circular(SAMPLES[law].law, prestretch=(2.0, 1.8))
-    made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2, symmetry=False)
+    made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2,
+                 symmetry=False)
     made, random = made.with_loading(rig), np.random.default_rng(3)
-    moved = displaced(made, State.mounted(made), random.normal(size=made.free.sum()) * made.size, np.ones(6), 1e-4)
+    moved = displaced(made, State.mounted(made), random.normal(size=made.free.sum()) * made.size,
+                      np.ones(6), 1e-4)
     state = moved.under(force=0.2, voltage=1e6, pressure=5.0)
     forces = nodal_forces(made, state)
 
     def rise(nodes: np.ndarray, motion: np.ndarray, step: float) -> float:
-        ends = [made.potential(displaced(made, state, nodes, motion, sign * step)) for sign in (1, -1)]
+        ends = [made.potential(displaced(made, state, nodes, motion, sign * step))
+                for sign in (1, -1)]
         return (ends[0] - ends[1]) / (2 * step)
 
     draws = np.random.default_rng(5)
     nodes, motion = draws.standard_normal(int(made.free.sum())) * made.size, draws.standard_normal(6)
     motion[:3] *= made.size
-    size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum() * made.size**2)
+    size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
+                   * made.size**2)
     by_differences = (4 * rise(nodes, motion, 5e-7) - rise(nodes, motion, 1e-6)) / 3
     found = slope(made, state, forces, tries=1)
     assert found > STEEP
@@ -92,7 +96,8 @@ def test_slopes_are_seen_near_locking(number: int) -> None:
 def test_smooth_motions_start_before_the_film_wrinkles() -> None:
     """On this coarse mesh the natural steps go on with a few radial wrinkles: from there the limit is 2 % too low."""
     sample, a, b = SAMPLES["prestretched_ogden"], 0.007072555665392742, 0.022103619578584383
-    thickness, stretch, permittivity, exponent = (0.00019409759679790068, 2.5291423810969422, 9.130380113361293,
+    thickness, stretch, permittivity, exponent = (0.00019409759679790068, 2.5291423810969422,
+                                                  9.130380113361293,
                                                   0.14149430999024826)
     specimen = circular(sample.law, prestretch=(stretch, stretch), thickness=thickness,
                         relative_permittivity=permittivity, permittivity_exponent=exponent)
@@ -100,12 +105,15 @@ def test_smooth_motions_start_before_the_film_wrinkles() -> None:
     force = 0.00691841794219932 * 9.80665
     film = model(specimen, refine=0.6, order=3)
     # The mesh hardly resolves it: one kind of smooth motions alone is not believed.
-    assert equilibrium(film, force, 1053.7, settings=PathSettings(agreement=0.0)).status == "not_converged"
+    assert equilibrium(film, force, 1053.7,
+                       settings=PathSettings(agreement=0.0)).status == "not_converged"
     found = equilibrium(film, force, 1053.7)
     assert 0 < found.spread < 0.02
-    reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity, exponent)
+    reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity,
+                                  exponent)
     assert found.status == "no_equilibrium"
-    assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force), rel=3e-3)
+    assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force),
+                                                 rel=3e-3)
 
 
 @pytest.mark.parametrize("number", [47, 101])

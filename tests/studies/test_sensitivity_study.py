@@ -19,7 +19,8 @@ from tympan.studies.case import Case, Settings, find
 from tympan.studies.sensitivity import case_parameters, sensitivity
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
-RIG = Rig(9.81, 1e-3, 3.0, 0.02, 9e3, weight_offset=(1e-3, 0.0), plate_pressure=100.0, gas_pressure=5.0,
+RIG = Rig(9.81, 1e-3, 3.0, 0.02, 9e3, weight_offset=(1e-3, 0.0), plate_pressure=100.0,
+          gas_pressure=5.0,
           biases=(Magnet(0.05, 20e-3, 8e-3),), lag_voltage=200.0)
 FILE = """
 name = "round"
@@ -51,9 +52,12 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
     case = Case(skewed(), 17.9e-3, 3e3, RIG, direction=direction)
     model, outcome = find(case, COARSE)
     known = case_parameters(case, model)
-    names = ["mass", "voltage", "plate.outline.radius", *(name for name in known if name.startswith("rig"))]
-    found = {answer.parameter: answer.derivative for answer in sensitivity(case, COARSE).quantities[0].answers}
-    assert {"rig.gravity", "rig.sag_voltage", "rig.weight_offset.1", "rig.biases.0.gap"} < set(names)
+    names = ["mass", "voltage", "plate.outline.radius",
+             *(name for name in known if name.startswith("rig"))]
+    found = {answer.parameter: answer.derivative
+             for answer in sensitivity(case, COARSE).quantities[0].answers}
+    assert {"rig.gravity", "rig.sag_voltage", "rig.weight_offset.1",
+            "rig.biases.0.gap"} < set(names)
     assert "rig.sensor_gain" not in names
     assert ("rig.lag_voltage" in names) == (direction != 0)
     for name in names:
@@ -66,24 +70,30 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-6 * abs(found[name]), name
 
 
-def test_elasticities_are_those_of_similarity(specimen: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_elasticities_are_those_of_similarity(specimen: str,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
     """1 % stiffer is the same as 1 % less mass and ½ % less voltage."""
-    assert main(["sensitivity", specimen, "--mass", "17.9 g", "--voltage", "3.5 kV", "--of", "heave,energy",
+    assert main(["sensitivity", specimen, "--mass", "17.9 g", "--voltage", "3.5 kV", "--of",
+                 "heave,energy",
                  "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["status"] == "equilibrium"
     heave = {name: one["elasticity"] for name, one in result["quantities"]["heave"]["by"].items()}
-    assert heave["membrane.material.mu"] == pytest.approx(-heave["mass"] - heave["voltage"] / 2, rel=1e-8)
+    assert heave["membrane.material.mu"] == pytest.approx(-heave["mass"] - heave["voltage"] / 2,
+                                                          rel=1e-8)
     energy = {name: one["elasticity"] for name, one in result["quantities"]["energy"]["by"].items()}
-    assert energy["membrane.material.mu"] == pytest.approx(1 - energy["mass"] - energy["voltage"] / 2, rel=1e-8)
+    assert energy["membrane.material.mu"] == pytest.approx(1 - energy["mass"] - energy["voltage"]
+                                                           / 2, rel=1e-8)
     assert result["quantities"]["heave"]["by"]["plate.outline.radius"]["unit"] == "m"
     assert heave["plate.offset.0"] is None
 
 
-def test_the_table_reads_from_the_strongest_down(specimen: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_reads_from_the_strongest_down(specimen: str,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivity", specimen, "--mass", "17.9 g", "--voltage", "3.5 kV"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    shares = [abs(float(line.split(" %")[0].split()[-1])) for line in lines if " %  " in line and "by 1" not in line]
+    shares = [abs(float(line.split(" %")[0].split()[-1])) for line in lines if " %  " in line
+              and "by 1" not in line]
     assert len(shares) > 8
     assert shares == sorted(shares, reverse=True)
     assert lines[-1].split()[-2] == "per"
@@ -103,7 +113,8 @@ def test_past_pull_in_it_is_the_pull_in_voltage() -> None:
     assert np.isfinite([answer.derivative for answer in result.quantities[0].answers]).all()
 
 
-def test_what_cannot_be_said_ends_with_status_two(specimen: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_said_ends_with_status_two(specimen: str,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensitivity", specimen, "--mass", "17.9 g", "--of", "tilt"]) == 2
     assert "does not tilt" in capsys.readouterr().err
     assert main(["sensitivity", specimen, "--mass", "17.9 g", "--of", "beauty"]) == 2

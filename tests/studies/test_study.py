@@ -40,7 +40,8 @@ def table(file: Path) -> list[dict[str, str]]:
 
 def test_default_is_the_paper_s_three_actuators() -> None:
     plan = study.default_study()
-    assert [item.name for item in plan.specimens] == ["circular", "elliptical-small", "elliptical-large"]
+    assert [item.name for item in plan.specimens] == ["circular", "elliptical-small",
+                                                      "elliptical-large"]
     assert (plan.mass, plan.voltage) == (17.9e-3, 0.0)
 
 
@@ -143,7 +144,8 @@ gravity = "9.81 m/s^2"
         ('["a.toml"]', '["a.toml", "a.toml"]', "different names"),
         ('["a.toml"]', '["b.toml"]', "b.toml: cannot be read"),
         ('mass = "20 g"\n[', 'mess = "20 g"\n[', "mess: unknown key: did you mean 'mass'"),
-        ('["0 kV", "1 kV"]', '["1 kV", "0 kV"]', "curves.voltage: given ['1 kV', '0 kV']: must ascend"),
+        ('["0 kV", "1 kV"]', '["1 kV", "0 kV"]',
+         "curves.voltage: given ['1 kV', '0 kV']: must ascend"),
         ("gravity", "gravitas", "rig.gravitas: unknown key"),
     ],
 )

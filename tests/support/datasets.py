@@ -21,7 +21,8 @@ material = "vhb-4910"
 """
 
 
-def write_dataset(folder: Path, head: str = HEAD, specimens: tuple[str, ...] = ("A", "B"), **files: str | bytes
+def write_dataset(folder: Path, head: str = HEAD, specimens: tuple[str, ...] = ("A", "B"),
+                  **files: str | bytes
                   ) -> Path:
     """A dataset's folder with the given heads and CSV files ("static" for static.csv)."""
     folder.mkdir(exist_ok=True)

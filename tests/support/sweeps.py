@@ -88,13 +88,17 @@ class Command:
     def __init__(self, file: Path, folder: Path, *options: str, before: Sequence[str] = ()) -> None:
         """Start it; ``before``: a command that starts commands."""
         # Where nothing is compiled for later, it would be compiled again for every process.
-        kept = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "tympan-tests")}
+        kept = {"PYTHONDONTWRITEBYTECODE": "",
+                "PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "tympan-tests")}
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         environment |= kept if os.environ.get("PYTHONDONTWRITEBYTECODE") else {}
-        arguments = ["-m", "tympan", "sweep", str(file), "-o", str(folder), "--refine", "0.5", "--workers", "2"]
+        arguments = ["-m", "tympan", "sweep", str(file), "-o", str(folder), "--refine", "0.5",
+                     "--workers", "2"]
         self.folder = folder
-        self.process = subprocess.Popen([*before, sys.executable, *arguments, *options], stdout=subprocess.PIPE,
-                                        stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
+        self.process = subprocess.Popen([*before, sys.executable, *arguments, *options],
+                                        stdout=subprocess.PIPE,
+                                        stderr=subprocess.PIPE, text=True, env=environment,
+                                        start_new_session=True)
 
     def ended(self) -> tuple[int, str]:
         """Wait: exit status and what it said on standard error."""

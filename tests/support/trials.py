@@ -13,7 +13,8 @@ MASSES = (17.9e-3, 22.45e-3)
 
 def every_cause(simulation: Simulation) -> list[Cause]:
     """All but those that only a way up and down shows."""
-    return [Cause(name, which) for name, effect in REGISTRY.items() if "direction" not in effect.columns
+    return [Cause(name, which) for name, effect in REGISTRY.items()
+            if "direction" not in effect.columns
             for which in effect.choices(simulation.setup)]
 
 
@@ -25,10 +26,12 @@ def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES)
     return rows(States.of(specimen.astype(np.int64), mass, voltage, elapsed), "displacement", sigma)
 
 
-def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: list[float], seed: int) -> Table:
+def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: list[float],
+         seed: int) -> Table:
     """The table with readings, noise included, of films 5 % stiffer and 3 % less permittive than nominal."""
     values = simulation.predict(hypothesis, np.array([0.05, -0.03, *sizes]), table)
-    return table.with_values(values + table.sigma * np.random.default_rng(seed).standard_normal(len(table)))
+    return table.with_values(values + table.sigma
+                             * np.random.default_rng(seed).standard_normal(len(table)))
 
 
 def size_of(cause: Cause, deviations: float) -> float:

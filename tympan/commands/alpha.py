@@ -11,9 +11,11 @@ from tympan.options import command, mesh_argument, read_rig, read_settings, show
 
 def add(commands: Any) -> None:
     """The subcommand."""
-    parser = command(commands, "alpha", _run, "weights of the circular actuators that stand for a shape")
+    parser = command(commands, "alpha", _run,
+                     "weights of the circular actuators that stand for a shape")
     specimen_argument(parser)
-    parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
+    parser.add_argument("--circles", type=int, default=2, metavar="N",
+                        help="how many (default: %(default)s)")
     parser.add_argument("--radii", default="semi_axes", metavar="CHOICE",
                         help="of the circles: semi_axes (the frame's half extents and between them), sectors (the "
                         "frame's distance in as many parts of the full angle) or fit (default: %(default)s)")
@@ -21,7 +23,8 @@ def add(commands: Any) -> None:
                         help="circles solved as membranes, as the paper's cones, or as cones scaled to the membrane")
     parser.add_argument("--uncertainty", action="store_true",
                         help="also how far α changes with the mesh, the material and the range of loads")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, spring, amplifier and sensor")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
 
@@ -41,5 +44,6 @@ def _run(options: argparse.Namespace) -> None:
         result = alpha(specimen, settings, chosen, rig, progress)
         answer = result.json(options.basis)
         if options.uncertainty:
-            answer["uncertainty"] = uncertainty(specimen, settings, chosen, rig, result, progress).json()
+            answer["uncertainty"] = uncertainty(specimen, settings, chosen, rig, result,
+                                                progress).json()
     show(answer, options.json)

@@ -8,7 +8,8 @@ from typing import Any
 
 from tympan.options import command, mesh_argument, parse_quantity, read_settings, specimen_argument
 
-#: Sizes of the parts by the field of :class:`tympan.geometry.cad.parts.PartOptions`: default, and what it is.
+#: Sizes of the parts by the field of :class:`tympan.geometry.cad.parts.PartOptions`: default, and
+#: what it is.
 SIZES = {
     "width": ("10 mm", "of frame and clamp ring around the film"),
     "frame_height": ("4 mm", "of the frame"),
@@ -21,11 +22,13 @@ SIZES = {
 
 def add(commands: Any) -> None:
     """The subcommand."""
-    parser = command(commands, "export", _run, "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
+    parser = command(commands, "export", _run,
+                     "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
     specimen_argument(parser)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     for name, (default, words) in SIZES.items():
-        parser.add_argument(_option(name), default=default, metavar="LENGTH", help=f"{words} (default: %(default)s)")
+        parser.add_argument(_option(name), default=default, metavar="LENGTH",
+                            help=f"{words} (default: %(default)s)")
     mesh_argument(parser)
 
 
@@ -36,7 +39,8 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.studies.export import export
 
     specimen, settings = load_specimen(options.specimen), read_settings(options)
-    sizes = {name: parse_quantity(getattr(options, name), "length", _option(name)) for name in SIZES}
+    sizes = {name: parse_quantity(getattr(options, name), "length", _option(name))
+             for name in SIZES}
     try:
         chosen = PartOptions(**sizes)
     except InputError as error:

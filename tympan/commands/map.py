@@ -11,9 +11,11 @@ from tympan.options import command, show
 
 def add(commands: Any) -> None:
     """The subcommand."""
-    parser = command(commands, "map", _run, "α and stroke of ellipses by aspect ratio and plate size; a formula for α")
+    parser = command(commands, "map", _run,
+                     "α and stroke of ellipses by aspect ratio and plate size; a formula for α")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
+    parser.add_argument("--workers", type=int, default=2, metavar="N",
+                        help="processes (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

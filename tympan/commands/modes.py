@@ -19,15 +19,20 @@ from tympan.options import (
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "modes", _run, "natural frequencies and shapes under one load and voltage")
+    parser = command(commands, "modes", _run,
+                     "natural frequencies and shapes under one load and voltage")
     specimen_argument(parser)
-    parser.add_argument("--mass", required=True, help='of the plate with its weight, such as "17.9 g"')
-    parser.add_argument("--voltage", default="0 kV", help='held across the film (default: %(default)s)')
+    parser.add_argument("--mass", required=True,
+                        help='of the plate with its weight, such as "17.9 g"')
+    parser.add_argument("--voltage", default="0 kV",
+                        help='held across the film (default: %(default)s)')
     parser.add_argument("--point-mass", default="0 g", metavar="MASS",
                         help="part of the mass that sits in the plate's centre; the rest is spread evenly over the "
                              "plate (default: %(default)s)")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, unaccounted mass, spring, amplifier")
-    parser.add_argument("--count", type=int, default=6, metavar="N", help="how many (default: %(default)s)")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, unaccounted mass, spring, amplifier")
+    parser.add_argument("--count", type=int, default=6, metavar="N",
+                        help="how many (default: %(default)s)")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="also store shapes (VTU), a picture (PNG) and the numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

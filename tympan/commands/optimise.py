@@ -11,7 +11,8 @@ from tympan.options import command, mesh_argument, read_settings, show
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "optimise", _run, "lengths of frame and plate with the largest stroke under limits")
+    parser = command(commands, "optimise", _run,
+                     "lengths of frame and plate with the largest stroke under limits")
     parser.add_argument("file", type=Path, nargs="?", metavar="OPTIMISE.toml",
                         help="the problem; left out: the paper's large ellipse at equal frame area and perimeter")
     parser.add_argument("-o", "--output", type=Path, default=Path("optimum"), metavar="DIR",

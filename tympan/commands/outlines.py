@@ -12,7 +12,8 @@ from tympan.options import command, mesh_argument, read_settings
 
 def add(commands: Any) -> None:
     """The subcommand."""
-    parser = command(commands, "outlines", _run, "α of every registered outline with its held-out error")
+    parser = command(commands, "outlines", _run,
+                     "α of every registered outline with its held-out error")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
@@ -35,7 +36,8 @@ def _run(options: argparse.Namespace) -> None:
     names = HEADER[:-1]
     widths = [max(9 if number else 17, len(name)) for number, name in enumerate(names)]
     for cells in ([*names], *([_cell(line[name]) for name in names] for line in table)):
-        print("  ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip())
+        print("  ".join(f"{cell:<{width}}"
+                        for cell, width in zip(cells, widths, strict=True)).rstrip())
 
 
 def _cell(value: Any) -> str:

@@ -19,13 +19,17 @@ from tympan.options import (
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "path", _run, "equilibria through limit points, stable or not, by arc length")
+    parser = command(commands, "path", _run,
+                     "equilibria through limit points, stable or not, by arc length")
     specimen_argument(parser)
     parser.add_argument("--mass", required=True, help='on the plate at the start, such as "17.9 g"')
-    parser.add_argument("--voltage", default="0 kV", help="across the film at the start (default: %(default)s)")
-    parser.add_argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
+    parser.add_argument("--voltage", default="0 kV",
+                        help="across the film at the start (default: %(default)s)")
+    parser.add_argument("--along", choices=("voltage", "charge", "mass", "pressure"),
+                        default="voltage",
                         help="what grows; gas pressure acts below film and plate (default: %(default)s)")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, springs, magnets, guide, gas pressure")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, springs, magnets, guide, gas pressure")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="also store the stations (CSV), a picture (PNG), the numbers, fields and critical mode "
                              "at each limit point (VTU)")
@@ -43,7 +47,8 @@ def _run(options: argparse.Namespace) -> None:
     case = Case(specimen, parse_quantity(options.mass, "mass", "--mass"),
                 parse_quantity(options.voltage, "voltage", "--voltage"), read_rig(options.rig))
     with bar(1) as progress:
-        result, limits = branches.branch(case, read_settings(options), options.along, progress=progress)
+        result, limits = branches.branch(case, read_settings(options), options.along,
+                                         progress=progress)
     if options.output is not None:
         from tympan.reports.figures.path import draw
 

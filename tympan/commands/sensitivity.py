@@ -19,14 +19,17 @@ from tympan.options import (
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "sensitivity", _run, "exact derivatives of results by every number that enters them")
+    parser = command(commands, "sensitivity", _run,
+                     "exact derivatives of results by every number that enters them")
     specimen_argument(parser)
     parser.add_argument("--mass", required=True, help='on the plate, such as "17.9 g"')
-    parser.add_argument("--voltage", default="0 kV", help='across the film, such as "3.5 kV" (default: %(default)s)')
+    parser.add_argument("--voltage", default="0 kV",
+                        help='across the film, such as "3.5 kV" (default: %(default)s)')
     parser.add_argument("--of", default="heave", metavar="NAMES",
                         help="results, with commas between: heave, tilt, reaction, capacitance, energy, max_stretch, "
                              "max_true_stress, max_field (default: %(default)s); past pull-in, the pull-in load")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and what else acts")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, spring, amplifier and what else acts")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
 

@@ -13,13 +13,17 @@ from tympan.options import command, mesh_argument, read_settings, show
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "sweep", _run, "solve grids, lists or samples of specimens; goes on where it was ended")
-    parser.add_argument("file", type=Path, metavar="SWEEP.toml", help="which specimens, masses and voltages")
+    parser = command(commands, "sweep", _run,
+                     "solve grids, lists or samples of specimens; goes on where it was ended")
+    parser.add_argument("file", type=Path, metavar="SWEEP.toml",
+                        help="which specimens, masses and voltages")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="tables as netCDF, Parquet and CSV; finished cases, which are not solved again")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: its processors)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')
+    where.add_argument("--workers", type=int, metavar="N",
+                       help="processes on this machine (default: its processors)")
+    where.add_argument("--scheduler", metavar="ADDRESS",
+                       help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     mesh_argument(parser)
 
@@ -36,7 +40,8 @@ def _run(options: argparse.Namespace) -> None:
     if not 1 <= workers <= 1024:
         raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
     sweep = read_sweep(options.file, read_settings(options))
-    solve = partial(cluster, address=options.scheduler) if options.scheduler else partial(processes, workers=workers)
+    solve = partial(cluster, address=options.scheduler) if options.scheduler else partial(processes,
+                                                                                          workers=workers)
     done = 0
     try:
         with cases(sweep.cases) as progress:

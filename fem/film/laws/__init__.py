@@ -19,7 +19,9 @@ from tympan.fem.film.laws.separable import PrestretchedOgden, Separable
 from tympan.fem.film.laws.stiffened import Stiffened
 
 __all__ = [
-    "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden", "PrestretchedOgden",
-    "Separable", "Stiffened", "Yeoh", "checked", "ellipticity_margin", "hill_margin", "inadmissible_stretch",
+    "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden",
+    "PrestretchedOgden",
+    "Separable", "Stiffened", "Yeoh", "checked", "ellipticity_margin", "hill_margin",
+    "inadmissible_stretch",
     "reachable_stretches", "register",
 ]

@@ -18,7 +18,8 @@ Margin = Callable[[Material, Any, Any], Array]
 STRETCH_RANGE = (0.5, 6.0)
 
 
-def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1],
+def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
+                        highest: float = STRETCH_RANGE[1],
                         include: float = 1.0) -> tuple[Array, Array]:
     """A grid of principal stretches λ₁ ≥ λ₂ in a range, where W is not infinite; with the virgin state and ``include``.
 
@@ -36,8 +37,9 @@ def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0], hi
 def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
     """Smallest stiffness of true stress against the logarithms of the stretches [Pa]; positive where Hill's holds.
 
-    Hill's inequality for incompressible solids: W must be convex in the logarithms of the stretches (Ogden,
-    *Non-Linear Elastic Deformations*, §6.2.7), so that true stress grows with stretch in every direction.
+    Hill's inequality for incompressible solids: W must be convex in the logarithms of the stretches
+    (Ogden, *Non-Linear Elastic Deformations*, §6.2.7), so that true stress grows with stretch in
+    every direction.
     """
     l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
     with np.errstate(all="ignore"):
@@ -51,9 +53,10 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
     """The smallest of five stiffnesses [Pa], positive where deformations within the film's plane are strongly elliptic.
 
-    Where it is not, deformations of the plane can jump across lines. The five conditions, necessary and sufficient for
-    an isotropic energy of two stretches, are those of Knowles and Sternberg (J. Elasticity 8, 329, 1978); at equal
-    stretches divided differences become derivatives. Out of its plane a film is elliptic where it is in tension, which
+    Where it is not, deformations of the plane can jump across lines. The five conditions, necessary
+    and sufficient for an isotropic energy of two stretches, are those of Knowles and Sternberg (J.
+    Elasticity 8, 329, 1978); at equal stretches divided differences become derivatives. Out of its
+    plane a film is elliptic where it is in tension, which
     :func:`tympan.studies.case.field_warnings` reports on its own.
     """
     l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
@@ -63,11 +66,14 @@ def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
         shear = np.where(near, w1 + l1 * (w11 - w12), (l1 * w1 - l2 * w2) / safe)
         slope = np.where(near, w11 - w12, (w1 - w2) / safe)
         root = np.sqrt(np.maximum(w11 * w22, 0))
-        return np.min([w11, w22, shear, root + w12 + slope, root - w12 + (w1 + w2) / (l1 + l2)], axis=0)
+        return np.min([w11, w22, shear, root + w12 + slope, root - w12 + (w1 + w2) / (l1 + l2)],
+                      axis=0)
 
 
-def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1], *,
-                         margin: Margin = hill_margin, nearest: float = 1.0) -> tuple[float, float] | None:
+def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
+                         highest: float = STRETCH_RANGE[1], *,
+                         margin: Margin = hill_margin, nearest: float = 1.0) -> tuple[float,
+                                                                                      float] | None:
     """The first stretches (λ₁, λ₂) in a range where the law softens against every intuition, or None.
 
     Parameters
@@ -75,7 +81,8 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], h
     margin
         :func:`hill_margin` or :func:`ellipticity_margin`.
     nearest
-        First means nearest, in the logarithms, to this equibiaxial stretch: by default to the virgin film.
+        First means nearest, in the logarithms, to this equibiaxial stretch: by default to the
+        virgin film.
 
     Stretches that the law cannot reach, W = +∞, are left out.
     """
@@ -88,7 +95,8 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0], h
     return float(l1[first]), float(l2[first])
 
 
-def checked(material: Material, lowest: float = STRETCH_RANGE[0], highest: float = STRETCH_RANGE[1]) -> Material:
+def checked(material: Material, lowest: float = STRETCH_RANGE[0],
+            highest: float = STRETCH_RANGE[1]) -> Material:
     """The material itself, if it is admissible over a range, as far as it can be stretched.
 
     Raises
@@ -111,4 +119,5 @@ def _derivatives(material: Material, l1: Any, l2: Any) -> tuple[Array, Array, tu
     """The stretches and the law's values there as arrays of one shape."""
     l1, l2 = np.broadcast_arrays(np.asarray(l1, float), np.asarray(l2, float))
     with np.errstate(all="ignore"):
-        return l1, l2, tuple(np.broadcast_to(value, l1.shape) for value in material.derivatives(l1, l2))
+        return l1, l2, tuple(np.broadcast_to(value, l1.shape)
+                             for value in material.derivatives(l1, l2))

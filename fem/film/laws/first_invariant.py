@@ -18,8 +18,8 @@ from tympan.geometry.toml_reader import POSITIVE, Rule, Table
 class NeoHooke(FirstInvariantLaw):
     """The neo-Hookean law (Rivlin, Phil. Trans. R. Soc. A 240, 459, 1948; Treloar's Gaussian network).
 
-    W = μ/2 (I₁ − 3), μ in Pa. It follows unfilled rubber up to stretches of about 1.5 to 2, and does not stiffen beyond
-    as rubber does.
+    W = μ/2 (I₁ − 3), μ in Pa. It follows unfilled rubber up to stretches of about 1.5 to 2, and
+    does not stiffen beyond as rubber does.
 
     Examples
     --------
@@ -51,8 +51,9 @@ class NeoHooke(FirstInvariantLaw):
 class Yeoh(FirstInvariantLaw):
     """Yeoh's law (Rubber Chem. Technol. 66, 754, 1993) with any number of terms; he used three.
 
-    W = Σ c_k0 (I₁ − 3)ᵏ, k = 1, 2, …, c = (c₁₀, c₂₀, …) in Pa. It follows filled rubber with c₂₀ < 0 < c₃₀; being
-    a polynomial, it is worth nothing beyond the stretches it was fitted to. It does not lock.
+    W = Σ c_k0 (I₁ − 3)ᵏ, k = 1, 2, …, c = (c₁₀, c₂₀, …) in Pa. It follows filled rubber with c₂₀ <
+    0 < c₃₀; being a polynomial, it is worth nothing beyond the stretches it was fitted to. It does
+    not lock.
 
     Examples
     --------
@@ -83,8 +84,8 @@ class Yeoh(FirstInvariantLaw):
 class Gent(FirstInvariantLaw):
     """Gent's law (Rubber Chem. Technol. 69, 59, 1996), whose stress grows without bound at a finite stretch.
 
-    W = −μ J/2 ln(1 − (I₁ − 3)/J), μ in Pa, J = ``j_lim`` without unit. It follows rubber up to I₁ − 3 = J, where its
-    chains are taut; beyond, the film cannot be stretched, W = +∞.
+    W = −μ J/2 ln(1 − (I₁ − 3)/J), μ in Pa, J = ``j_lim`` without unit. It follows rubber up to I₁ −
+    3 = J, where its chains are taut; beyond, the film cannot be stretched, W = +∞.
 
     Examples
     --------
@@ -106,7 +107,8 @@ class Gent(FirstInvariantLaw):
     @classmethod
     def from_table(cls, table: Table) -> Gent:
         """Read ``mu`` (stress) and ``j_lim`` (number)."""
-        return cls(table.quantity("mu", "stress", rule=POSITIVE), table.number("j_lim", rule=POSITIVE))
+        return cls(table.quantity("mu", "stress", rule=POSITIVE),
+                   table.number("j_lim", rule=POSITIVE))
 
     @property
     def locking(self) -> float:
@@ -116,7 +118,9 @@ class Gent(FirstInvariantLaw):
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """−μ J/2 ln(1 − (I₁ − 3)/J) and its derivatives."""
         slope = self.mu / (2 * (1 - excess / self.j_lim))
-        return -self.mu * self.j_lim / 2 * np.log1p(-excess / self.j_lim), slope, slope / (self.j_lim - excess)
+        return -self.mu * self.j_lim / 2 * np.log1p(-excess
+                                                    / self.j_lim), slope, slope / (self.j_lim
+                                                                                   - excess)
 
 
 @register
@@ -124,13 +128,15 @@ class Gent(FirstInvariantLaw):
 class ArrudaBoyce(FirstInvariantLaw):
     """The eight-chain law of Arruda and Boyce (J. Mech. Phys. Solids 41, 389, 1993), as their series of five terms.
 
-    W = μ Σ C_i/λ_lock^(2i−2) (I₁ⁱ − 3ⁱ), C = 1/2, 1/20, 11/1050, 19/7000, 519/673750. μ = n k T [Pa] is the rubbery
-    modulus of the chains (C_R of the paper, ``MU`` of Abaqus) and not the initial shear modulus, which is larger by
-    1 + 3/(5λ²) + 99/(175λ⁴) + 513/(875λ⁶) + 42039/(67375λ⁸), λ = λ_lock: see :attr:`shear_modulus`.
+    W = μ Σ C_i/λ_lock^(2i−2) (I₁ⁱ − 3ⁱ), C = 1/2, 1/20, 11/1050, 19/7000, 519/673750. μ = n k T
+    [Pa] is the rubbery modulus of the chains (C_R of the paper, ``MU`` of Abaqus) and not the
+    initial shear modulus, which is larger by 1 + 3/(5λ²) + 99/(175λ⁴) + 513/(875λ⁶) +
+    42039/(67375λ⁸), λ = λ_lock: see :attr:`shear_modulus`.
 
-    λ_lock = √N is the stretch of a chain of N links when taut; a chain's stretch is √(I₁/3). The series stands for the
-    inverse Langevin function: its stress is 0.5 % too small where chains are at 0.6 λ_lock and 10 % at 0.8 λ_lock. From
-    λ_lock on, W = +∞; the series itself is finite there but means nothing.
+    λ_lock = √N is the stretch of a chain of N links when taut; a chain's stretch is √(I₁/3). The
+    series stands for the inverse Langevin function: its stress is 0.5 % too small where chains are
+    at 0.6 λ_lock and 10 % at 0.8 λ_lock. From λ_lock on, W = +∞; the series itself is finite there
+    but means nothing.
 
     Examples
     --------
@@ -151,7 +157,8 @@ class ArrudaBoyce(FirstInvariantLaw):
     @classmethod
     def from_table(cls, table: Table) -> ArrudaBoyce:
         """Read ``mu`` (stress) and ``lambda_lock`` (number)."""
-        return cls(table.quantity("mu", "stress", rule=POSITIVE), table.number("lambda_lock", rule=_ABOVE_ONE))
+        return cls(table.quantity("mu", "stress", rule=POSITIVE),
+                   table.number("lambda_lock", rule=_ABOVE_ONE))
 
     @property
     def locking(self) -> float:
@@ -160,13 +167,15 @@ class ArrudaBoyce(FirstInvariantLaw):
 
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """The series and its derivatives."""
-        c = tuple(self.mu * number / self.lambda_lock ** (2 * power) for power, number in enumerate(_LANGEVIN))
+        c = tuple(self.mu * number / self.lambda_lock ** (2 * power)
+                  for power, number in enumerate(_LANGEVIN))
         f, slope, bend = _polynomial(c, excess + 3)
         return f - _polynomial(c, 3.0)[0], slope, bend
 
 
 _LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-_ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"), "must be above 1 (at 1 the chains would be taut at rest)")
+_ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"),
+                    "must be above 1 (at 1 the chains would be taut at rest)")
 
 
 def _polynomial(c: tuple[float, ...], x: Any) -> tuple[Any, Any, Any]:

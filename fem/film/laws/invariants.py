@@ -24,7 +24,8 @@ def first_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
 def second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
     """I₂ − 3 = λ₁⁻² + λ₂⁻² + λ₃⁻² − 3."""
     s1, s2 = l1 * l1, l2 * l2
-    return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)), 2 * (l2 * s1 - 1 / (s2 * l2)),
+    return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)),
+            2 * (l2 * s1 - 1 / (s2 * l2)),
             2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2)
 
 
@@ -61,4 +62,5 @@ class FirstInvariantLaw(ABC):
         if np.all(defined):
             return self.energy(excess)
         f, slope, bend = self.energy(np.where(defined, excess, 0.0))
-        return np.where(defined, f, inf), np.where(defined, slope, nan), np.where(defined, bend, nan)
+        return np.where(defined, f, inf), np.where(defined, slope, nan), np.where(defined, bend,
+                                                                                  nan)

@@ -21,7 +21,8 @@ def register(cls: type[Any]) -> type[Any]:
 def require_above(bound: float, **constants: float) -> None:
     """Refuse constants that are not above a bound.
 
-    They may carry an imaginary step (:mod:`tympan.fem.derivatives.sensitivity`), which does not count.
+    They may carry an imaginary step (:mod:`tympan.fem.derivatives.sensitivity`), which does not
+    count.
 
     Examples
     --------

@@ -27,6 +27,7 @@ def scaled(material: Material, factor: float) -> Material:
         if hasattr(value, "law"):
             changed[item.name] = scaled(value, factor)
         elif item.name in STRESSES:
-            changed[item.name] = tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+            changed[item.name] = tuple(factor * one for one in value) if isinstance(value,
+                                                                                    tuple) else factor * value
     found: Material = replace(law, **changed)
     return found

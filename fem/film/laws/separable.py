@@ -15,13 +15,15 @@ from tympan.geometry.toml_reader import Rule, Table
 class Prestretched(ABC):
     """Energies of the relative stretches lᵢ = λᵢ/λ_r, λ_r = ``reference``, built to give Eq. (8) of the source paper.
 
-    Eq. (8) is σ(l) = Σ (β_p l^α_p − γ_p l^−α_p), α = 2, 4, 6: the true stress along a film that is stretched by l from
-    the mounted state while its width is held. One stress in one such test does not make a law for two stretches: an
-    assumption must be added on what carries γ, and each subclass is one.
+    Eq. (8) is σ(l) = Σ (β_p l^α_p − γ_p l^−α_p), α = 2, 4, 6: the true stress along a film that is
+    stretched by l from the mounted state while its width is held. One stress in one such test does
+    not make a law for two stretches: an assumption must be added on what carries γ, and each
+    subclass is one.
 
-    The reference is equibiaxial, because an isotropic W(λ₁, λ₂) must not change when its stretches are exchanged.
-    Volume is preserved, so energy per mounted and per virgin volume are the same. W is 0 at the reference, where the
-    stress is Σ (β − γ); the virgin film is in general not free of stress, and nothing says what it does there.
+    The reference is equibiaxial, because an isotropic W(λ₁, λ₂) must not change when its stretches
+    are exchanged. Volume is preserved, so energy per mounted and per virgin volume are the same. W
+    is 0 at the reference, where the stress is Σ (β − γ); the virgin film is in general not free of
+    stress, and nothing says what it does there.
     """
 
     stress_free_when_virgin: ClassVar[bool] = False
@@ -33,7 +35,8 @@ class Prestretched(ABC):
     def __post_init__(self) -> None:
         """Refuse lists that do not match, powers that are not positive and a reference that is no stretch."""
         if not len(self.beta) == len(self.gamma) == len(self.alpha) > 0:
-            raise InputError("beta, gamma and alpha must be lists of the same length, at least one", key="beta",
+            raise InputError("beta, gamma and alpha must be lists of the same length, at least one",
+                             key="beta",
                              given=f"{len(self.beta)}, {len(self.gamma)} and {len(self.alpha)} values")
         require_above(0, reference=self.reference, alpha=min(power.real for power in self.alpha))
 
@@ -64,10 +67,11 @@ class Prestretched(ABC):
 class Separable(Prestretched):
     """Eq. (8) of the source paper with every in-plane stretch on its own: W = w(λ₁/λ_r) + w(λ₂/λ_r).
 
-    w(l) = Σ (β_p l^α_p + γ_p l^−α_p − β_p − γ_p)/α_p, so that the true stress σᵢ = Σ (β_p lᵢ^α_p − γ_p lᵢ^−α_p) is
-    Eq. (8) whatever the other stretch: a film without coupling between its axes. Incompressibility gives the
-    thickness but λ₃ does not enter the energy. With all β, γ > 0 it is admissible everywhere; with the paper's Table 1
-    (γ < 0) stress falls with stretch at the mounted state. It does not lock.
+    w(l) = Σ (β_p l^α_p + γ_p l^−α_p − β_p − γ_p)/α_p, so that the true stress σᵢ = Σ (β_p lᵢ^α_p −
+    γ_p lᵢ^−α_p) is Eq. (8) whatever the other stretch: a film without coupling between its axes.
+    Incompressibility gives the thickness but λ₃ does not enter the energy. With all β, γ > 0 it is
+    admissible everywhere; with the paper's Table 1 (γ < 0) stress falls with stretch at the mounted
+    state. It does not lock.
 
     Examples
     --------
@@ -107,10 +111,11 @@ class Separable(Prestretched):
 class PrestretchedOgden(Prestretched):
     """Eq. (8) of the source paper with γ carried by the thickness: an Ogden law written for the mounted film.
 
-    W = Σ (β_p (l₁^α_p + l₂^α_p − 2) + γ_p (l₃^α_p − 1))/α_p, l₃ = 1/(l₁ l₂), so σᵢ = Σ (β_p lᵢ^α_p − γ_p l₃^α_p):
-    Eq. (8) where l₂ = 1, its l^−α being the paper's λ_z^α by its Eqs. (2) and (3). Ogden's law of a virgin film
-    stretched by λ_r has this form with β = μ λ_r^α and γ = μ λ_r^−2α, so both of one sign and β/γ = λ_r^3α; β = γ
-    is an Ogden film mounted without prestretch. The paper's Table 1 (γ < 0 < β) is neither.
+    W = Σ (β_p (l₁^α_p + l₂^α_p − 2) + γ_p (l₃^α_p − 1))/α_p, l₃ = 1/(l₁ l₂), so σᵢ = Σ (β_p lᵢ^α_p
+    − γ_p l₃^α_p): Eq. (8) where l₂ = 1, its l^−α being the paper's λ_z^α by its Eqs. (2) and (3).
+    Ogden's law of a virgin film stretched by λ_r has this form with β = μ λ_r^α and γ = μ λ_r^−2α,
+    so both of one sign and β/γ = λ_r^3α; β = γ is an Ogden film mounted without prestretch. The
+    paper's Table 1 (γ < 0 < β) is neither.
 
     Examples
     --------
@@ -141,4 +146,5 @@ class PrestretchedOgden(Prestretched):
 
 
 _POWER: Rule = (lambda x: 0 < x <= 50, "must be above 0, at most 50")
-_REFERENCE: Rule = (lambda x: 0.2 <= x <= 10, "must be a stretch between 0.2 and 10 (from the virgin film)")
+_REFERENCE: Rule = (lambda x: 0.2 <= x <= 10,
+                    "must be a stretch between 0.2 and 10 (from the virgin film)")

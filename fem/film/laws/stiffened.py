@@ -19,11 +19,12 @@ from tympan.geometry.toml_reader import Rule, Table
 class Stiffened:
     """Another law, plus an energy φ of the first invariant that hardens it without stress where the film is mounted.
 
-    φ = S [I_m/(1+h) (I₁/I_m)^(1+h) − I₁], so that φ′ = S [(I₁/I_m)^h − 1]: nothing at I₁ = I_m. S is the slope of the
-    neo-Hookean law with the modulus of the ``nominal`` one, ∂²W/∂λ₁²/8 of the virgin film; h = ``exponent``, without
-    unit, I_m = ``invariant``, I₁ of the mounted film. A neo-Hookean film gets ∂W/∂I₁ = S (I₁/I_m)^h, as Gent's law has
-    it about I_m with h = I_m/(J + 3 − I_m). h > 0 hardens, h < 0 softens; h = 0 is the nominal law. The virgin film
-    changes too: its modulus becomes that of the nominal law times about (3/I_m)^h. Where the nominal law is
+    φ = S [I_m/(1+h) (I₁/I_m)^(1+h) − I₁], so that φ′ = S [(I₁/I_m)^h − 1]: nothing at I₁ = I_m. S
+    is the slope of the neo-Hookean law with the modulus of the ``nominal`` one, ∂²W/∂λ₁²/8 of the
+    virgin film; h = ``exponent``, without unit, I_m = ``invariant``, I₁ of the mounted film. A
+    neo-Hookean film gets ∂W/∂I₁ = S (I₁/I_m)^h, as Gent's law has it about I_m with h = I_m/(J + 3
+    − I_m). h > 0 hardens, h < 0 softens; h = 0 is the nominal law. The virgin film changes too: its
+    modulus becomes that of the nominal law times about (3/I_m)^h. Where the nominal law is
     undefined, so is this.
 
     Examples
@@ -46,7 +47,8 @@ class Stiffened:
         """Refuse an invariant no film has, and powers without a finite energy."""
         require_above(-1, exponent=self.exponent)
         if not self.invariant.real >= 3:
-            raise InputError("must be at least 3, the virgin film's", key="invariant", given=self.invariant)
+            raise InputError("must be at least 3, the virgin film's", key="invariant",
+                             given=self.invariant)
 
     @classmethod
     def from_table(cls, table: Table) -> Stiffened:
@@ -54,7 +56,8 @@ class Stiffened:
         inner = table.table("nominal")
         nominal = inner.choice("law", REGISTRY)(inner)
         inner.done()
-        return cls(nominal, table.number("exponent", rule=_EXPONENT), table.number("invariant", rule=_INVARIANT))
+        return cls(nominal, table.number("exponent", rule=_EXPONENT),
+                   table.number("invariant", rule=_INVARIANT))
 
     @property
     def stress_free_when_virgin(self) -> bool:
@@ -79,7 +82,8 @@ class Stiffened:
         bend1, bend2 = bend * i1, bend * i2
         added = (f, slope * i1, slope * i2,
                  slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
-        return tuple(own + more for own, more in zip(self.nominal.derivatives(l1, l2), added, strict=True))
+        return tuple(own + more for own, more in zip(self.nominal.derivatives(l1, l2), added,
+                                                     strict=True))
 
     def _energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """φ counted from the virgin film, φ′ and φ″."""
@@ -87,7 +91,8 @@ class Stiffened:
         ratio = (excess + 3) / mounted
         power = ratio**h
         energy = mounted / (1 + h) * (power * ratio - (3 / mounted) ** (1 + h)) - excess
-        return self._scale * energy, self._scale * (power - 1), self._scale * h * power / (ratio * mounted)
+        return self._scale * energy, self._scale * (power - 1), self._scale * h * power / (ratio
+                                                                                           * mounted)
 
 
 _EXPONENT: Rule = (lambda x: -1 < x <= 10, "must be above -1 and at most 10")

@@ -37,7 +37,8 @@ class Drawn(Boxed):
         miss = np.linalg.norm(ends - starts, axis=1)
         if miss.max() > JOINT * np.ptp(ends, axis=0).max() + 1e-12:
             x, y = 1e3 * ends[int(miss.argmax())]
-            raise table.error("segments", f"must be closed: the piece that ends at {x:.4g}, {y:.4g} mm is "
+            raise table.error("segments",
+                              f"must be closed: the piece that ends at {x:.4g}, {y:.4g} mm is "
                               f"{miss.max() * 1e3:.3g} mm away from the start of the next")
         return found
 
@@ -46,7 +47,8 @@ class Drawn(Boxed):
         """A bullet: a half ellipse, two lines and a spline."""
         tail = Spline((0.0, 1.0, 2.0), ((-30e-3, 45e-3), (-45e-3, 0.0), (-30e-3, -45e-3)),
                       ((-30e-3, 0.0), (30e-3, 0.0)))
-        return cls((Arc((20e-3, 0.0), (40e-3, 45e-3), -np.pi / 2, np.pi), Line((20e-3, 45e-3), (-30e-3, 45e-3)), tail,
+        return cls((Arc((20e-3, 0.0), (40e-3, 45e-3), -np.pi / 2, np.pi),
+                    Line((20e-3, 45e-3), (-30e-3, 45e-3)), tail,
                     Line((-30e-3, -45e-3), (20e-3, -45e-3))))
 
     @property
@@ -62,14 +64,17 @@ class Drawn(Boxed):
 def segment_content(piece: Piece, text: Any) -> Mapping[str, Any]:
     """A piece as a table; ``text`` writes a quantity of a dimension."""
     def lengths(points: Any) -> Any:
-        return [lengths(point) for point in points] if isinstance(points, tuple) else text(points, "length")
+        return [lengths(point) for point in points] if isinstance(points, tuple) else text(points,
+                                                                                           "length")
 
     if isinstance(piece, Line):
         return {"kind": "line", "start": lengths(piece.start), "end": lengths(piece.end)}
     if isinstance(piece, Arc):
         angles = {name: text(getattr(piece, name), "angle") for name in ("start", "sweep", "turn")}
-        return {"kind": "arc", "centre": lengths(piece.centre), "radii": lengths(piece.radii), **angles}
-    return {"kind": "spline", "knots": [float(knot) for knot in piece.knots], "points": lengths(piece.points),
+        return {"kind": "arc", "centre": lengths(piece.centre), "radii": lengths(piece.radii),
+                **angles}
+    return {"kind": "spline", "knots": [float(knot) for knot in piece.knots],
+            "points": lengths(piece.points),
             "slopes": lengths(piece.slopes)}
 
 
@@ -93,7 +98,8 @@ def _spline(table: Table) -> Piece:
     knots, points = table.numbers("knots"), table.places("points", 2)
     slopes = table.places("slopes", 2)
     if len(knots) != len(points) or len(slopes) != 2 or min(np.diff(knots)) <= 0:
-        raise table.error("knots", "must be ascending numbers, one a point, with slopes at both ends")
+        raise table.error("knots",
+                          "must be ascending numbers, one a point, with slopes at both ends")
     return Spline(knots, points, (slopes[0], slopes[1]))
 
 
@@ -106,13 +112,15 @@ def joined(pieces: list[Piece], which: str | None) -> Drawn:
         Naming the place, where a curve is open or branches, or where there is not one curve.
     """
     ends = np.array([[piece.at(np.array([t]))[0][0] for t in (0.0, 1.0)] for piece in pieces])
-    tolerance = JOINT * float(np.ptp(ends.reshape(-1, 2), axis=0).max() or np.max(np.abs(ends))) + 1e-12
+    tolerance = JOINT * float(np.ptp(ends.reshape(-1, 2), axis=0).max()
+                              or np.max(np.abs(ends))) + 1e-12
     left, loops = list(range(len(pieces))), []
     while left:
         first = left.pop(0)
         loop, begin, end = [pieces[first]], ends[first, 0], ends[first, 1]
         while np.linalg.norm(end - begin) > tolerance:
-            near = [(k, side) for k in left for side in (0, 1) if np.linalg.norm(ends[k, side] - end) <= tolerance]
+            near = [(k, side) for k in left for side in (0, 1)
+                    if np.linalg.norm(ends[k, side] - end) <= tolerance]
             if len(near) != 1:
                 x, y = 1e3 * end
                 words = "is open" if not near else "branches"

@@ -30,7 +30,8 @@ def _read(table: Table, layer: str | None) -> Drawn:
     try:
         return joined(step_pieces(file) if layer is None else dxf_pieces(file, layer), which)
     except InputError as error:
-        raise InputError(error.allowed, file=table.file, key=table.path("file"), given=str(file)) from None
+        raise InputError(error.allowed, file=table.file, key=table.path("file"),
+                         given=str(file)) from None
 
 
 #: Readers by shape.

@@ -20,7 +20,8 @@ _SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number
 class RegularPolygon(Boxed):
     """Equal ``sides``, corners on a circle of ``radius``, one on the x axis, rounded by ``fillet`` [m].
 
-    The bounding box is centred, so the corners' circle is off centre where the number of sides is odd.
+    The bounding box is centred, so the corners' circle is off centre where the number of sides is
+    odd.
     """
 
     shape: ClassVar[str] = "regular_polygon"
@@ -31,7 +32,8 @@ class RegularPolygon(Boxed):
     @classmethod
     def from_table(cls, table: Table) -> RegularPolygon:
         """Read ``sides``, ``radius`` and ``fillet``."""
-        return cls(int(table.number("sides", rule=_SIDES)), table.quantity("radius", "length", rule=SIZE),
+        return cls(int(table.number("sides", rule=_SIDES)),
+                   table.quantity("radius", "length", rule=SIZE),
                    table.quantity("fillet", "length", "0 mm", ROUNDING))
 
     @classmethod
@@ -42,7 +44,8 @@ class RegularPolygon(Boxed):
     def pieces(self) -> tuple[Piece, ...]:
         """Lines, and arcs between them."""
         angles = 2 * np.pi * np.arange(self.sides) / self.sides
-        corners = [(self.radius * float(np.cos(angle)), self.radius * float(np.sin(angle))) for angle in angles]
+        corners = [(self.radius * float(np.cos(angle)), self.radius * float(np.sin(angle)))
+                   for angle in angles]
         return filleted(corners, self.fillet)
 
 
@@ -58,12 +61,14 @@ class Polygon(Boxed):
     @classmethod
     def from_table(cls, table: Table) -> Polygon:
         """Read ``vertices`` and ``fillet``."""
-        return cls(table.places("vertices", 3), table.quantity("fillet", "length", "0 mm", ROUNDING))
+        return cls(table.places("vertices", 3),
+                   table.quantity("fillet", "length", "0 mm", ROUNDING))
 
     @classmethod
     def example(cls) -> Polygon:
         """A blunt arrow head: it has one mirror plane and a re-entrant corner."""
-        return cls(((60e-3, 0.0), (-20e-3, 45e-3), (-60e-3, 38e-3), (-45e-3, 0.0), (-60e-3, -38e-3), (-20e-3, -45e-3)),
+        return cls(((60e-3, 0.0), (-20e-3, 45e-3), (-60e-3, 38e-3), (-45e-3, 0.0), (-60e-3, -38e-3),
+                    (-20e-3, -45e-3)),
                    8e-3)
 
     @property

@@ -26,7 +26,8 @@ class RoundedRectangle(Symmetric):
         axes = table.pair("semi_axes", "length", rule=SIZE)
         radius = table.quantity("corner_radius", "length", rule=ROUNDING)
         if radius > min(axes) * (1 + 1e-12):
-            raise table.error("corner_radius", "must not exceed the smaller half side: use a stadium or a circle there",
+            raise table.error("corner_radius",
+                              "must not exceed the smaller half side: use a stadium or a circle there",
                               table.value("corner_radius"))
         return cls(axes, radius)
 

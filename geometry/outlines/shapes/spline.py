@@ -28,7 +28,8 @@ class ClosedSpline(Boxed):
     @classmethod
     def example(cls) -> ClosedSpline:
         """An egg."""
-        return cls(((68e-3, 0.0), (35e-3, 37e-3), (-15e-3, 45e-3), (-52e-3, 0.0), (-15e-3, -45e-3), (35e-3, -37e-3)))
+        return cls(((68e-3, 0.0), (35e-3, 37e-3), (-15e-3, 45e-3), (-52e-3, 0.0), (-15e-3, -45e-3),
+                    (35e-3, -37e-3)))
 
     @property
     def simple(self) -> bool:
@@ -42,7 +43,8 @@ class ClosedSpline(Boxed):
         step = np.sqrt((rise * rise).sum(axis=1))
         slope = tuple(_slopes(step, rise)[0].tolist())
         knots = np.concatenate([np.zeros(1), np.cumsum(step)])
-        return (Spline(tuple(knots.tolist()), tuple((x, y) for x, y in points.tolist()), (slope, slope)),)
+        return (Spline(tuple(knots.tolist()), tuple((x, y) for x, y in points.tolist()),
+                       (slope, slope)),)
 
 
 def _slopes(step: Array, rise: Array) -> Array:

@@ -28,7 +28,8 @@ class Superellipse(Symmetric):
     @classmethod
     def from_table(cls, table: Table) -> Superellipse:
         """Read ``semi_axes`` and ``exponent``."""
-        return cls(table.pair("semi_axes", "length", rule=SIZE), table.number("exponent", rule=_EXPONENT))
+        return cls(table.pair("semi_axes", "length", rule=SIZE),
+                   table.number("exponent", rule=_EXPONENT))
 
     @classmethod
     def example(cls) -> Superellipse:

@@ -17,8 +17,9 @@ _SIZES = np.geomspace(0.3, 100.0, 12)
 def unknown_evidence(nominal: Fit, groups: tuple[Pattern, ...], sigma: Array) -> float:
     """Logarithm of the probability of the readings if the nominal model is off by some smooth pattern.
 
-    A pattern's columns have independent normal coefficients that make it a typical size, the same for one pattern of
-    the table at a time or for all; the nominal model is taken as linear about its fit.
+    A pattern's columns have independent normal coefficients that make it a typical size, the same
+    for one pattern of the table at a time or for all; the nominal model is taken as linear about
+    its fit.
 
     Parameters
     ----------

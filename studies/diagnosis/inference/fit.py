@@ -14,26 +14,29 @@ from tympan.studies.diagnosis.reduced.simulation import Hypothesis, Simulation, 
 
 Array = NDArray[np.float64]
 
-#: What is known beforehand of the logarithms of the factors on stiffness and permittivity, as standard deviations:
-#: sources on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to 4.7 in permittivity.
+#: What is known beforehand of the logarithms of the factors on stiffness and permittivity, as
+#: standard deviations: sources on one tape differ by a factor of 1.7 in stiffness, and from 2.6 to
+#: 4.7 in permittivity.
 NUISANCE = np.array([0.5, 0.4])
 
 _ITERATIONS, _SMALL, _STIFFEST = 40, 1e-4, 1e8
 _NODES = 24
 
 #: Starts for the logarithms of stiffness and permittivity when the nominal model has no equilibria.
-_STARTS = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.5, 0.0), (0.0, -0.5), (0.0, -1.5), (-0.7, -0.7), (2.5, 0.0))
+_STARTS = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.5, 0.0), (0.0, -0.5), (0.0, -1.5), (-0.7, -0.7),
+           (2.5, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A hypothesis fitted to a table.
 
-    ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``: derivatives of the
-    predictions over the noise by the unknowns; ``precision``: second derivatives of the cost with the priors, by which
-    the unknowns are about normal; ``cost``: minus the logarithm of posterior density, up to what all hypotheses share;
-    ``evidence``: logarithm of the probability of the readings, up to the same. ``found`` is False where no unknowns
-    make a state of equilibrium of every state that was read.
+    ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
+    derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
+    of the cost with the priors, by which the unknowns are about normal; ``cost``: minus the
+    logarithm of posterior density, up to what all hypotheses share; ``evidence``: logarithm of the
+    probability of the readings, up to the same. ``found`` is False where no unknowns make a state
+    of equilibrium of every state that was read.
     """
 
     hypothesis: Hypothesis
@@ -64,7 +67,8 @@ def prior_widths(hypothesis: Hypothesis, widen: float = 1.0) -> Array:
     return np.concatenate([NUISANCE, own])
 
 
-def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Array | None = None, widen: float = 1.0
+def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Array | None = None,
+        widen: float = 1.0
         ) -> Fit:
     """Fit a hypothesis to readings, from sizes at none and, where a sign changes nothing, from the prior's width.
 
@@ -81,10 +85,12 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Arr
         first[: min(len(start), count)] = start[:count]
     bounds = bounds_of(simulation, hypothesis)
     starts = [np.clip(first, *bounds)]
-    even = np.array([item.sign == "even" for cause in hypothesis for item in cause.of_registry.parameters], bool)
+    even = np.array([item.sign == "even" for cause in hypothesis
+                     for item in cause.of_registry.parameters], bool)
     if even.any() and (start is None or len(start) < count):
         width = prior_widths(hypothesis, widen)[2:]
-        starts = [np.clip(first + np.r_[0.0, 0.0, np.where(even, size * width, 0.0)], *bounds) for size in (0.5, 2.0)]
+        starts = [np.clip(first + np.r_[0.0, 0.0, np.where(even, size * width, 0.0)], *bounds)
+                  for size in (0.5, 2.0)]
     fits = [_descend(simulation, hypothesis, table, one, bounds, widen) for one in starts]
     return max(fits, key=lambda one: (one.found, one.evidence))
 
@@ -99,7 +105,8 @@ def nominal_fit(simulation: Simulation, table: Table) -> Fit:
     return found
 
 
-def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, unknowns: Array, bounds: Array, widen: float
+def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, unknowns: Array,
+             bounds: Array, widen: float
              ) -> Fit:
     """Levenberg's and Marquardt's method, with unknowns held that press against a bound."""
     weight = prior_widths(hypothesis, widen) ** -2.0
@@ -140,11 +147,13 @@ def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, unkno
     return Fit(hypothesis, unknowns, bounds, residual, jacobian, precision, cost, evidence, heave)
 
 
-def _residual(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array) -> Array:
+def _residual(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table,
+              heave: Array) -> Array:
     return (table.value - simulation.values(hypothesis, unknowns, table, heave)) / table.sigma
 
 
-def _slopes(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array, bounds: Array
+def _slopes(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table,
+            heave: Array, bounds: Array
             ) -> Array:
     return simulation.jacobian(hypothesis, unknowns, table, heave, bounds) / table.sigma[:, None]
 
@@ -154,23 +163,29 @@ def _cost(residual: Array, unknowns: Array, weight: Array) -> float:
     return cost if np.isfinite(cost) else np.inf
 
 
-def _lost(hypothesis: Hypothesis, unknowns: Array, bounds: Array, table: Table, heave: Array) -> Fit:
+def _lost(hypothesis: Hypothesis, unknowns: Array, bounds: Array, table: Table,
+          heave: Array) -> Fit:
     """A hypothesis that cannot be at the states that were read."""
     count = len(unknowns)
-    return Fit(hypothesis, unknowns, bounds, np.full(len(table), np.inf), np.zeros((len(table), count)), np.eye(count),
+    return Fit(hypothesis, unknowns, bounds, np.full(len(table), np.inf),
+               np.zeros((len(table), count)), np.eye(count),
                np.inf, -np.inf, heave, found=False)
 
 
-def _log_mass(hypothesis: Hypothesis, unknowns: Array, precision: Array, slope: Array, bounds: Array, widen: float
+def _log_mass(hypothesis: Hypothesis, unknowns: Array, precision: Array, slope: Array,
+              bounds: Array, widen: float
               ) -> float:
     """Logarithm of the integral of prior times likelihood over the unknowns, relative to its largest value.
 
-    Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over stiffness and permittivity
-    and by Gauss–Legendre quadrature over the sizes within their limits, where the largest value may lie on a limit.
+    Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
+    stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their limits,
+    where the largest value may lie on a limit.
     """
     nuisance, own = slice(0, 2), slice(2, None)
     inner = precision[nuisance, nuisance]
-    mass = np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum() - np.log(2 * np.pi)
+    mass = np.log(2
+                  * np.pi) - 0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum() - np.log(2
+                                                                                                 * np.pi)
     if len(unknowns) == 2:
         return float(mass)
     # The sizes' own parabola, stiffness and permittivity at their best for each.
@@ -180,7 +195,8 @@ def _log_mass(hypothesis: Hypothesis, unknowns: Array, precision: Array, slope: 
     widths = prior_widths(hypothesis, widen)[own]
     share = ndtr(bounds[1, own] / widths) - ndtr(bounds[0, own] / widths)
     mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
-    return float(mass + _log_quadrature(left, pull, bounds[0, own] - unknowns[own], bounds[1, own] - unknowns[own]))
+    return float(mass + _log_quadrature(left, pull, bounds[0, own] - unknowns[own],
+                                        bounds[1, own] - unknowns[own]))
 
 
 def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> float:
@@ -190,7 +206,8 @@ def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> 
     lower = np.clip(np.minimum(centre - reach, 0.0), low, high)
     upper = np.clip(np.maximum(centre + reach, 0.0), low, high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES if len(slope) < 4 else 10)
-    at = [(one + other) / 2 + (other - one) / 2 * nodes for one, other in zip(lower, upper, strict=True)]
+    at = [(one + other) / 2 + (other - one) / 2 * nodes
+          for one, other in zip(lower, upper, strict=True)]
     grid = np.stack([axis.ravel() for axis in np.meshgrid(*at, indexing="ij")], axis=1)
     weight = np.ones(1)
     for one, other in zip(lower, upper, strict=True):
@@ -200,13 +217,15 @@ def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> 
     return float(top + np.log(max(float(weight @ np.exp(exponent - top)), 1e-300)))
 
 
-def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array, widen: float = 1.0,
+def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array,
+            widen: float = 1.0,
             known: Sequence[Fit] = ()) -> list[Fit]:
     """Every hypothesis fitted but the ``known``, from the nominal one's unknowns; pairs from their members' fits."""
     found = {one.hypothesis: one for one in known}
     for hypothesis in hypotheses:
         if hypothesis not in found:
-            members = [found[cause,] for cause in hypothesis if len(hypothesis) > 1 and (cause,) in found]
+            members = [found[cause,] for cause in hypothesis if len(hypothesis) > 1
+                       and (cause,) in found]
             starts = [_beside(one, hypothesis) for one in members if one.found] or [start[:2]]
             fits = [fit(simulation, hypothesis, table, first, widen) for first in starts]
             found[hypothesis] = max(fits, key=lambda one: (one.found, one.evidence))

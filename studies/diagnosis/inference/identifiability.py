@@ -16,7 +16,8 @@ from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, bound
 
 Array = NDArray[np.float64]
 
-#: Distances in χ²: seen in 95 % of all cases among many effects; told apart at odds of a hundred to one; not at all.
+#: Distances in χ²: seen in 95 % of all cases among many effects; told apart at odds of a hundred to
+#: one; not at all.
 SEEN, TOLD, SAME = 25.0, 9.2, 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
@@ -59,7 +60,8 @@ class Detectable:
 class Knowable:
     """What readings can tell.
 
-    ``invisible``: causes that stiffness and permittivity take up; ``classes``: causes that make the same readings.
+    ``invisible``: causes that stiffness and permittivity take up; ``classes``: causes that make the
+    same readings.
     """
 
     effects: tuple[Detectable, ...]
@@ -67,11 +69,13 @@ class Knowable:
     classes: tuple[tuple[Cause, ...], ...]
 
 
-def signatures(simulation: Simulation, table: Table, unknowns: Array, causes: Sequence[Cause]) -> list[Signature]:
+def signatures(simulation: Simulation, table: Table, unknowns: Array,
+               causes: Sequence[Cause]) -> list[Signature]:
     """The signatures of causes about a nominal fit, each at its typical size."""
     heave = simulation.heaves((), unknowns, table.states)
     bounds = bounds_of(simulation, ())
-    taken = orthonormal(simulation.jacobian((), unknowns, table, heave, bounds) / table.sigma[:, None])
+    taken = orthonormal(simulation.jacobian((), unknowns, table, heave, bounds) / table.sigma[:,
+                                                                                              None])
     found = []
     for cause in causes:
         columns = [_left_over(simulation, cause, index, unknowns, table)
@@ -80,7 +84,8 @@ def signatures(simulation: Simulation, table: Table, unknowns: Array, causes: Se
     return found
 
 
-def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array, table: Table) -> Array:
+def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
+               table: Table) -> Array:
     """Readings over their noise with one parameter at its typical size, less the nominal model fitted to them.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
@@ -104,22 +109,26 @@ def distance(one: Signature, other: Signature) -> float:
     return float(np.sum(without(orthonormal(other.columns), column[:, None]) ** 2))
 
 
-def classes_of(found: Sequence[Signature]) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
+def classes_of(found: Sequence[Signature]) -> tuple[tuple[Cause, ...],
+                                                    tuple[tuple[Cause, ...], ...]]:
     """Causes nobody can see, and classes of two or more that nobody can tell apart, at the typical size."""
     invisible = [one.cause for one in found if one.strength < SAME]
     seen = [one for one in found if one.strength >= SAME]
     classes: list[list[Signature]] = []
     for one in seen:
         home = next((group for group in classes
-                     if all(distance(one, other) < SAME and distance(other, one) < SAME for other in group)), None)
+                     if all(distance(one, other) < SAME and distance(other, one) < SAME
+                            for other in group)), None)
         if home is None:
             classes.append([one])
         else:
             home.append(one)
-    return tuple(invisible), tuple(tuple(one.cause for one in group) for group in classes if len(group) > 1)
+    return tuple(invisible), tuple(tuple(one.cause for one in group) for group in classes
+                                   if len(group) > 1)
 
 
-def knowable(simulation: Simulation, table: Table, unknowns: Array, causes: Sequence[Cause]) -> Knowable:
+def knowable(simulation: Simulation, table: Table, unknowns: Array,
+             causes: Sequence[Cause]) -> Knowable:
     """What a table's readings can tell, whatever they will be."""
     found = signatures(simulation, table, unknowns, causes)
     invisible, classes = classes_of(found)
@@ -127,7 +136,8 @@ def knowable(simulation: Simulation, table: Table, unknowns: Array, causes: Sequ
     effects = []
     for one in found:
         rivals = [other for other in found if other is not one and other.cause not in invisible
-                  and other.cause not in alike.get(one.cause, ()) and other.cause.effect != one.cause.effect]
+                  and other.cause not in alike.get(one.cause, ())
+                  and other.cause.effect != one.cause.effect]
         effects.append(_detectable(one, min(rivals, key=partial(distance, one), default=None)))
     return Knowable(tuple(effects), invisible, classes)
 
@@ -139,9 +149,12 @@ def _detectable(one: Signature, nearest: Signature | None) -> Detectable:
     typical = TYPICAL * parameter.deviation
 
     def reached(needed: float, have: float) -> float | None:
-        size = typical * (needed / have) ** (0.25 if parameter.sign == "even" else 0.5) if have > 1e-9 else np.inf
-        return parameter.shown(parameter.value(size)) if size <= max(map(abs, parameter.limits)) else None
+        size = typical * (needed / have) ** (0.25 if parameter.sign == "even"
+                                             else 0.5) if have > 1e-9 else np.inf
+        return parameter.shown(parameter.value(size)) if size <= max(map(abs,
+                                                                         parameter.limits)) else None
 
     return Detectable(one.cause, parameter.name, parameter.unit, reached(SEEN, one.strength),
                       reached(TOLD, one.strength if nearest is None else distance(one, nearest)),
-                      None if nearest is None else str(nearest.cause), parameter.shown(parameter.width))
+                      None if nearest is None else str(nearest.cause),
+                      parameter.shown(parameter.width))

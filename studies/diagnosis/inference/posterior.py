@@ -13,8 +13,9 @@ from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis
 
 Array = NDArray[np.float64]
 
-#: What is thought of them before any data: that something is wrong at all is as probable as not; then that it is one
-#: effect of the library, two, or none of them. Effects share theirs equally, an effect on one specimen among these.
+#: What is thought of them before any data: that something is wrong at all is as probable as not;
+#: then that it is one effect of the library, two, or none of them. Effects share theirs equally, an
+#: effect on one specimen among these.
 NOTHING, SINGLE, PAIR, UNKNOWN = 0.5, 0.3, 0.1, 0.1
 
 
@@ -22,8 +23,8 @@ NOTHING, SINGLE, PAIR, UNKNOWN = 0.5, 0.3, 0.1, 0.1
 class Weighing:
     """Probabilities given the readings.
 
-    ``fits`` are the hypotheses with an effect, ``posterior`` theirs; ``nothing`` that of the nominal model; ``unknown``
-    that of some discrepancy no effect makes. They add up to 1.
+    ``fits`` are the hypotheses with an effect, ``posterior`` theirs; ``nothing`` that of the
+    nominal model; ``unknown`` that of some discrepancy no effect makes. They add up to 1.
     """
 
     nominal: Fit
@@ -78,7 +79,8 @@ class Weighing:
 
 def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     """Prior probabilities of hypotheses with one or two causes."""
-    weight = np.array([np.prod([1 / _variants(hypotheses, cause) for cause in one]) for one in hypotheses])
+    weight = np.array([np.prod([1 / _variants(hypotheses, cause) for cause in one])
+                       for one in hypotheses])
     single = np.array([len(one) == 1 for one in hypotheses], bool)
     for rows, mass in ((single, SINGLE), (~single, PAIR)):
         if rows.any():

@@ -47,20 +47,25 @@ def ratios(table: Table, predicted: Array, names: Sequence[str]) -> tuple[Ratio,
     return tuple(_shapes(strokes, masses, first, names)) + tuple(_masses(strokes, masses, names))
 
 
-def _shapes(strokes: dict[tuple[int, float], _Stroke], masses: list[float], first: int, names: Sequence[str]
+def _shapes(strokes: dict[tuple[int, float], _Stroke], masses: list[float], first: int,
+            names: Sequence[str]
             ) -> Iterator[Ratio]:
     for mass in masses:
         base = strokes.get((first, mass))
         for (number, own), stroke in sorted(strokes.items()):
             if base is not None and own == mass and number != first:
-                yield _ratio("shape", f"{names[number]} over {names[first]} at {1e3 * mass:.4g} g", stroke, base)
+                yield _ratio("shape", f"{names[number]} over {names[first]} at {1e3 * mass:.4g} g",
+                             stroke, base)
 
 
-def _masses(strokes: dict[tuple[int, float], _Stroke], masses: list[float], names: Sequence[str]) -> Iterator[Ratio]:
+def _masses(strokes: dict[tuple[int, float], _Stroke], masses: list[float],
+            names: Sequence[str]) -> Iterator[Ratio]:
     for (number, mass), stroke in sorted(strokes.items()):
         base = strokes.get((number, masses[0]))
         if base is not None and mass != masses[0]:
-            yield _ratio("mass", f"{1e3 * mass:.4g} g over {1e3 * masses[0]:.4g} g, {names[number]}", stroke, base)
+            yield _ratio("mass",
+                         f"{1e3 * mass:.4g} g over {1e3 * masses[0]:.4g} g, {names[number]}",
+                         stroke, base)
 
 
 def _ratio(kind: str, what: str, one: _Stroke, base: _Stroke) -> Ratio:
@@ -72,7 +77,8 @@ def _ratio(kind: str, what: str, one: _Stroke, base: _Stroke) -> Ratio:
 def _strokes(table: Table, predicted: Array) -> dict[tuple[int, float], _Stroke]:
     """Strokes by specimen and mass, those too small to divide by left out."""
     found = {}
-    for number, mass in {(int(s), float(m)) for s, m in zip(table.specimen, table.mass, strict=True)}:
+    for number, mass in {(int(s), float(m)) for s, m in zip(table.specimen, table.mass,
+                                                            strict=True)}:
         own = (table.specimen == number) & (table.mass == mass)
         stroke = _range(table, predicted, own) or _swing(table, predicted, own)
         if stroke is not None and stroke.read > 5 * stroke.sigma and stroke.simulated > 0:
@@ -84,7 +90,8 @@ def _range(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | 
     rows = own & (table.kind == "range")
     if not rows.any():
         return None
-    return _Stroke(float(table.value[rows].mean()), float(predicted[rows].mean()), _mean_sigma(table.sigma[rows]))
+    return _Stroke(float(table.value[rows].mean()), float(predicted[rows].mean()),
+                   _mean_sigma(table.sigma[rows]))
 
 
 def _swing(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
@@ -94,7 +101,8 @@ def _swing(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | 
         return None
     top, rest = (rows & (voltage == end) for end in (voltage[rows].max(), voltage[rows].min()))
     sigma = float(np.hypot(_mean_sigma(table.sigma[top]), _mean_sigma(table.sigma[rest])))
-    read, simulated = (float(values[top].mean() - values[rest].mean()) for values in (table.value, predicted))
+    read, simulated = (float(values[top].mean() - values[rest].mean())
+                       for values in (table.value, predicted))
     return _Stroke(read, simulated, sigma)
 
 

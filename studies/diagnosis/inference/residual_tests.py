@@ -1,7 +1,8 @@
 """Where residuals have structure: smooth columns by voltage, mass, specimen, order and time, and tests with them.
 
-Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves measures the noise whether
-or not the one stated is right, and what the smooth curves take from the residuals is what the simulation gets wrong.
+Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves
+measures the noise whether or not the one stated is right, and what the smooth curves take from the
+residuals is what the simulation gets wrong.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _DRAWS = 4000
 
 #: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
 STATED = 8.0
-#: Probability below which scatter beyond the stated noise is no noise: what no curve here follows may be a misfit too.
+#: Probability below which scatter beyond the stated noise is no noise: what no curve here follows
+#: may be a misfit too.
 _ROUGH = 1e-3
 
 
@@ -41,15 +43,19 @@ def patterns(table: Table, names: Sequence[str], predicted: Array) -> tuple[Patt
     """The patterns of a table; ``names`` are its specimens', ``predicted`` what the nominal model says."""
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
     voltage, mass = _voltage(table), _standard(table.mass)
-    common = [Pattern("level", "all readings are off by about the same length", size[:, None] * voltage[:, :1]),
-              Pattern("voltage", "the way it depends on voltage is wrong", size[:, None] * voltage[:, 1:])]
+    common = [Pattern("level", "all readings are off by about the same length",
+                      size[:, None] * voltage[:, :1]),
+              Pattern("voltage", "the way it depends on voltage is wrong",
+                      size[:, None] * voltage[:, 1:])]
     shapes = [Pattern(f"specimen {names[k]}", f"{names[k]} is off against the other specimens",
                       (size * own)[:, None] * voltage[:, :3]) for k, own in _contrasts(table)]
-    loads = [Pattern("mass", "the way it depends on mass is wrong", (size * mass)[:, None] * voltage[:, :3])]
+    loads = [Pattern("mass", "the way it depends on mass is wrong",
+                     (size * mass)[:, None] * voltage[:, :3])]
     further = [Pattern("fitted value", "large deflections are off against small ones",
                        np.stack([predicted, predicted * abs(predicted) / size.max()], 1))]
     found = [*common, *shapes, *loads, *_in_time(table, size, voltage), *further]
-    whole = np.concatenate([pattern.columns for pattern in found] + [_ramps(table, size, voltage)], axis=1)
+    whole = np.concatenate([pattern.columns for pattern in found] + [_ramps(table, size, voltage)],
+                           axis=1)
     found.append(Pattern("ramps", "single ramps are off in different ways", whole))
     return tuple(pattern for pattern in found if np.abs(pattern.columns).max(initial=0.0) > 0)
 
@@ -65,13 +71,15 @@ def _voltage(table: Table) -> Array:
 def _standard(values: Array) -> Array:
     """Values with mean 0 and deviation 1; 0 where they do not differ."""
     spread = float(values.std())
-    return (values - values.mean()) / spread if spread > 1e-12 * float(np.abs(values).max()) else 0 * values
+    return (values
+            - values.mean()) / spread if spread > 1e-12 * float(np.abs(values).max()) else 0 * values
 
 
 def _contrasts(table: Table) -> list[tuple[int, Array]]:
     """For each specimen that has readings, where there are several: its rows against the others."""
     numbers = np.unique(table.specimen)
-    return [(int(k), _standard((table.specimen == k).astype(float))) for k in numbers] if len(numbers) > 1 else []
+    return [(int(k), _standard((table.specimen == k).astype(float)))
+            for k in numbers] if len(numbers) > 1 else []
 
 
 def _in_time(table: Table, size: Array, voltage: Array) -> list[Pattern]:
@@ -105,8 +113,9 @@ def _ramps(table: Table, size: Array, voltage: Array) -> Array:
 class Found:
     """What tests found.
 
-    ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of the strongest of
-    them, corrected for their number; ``noise``: over the stated one, known with so many degrees of ``freedom``.
+    ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
+    the strongest of them, corrected for their number; ``noise``: over the stated one, known with so
+    many degrees of ``freedom``.
     """
 
     p_values: dict[str, float]
@@ -125,8 +134,8 @@ class Found:
 class Tests:
     """Tests of residuals over their noise against patterns, what a model's unknowns can take up left out.
 
-    ``bases`` are orthonormal columns by name, ``known``: whether each is of one sign only (a cause that is); ``smooth``
-    spans all of them, ``taken`` what the model's unknowns take up.
+    ``bases`` are orthonormal columns by name, ``known``: whether each is of one sign only (a cause
+    that is); ``smooth`` spans all of them, ``taken`` what the model's unknowns take up.
     """
 
     bases: dict[str, Array]
@@ -137,7 +146,8 @@ class Tests:
     stated: float
 
     @classmethod
-    def of(cls, table: Table, jacobian: Array, groups: Sequence[Pattern], further: dict[str, Array] | None = None,
+    def of(cls, table: Table, jacobian: Array, groups: Sequence[Pattern],
+           further: dict[str, Array] | None = None,
            one_sided: frozenset[str] = frozenset(), stated: float = STATED) -> Tests:
         """For a table, the model's derivatives over the noise, shape (rows, unknowns), and patterns.
 
@@ -149,15 +159,19 @@ class Tests:
             Degrees of freedom of the stated noise; 0 where there is none.
         """
         taken = orthonormal(jacobian)
-        columns = {group.name: group.columns / table.sigma[:, None] for group in groups} | (further or {})
+        columns = {group.name: group.columns / table.sigma[:, None] for group in groups} | (further
+                                                                                            or {})
         free = {name: without(taken, values) for name, values in columns.items()}
-        bases = {name: orthonormal(values, np.abs(columns[name]).max()) for name, values in free.items()}
+        bases = {name: orthonormal(values, np.abs(columns[name]).max())
+                 for name, values in free.items()}
         bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
         smooth = orthonormal(np.concatenate([*bases.values(), np.zeros((len(table), 1))], axis=1))
         freedom = len(table) - taken.shape[1] - smooth.shape[1]
-        signs = {name: basis * np.sign(basis[:, 0] @ free[name][:, 0]) for name, basis in bases.items()
+        signs = {name: basis * np.sign(basis[:, 0] @ free[name][:, 0])
+                 for name, basis in bases.items()
                  if name in one_sided and basis.shape[1] == 1}
-        return cls(bases | signs, one_sided & set(signs), smooth, taken, float(max(freedom, 0)), stated)
+        return cls(bases | signs, one_sided & set(signs), smooth, taken, float(max(freedom, 0)),
+                   stated)
 
     @property
     def able(self) -> bool:
@@ -169,14 +183,16 @@ class Tests:
         own = np.concatenate([self.smooth, self.taken], axis=1)
         rough = float(residual @ residual) - float(np.sum((own.T @ residual) ** 2))
         if self.stated > 0 and self.freedom > 0:
-            rough = min(rough, self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
+            rough = min(rough,
+                        self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
     def __call__(self, residual: Array, generator: np.random.Generator) -> Found:
         """Test residuals at a model's best fit, shape (rows,), against the noise they and the stated one show."""
         return self.against(residual, self.freedom + self.stated, generator, self.noise(residual))
 
-    def against(self, residual: Array, freedom: float, generator: np.random.Generator, noise: float = 1.0) -> Found:
+    def against(self, residual: Array, freedom: float, generator: np.random.Generator,
+                noise: float = 1.0) -> Found:
         """Test residuals against a noise, over the stated one, known with so many degrees of freedom."""
         inner = self.smooth.T @ residual
         small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
@@ -188,7 +204,8 @@ class Tests:
         every = [self._p(name, basis.T @ draws, scatter, freedom) for name, basis in small.items()]
         corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
         bound = min(1.0, least * len(own)) if own else 1.0
-        return Found(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound, noise, freedom)
+        return Found(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound, noise,
+                     freedom)
 
     def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:
         """Probabilities of as much or more by noise alone; ``parts``, shape (columns, draws), over ``noise``."""

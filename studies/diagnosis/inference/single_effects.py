@@ -19,8 +19,9 @@ _WIDE = 10.0
 class Attempt:
     """One effect fitted with hardly any prior.
 
-    ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest parameter in standard
-    deviations of its prior; ``bounded``: whether it stopped at a limit of its parameters or of the reduced model.
+    ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
+    parameter in standard deviations of its prior; ``bounded``: whether it stopped at a limit of its
+    parameters or of the reduced model.
     """
 
     cause: Cause
@@ -35,7 +36,8 @@ class Attempt:
         return self.widths <= 2.0
 
 
-def attempts(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[Attempt, ...]:
+def attempts(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[Attempt,
+                                                                                          ...]:
     """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
 
     Those too that are not visible at a usual size: at an unusual one they may be.
@@ -48,13 +50,15 @@ def attempts(simulation: Simulation, judged: Judgement, causes: Sequence[Cause])
         wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
         if wide.found:
             share = (judged.nominal.chi_squared - wide.chi_squared) / excess
-            found.append(Attempt(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause), _bounded(wide)))
+            found.append(Attempt(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause),
+                                 _bounded(wide)))
     return tuple(sorted(found, key=lambda attempt: -attempt.share))
 
 
 def _widths(one: Fit, cause: Cause) -> float:
     parameters = cause.of_registry.parameters
-    return max(abs(size) / item.deviation for size, item in zip(one.unknowns[2:].tolist(), parameters, strict=True))
+    return max(abs(size) / item.deviation for size, item in zip(one.unknowns[2:].tolist(),
+                                                                parameters, strict=True))
 
 
 def _bounded(one: Fit) -> bool:

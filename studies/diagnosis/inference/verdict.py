@@ -36,9 +36,10 @@ Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 class Levels:
     """What it takes.
 
-    ``alarm``: probability by noise alone below which something is wrong; ``adequate``: the same for what a cause
-    leaves, below which it does not explain the misfit; ``sure``: probability from which a cause is named; ``unknown``:
-    probability of none of the library from which the verdict is unexplained.
+    ``alarm``: probability by noise alone below which something is wrong; ``adequate``: the same for
+    what a cause leaves, below which it does not explain the misfit; ``sure``: probability from
+    which a cause is named; ``unknown``: probability of none of the library from which the verdict
+    is unexplained.
     """
 
     alarm: float = 0.03
@@ -51,9 +52,10 @@ class Levels:
 class Judgement:
     """What readings say about the nominal model.
 
-    ``table`` has the noise found; ``test`` is that of the nominal fit, ``after`` that of the best hypothesis, None when
-    nothing is wrong. ``named`` are the causes that stand out; ``indistinguishable`` classes that these readings cannot
-    tell apart, ``invisible`` causes they cannot see.
+    ``table`` has the noise found; ``test`` is that of the nominal fit, ``after`` that of the best
+    hypothesis, None when nothing is wrong. ``named`` are the causes that stand out;
+    ``indistinguishable`` classes that these readings cannot tell apart, ``invisible`` causes they
+    cannot see.
     """
 
     verdict: Verdict
@@ -91,7 +93,8 @@ def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     groups = patterns(table, names, table.value - nominal.residual * table.sigma)
     signs = signatures(simulation, table, nominal.unknowns, causes)
-    tests = Tests.of(table, nominal.jacobian, groups, {str(one.cause): one.columns for one in signs},
+    tests = Tests.of(table, nominal.jacobian, groups,
+                     {str(one.cause): one.columns for one in signs},
                      frozenset(str(cause) for cause in causes if _one_sided(cause)), stated)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
@@ -99,11 +102,13 @@ def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated:
     table = table.with_sigma(table.sigma * found.noise)
     nominal = fit(simulation, (), table, nominal.unknowns)
     invisible, classes = classes_of(signatures(simulation, table, nominal.unknowns, causes))
-    base = Judgement("nothing", table, nominal, found, groups, indistinguishable=classes, invisible=invisible)
+    base = Judgement("nothing", table, nominal, found, groups, indistinguishable=classes,
+                     invisible=invisible)
     if found.p_value >= levels.alarm:
         return base
     seen = [cause for cause in causes if cause not in invisible]
-    fits = [one for one in fit_all(simulation, hypotheses_of(seen), table, nominal.unknowns, widen) if one.found]
+    fits = [one for one in fit_all(simulation, hypotheses_of(seen), table, nominal.unknowns, widen)
+            if one.found]
     weighing = Weighing.of(nominal, fits, unknown_evidence(nominal, groups, table.sigma))
     return _weighed(base, weighing, tests.freedom + stated, levels, generator)
 
@@ -113,19 +118,22 @@ def _one_sided(cause: Cause) -> bool:
     return len(parameters) == 1 and parameters[0].sign == "positive"
 
 
-def _weighed(base: Judgement, weighing: Weighing, freedom: float, levels: Levels, generator: np.random.Generator
+def _weighed(base: Judgement, weighing: Weighing, freedom: float, levels: Levels,
+             generator: np.random.Generator
              ) -> Judgement:
     """The verdict when something is wrong."""
     probability = weighing.of_causes()
     after = adequacy(base, weighing.best, freedom, generator)
-    suspects = tuple(dict.fromkeys(cause for one in weighing.credible() for cause in one.hypothesis))
+    suspects = tuple(dict.fromkeys(cause for one in weighing.credible()
+                                   for cause in one.hypothesis))
     known = replace(base, weighing=weighing, after=after, suspects=suspects)
     if weighing.unknown > levels.unknown * weighing.wrong or after.p_value < levels.adequate:
         return replace(known, verdict="unexplained")
     sure = tuple(cause for cause, share in probability.items() if share >= levels.sure)
     alone = weighing.fit_of(sure) if sure else None
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
-    if alone is None or alike or adequacy(base, alone, freedom, generator).p_value < levels.adequate:
+    if alone is None or alike or adequacy(base, alone, freedom,
+                                          generator).p_value < levels.adequate:
         return replace(known, verdict="ambiguous")
     return replace(known, verdict="named", named=sure)
 

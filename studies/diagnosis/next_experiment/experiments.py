@@ -33,13 +33,15 @@ class Bench:
         used = np.unique(np.r_[self.table.state, self.table.since[self.table.since >= 0]])
         states = self.table.states[used]
         states = states[np.isnan(states.heave)]
-        keys = np.stack([states.specimen, states.mass, states.voltage, states.elapsed, states.direction], 1)
+        keys = np.stack([states.specimen, states.mass, states.voltage, states.elapsed,
+                         states.direction], 1)
         return states[np.sort(np.unique(np.nan_to_num(keys), axis=0, return_index=True)[1])]
 
     @cached_property
     def ramps(self) -> Array:
         """Specimen and mass of each ramp, shape (ramps, 2)."""
-        return np.unique(np.stack([self.states.specimen.astype(float), self.states.mass], 1), axis=0)
+        return np.unique(np.stack([self.states.specimen.astype(float), self.states.mass], 1),
+                         axis=0)
 
     @cached_property
     def sigma(self) -> float:
@@ -66,8 +68,9 @@ class Bench:
 class Experiment:
     """Readings that could be made.
 
-    ``what`` are the words for it, which may hold the largest {mass} and {voltage} of the rows and the {time} of the
-    first; ``rows`` makes them, with their noise and no values yet, or None where the experiment makes no sense.
+    ``what`` are the words for it, which may hold the largest {mass} and {voltage} of the rows and
+    the {time} of the first; ``rows`` makes them, with their noise and no values yet, or None where
+    the experiment makes no sense.
     """
 
     what: str
@@ -75,7 +78,8 @@ class Experiment:
 
     def words(self, table: Table) -> str:
         """What to do, for those of the rows that remain."""
-        return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g", voltage=f"{table.voltage.max() / 1e3:.3g} kV",
+        return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g",
+                                voltage=f"{table.voltage.max() / 1e3:.3g} kV",
                                 time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
 
 
@@ -88,7 +92,8 @@ def between(bench: Bench) -> Table | None:
     """Readings at voltages halfway between those there are."""
     halves = []
     for specimen, mass in bench.ramps:
-        voltage = np.unique(bench.states.voltage[(bench.states.specimen == specimen) & (bench.states.mass == mass)])
+        voltage = np.unique(bench.states.voltage[(bench.states.specimen == specimen)
+                                                 & (bench.states.mass == mass)])
         halves += [(specimen, mass, half) for half in (voltage[1:] + voltage[:-1]) / 2]
     found = np.array(halves).reshape(-1, 3)
     return rows(_new_run(bench, *found.T), "displacement", bench.sigma) if len(found) else None
@@ -96,7 +101,8 @@ def between(bench: Bench) -> Table | None:
 
 def other_mass(bench: Bench, factor: float) -> Table:
     """Every specimen under ``factor`` times the largest mass, at the voltages it has been at."""
-    specimen, voltage = np.unique(np.stack([bench.states.specimen.astype(float), bench.states.voltage], 1), axis=0).T
+    specimen, voltage = np.unique(np.stack([bench.states.specimen.astype(float),
+                                            bench.states.voltage], 1), axis=0).T
     mass = np.full(len(specimen), factor * bench.states.mass.max())
     return rows(_new_run(bench, specimen, mass, voltage), "displacement", bench.sigma)
 
@@ -108,7 +114,8 @@ def higher_voltages(bench: Bench, factor: float, count: int = 5) -> Table | None
         return None
     voltage = top * (1 + (factor - 1) * np.arange(1, count + 1) / count)
     specimen, mass = np.repeat(bench.ramps, count, axis=0).T
-    return rows(_new_run(bench, specimen, mass, np.tile(voltage, len(bench.ramps))), "displacement", bench.sigma)
+    return rows(_new_run(bench, specimen, mass, np.tile(voltage, len(bench.ramps))), "displacement",
+                bench.sigma)
 
 
 def backwards(bench: Bench) -> Table | None:
@@ -116,7 +123,8 @@ def backwards(bench: Bench) -> Table | None:
     states = bench.states
     if not (np.ptp(states.elapsed) > 0 or np.any(states.direction != 0)):
         return None
-    back = replace(states, elapsed=2 * states.elapsed.max() - states.elapsed, direction=-states.direction)
+    back = replace(states, elapsed=2 * states.elapsed.max() - states.elapsed,
+                   direction=-states.direction)
     return rows(back, "displacement", bench.sigma)
 
 
@@ -127,7 +135,8 @@ def later(bench: Bench, runs: float) -> Table | None:
     if not length > 0:
         return None
     pause = max(runs * length, _HOUR)
-    return rows(replace(states, elapsed=states.elapsed + length + pause), "displacement", bench.sigma)
+    return rows(replace(states, elapsed=states.elapsed + length + pause), "displacement",
+                bench.sigma)
 
 
 def capacitance(bench: Bench, share: float) -> Table:
@@ -153,15 +162,18 @@ def blocked_force(bench: Bench, share: float) -> Table:
 
 _HANG, _RAISE = "hang {mass} on every specimen and read up to {voltage}", "raise the voltage further, up to {voltage}"
 
-#: What is on offer, with less effort first. Another shape is not: its film's force law would have to be computed.
+#: What is on offer, with less effort first. Another shape is not: its film's force law would have
+#: to be computed.
 MENU = (
     Experiment("make all readings once more", repeated),
     Experiment("read at the voltages halfway between those read so far", between),
     Experiment("make the same readings in reverse order right after the run", backwards),
-    Experiment("wait, and make all readings again from {time} after the run began", partial(later, runs=4.0)),
+    Experiment("wait, and make all readings again from {time} after the run began",
+               partial(later, runs=4.0)),
     *(Experiment(_HANG, partial(other_mass, factor=factor)) for factor in (0.5, 1.5, 2.0)),
     *(Experiment(_RAISE, partial(higher_voltages, factor=factor)) for factor in (1.15, 1.4)),
-    Experiment("measure the film's capacitance in every state, to 1 %", partial(capacitance, share=0.01)),
+    Experiment("measure the film's capacitance in every state, to 1 %",
+               partial(capacitance, share=0.01)),
     Experiment("measure the voltage on the film itself with a high-voltage probe, to 1 %",
                partial(film_voltage, share=0.01)),
     Experiment("hold the plates where the masses bring them without voltage and measure the force on them up to "

@@ -1,7 +1,8 @@
 """Which experiment would tell the rivals apart: the expected Δχ² of each on a menu, or that none does.
 
-If one rival is true, new readings will be about what its fit predicts, and another rival, refitted to old and new ones
-together, will fit them worse. How much worse is what an experiment is worth for this pair.
+If one rival is true, new readings will be about what its fit predicts, and another rival, refitted
+to old and new ones together, will fit them worse. How much worse is what an experiment is worth for
+this pair.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ class Proposal:
     what
         What to do, in words.
     separates
-        The most probable pair of rivals that it tells apart, else the pair it comes nearest to telling apart; each
-        without the causes they share.
+        The most probable pair of rivals that it tells apart, else the pair it comes nearest to
+        telling apart; each without the causes they share.
     expected
         Expected Δχ² between these two, whichever of them is true.
     value, mean
-        Mean Δχ² over which rival is true and which one is told from it, by their probabilities; each pair counted up
-        to where it is told beyond doubt, and in full.
+        Mean Δχ² over which rival is true and which one is told from it, by their probabilities;
+        each pair counted up to where it is told beyond doubt, and in full.
     """
 
     what: str
@@ -98,7 +99,8 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
         return Proposals((), "there is only one explanation, so there is nothing to tell apart")
     bench = Bench(simulation, judgement.table, judgement.nominal)
     found = [_proposal(experiment, bench, fits, weights) for experiment in menu]
-    ranked = tuple(sorted((one for one in found if one), key=lambda one: (round(one.value, 3), one.mean), reverse=True))
+    ranked = tuple(sorted((one for one in found if one),
+                          key=lambda one: (round(one.value, 3), one.mean), reverse=True))
     return Proposals(ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis)))
 
 
@@ -107,7 +109,8 @@ def rivals(weighing: Weighing, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...]
 
     What holds another, or is held by it, counts for the more probable of the two.
     """
-    order = sorted(zip(weighing.fits, weighing.posterior.tolist(), strict=True), key=lambda item: -item[1])
+    order = sorted(zip(weighing.fits, weighing.posterior.tolist(), strict=True),
+                   key=lambda item: -item[1])
     credible = {one.hypothesis for one in weighing.credible()}
     found: list[Fit] = []
     shares: list[float] = []
@@ -115,7 +118,8 @@ def rivals(weighing: Weighing, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...]
         own = set(one.hypothesis)
         if not own <= set(causes):
             continue
-        home = next((k for k, other in enumerate(found) if own <= set(other.hypothesis) or own > set(other.hypothesis)),
+        home = next((k for k, other in enumerate(found) if own <= set(other.hypothesis)
+                     or own > set(other.hypothesis)),
                     None)
         if home is not None:
             shares[home] += share
@@ -126,7 +130,8 @@ def rivals(weighing: Weighing, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...]
     return tuple(found), total / max(total.sum(), 1e-300)
 
 
-def _proposal(experiment: Experiment, bench: Bench, fits: Sequence[Fit], weights: Array) -> Proposal | None:
+def _proposal(experiment: Experiment, bench: Bench, fits: Sequence[Fit],
+              weights: Array) -> Proposal | None:
     """An experiment's worth; None where it is not possible."""
     table = possible(experiment, bench, fits)
     if table is None:
@@ -137,10 +142,12 @@ def _proposal(experiment: Experiment, bench: Bench, fits: Sequence[Fit], weights
     value = float(np.sum(chance * np.minimum(distances, SEEN)) / chance.sum())
     able = told >= TOLD
     both = chance + chance.T
-    pair = np.unravel_index(np.argmax(np.where(able, both, 0.0) if able.any() else both * (told + 1e-9)), told.shape)
+    pair = np.unravel_index(np.argmax(np.where(able, both, 0.0) if able.any()
+                                      else both * (told + 1e-9)), told.shape)
     one, other = sorted(int(number) for number in pair)
     return Proposal(experiment.words(table), _apart(fits[one].hypothesis, fits[other].hypothesis),
-                    float(told[one, other]), value, float(np.sum(chance * distances) / chance.sum()))
+                    float(told[one, other]), value,
+                    float(np.sum(chance * distances) / chance.sum()))
 
 
 def _chances(weights: Array) -> Array:
@@ -156,7 +163,8 @@ def possible(experiment: Experiment, bench: Bench, fits: Sequence[Fit]) -> Table
     if table is None:
         return None
     kept = bench.within_reach(table) & np.isfinite(table.sigma)
-    beyond = replace(table, states=replace(table.states, voltage=(1 + _MARGIN) * table.states.voltage))
+    beyond = replace(table,
+                     states=replace(table.states, voltage=(1 + _MARGIN) * table.states.voltage))
     for one in fits:
         kept &= np.isfinite(bench.simulation.predict(one.hypothesis, one.unknowns, beyond))
     return table[kept] if kept.any() else None
@@ -168,7 +176,8 @@ def expected(simulation: Simulation, fits: Sequence[Fit], table: Table) -> Array
     found = np.zeros((len(fits), len(fits)))
     for true, other in permutations(range(len(fits)), 2):
         difference = (views[true].values - views[other].values) / table.sigma
-        found[true, other] = _loss(fits[other], difference, views[other].jacobian / table.sigma[:, None])
+        found[true, other] = _loss(fits[other], difference,
+                                   views[other].jacobian / table.sigma[:, None])
     return found
 
 
@@ -181,7 +190,8 @@ def _foreseen(simulation: Simulation, one: Fit, table: Table) -> Foreseen:
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
     """By how much twice the cost grows when rows differ from a fit's predictions, the fit moved to meet them.
 
-    Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within their bounds.
+    Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within
+    their bounds.
     """
     weight = prior_widths(fit.hypothesis) ** -2.0
     slope = -fit.jacobian.T @ fit.residual + weight * fit.unknowns
@@ -192,7 +202,8 @@ def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
     low, high = (fit.bounds - fit.unknowns) / scale
     step = np.linalg.lstsq(matrix, target, rcond=None)[0]
     if np.any((step < low) | (step > high)):
-        step = lsq_linear(matrix, target, (np.minimum(low, -1e-9), np.maximum(high, 1e-9)), method="bvls").x
+        step = lsq_linear(matrix, target, (np.minimum(low, -1e-9), np.maximum(high, 1e-9)),
+                          method="bvls").x
     loss = float(np.sum((matrix @ step - target) ** 2) - np.sum(target[: len(step)] ** 2))
     return max(loss, 0.0)
 
@@ -200,7 +211,8 @@ def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
 def _apart(one: Hypothesis, other: Hypothesis) -> tuple[Hypothesis, Hypothesis]:
     """Two hypotheses without what they share."""
     shared = set(one) & set(other)
-    return tuple(cause for cause in one if cause not in shared), tuple(cause for cause in other if cause not in shared)
+    return tuple(cause for cause in one if cause not in shared), tuple(cause for cause in other
+                                                                       if cause not in shared)
 
 
 def named(hypothesis: Hypothesis) -> str:

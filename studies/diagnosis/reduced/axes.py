@@ -20,8 +20,9 @@ _LEAST_SHARE = 0.02
 class Axis:
     """One parameter of an effect that changes the film.
 
-    ``span`` is the size at which the coordinate u is 1. On a ``folded`` axis a sign changes nothing and u is a square.
-    A ``modulus`` is taken relative to the film's stiffness scale. ``two_sided``: whether u may be negative.
+    ``span`` is the size at which the coordinate u is 1. On a ``folded`` axis a sign changes nothing
+    and u is a square. A ``modulus`` is taken relative to the film's stiffness scale. ``two_sided``:
+    whether u may be negative.
     """
 
     effect: str
@@ -54,7 +55,8 @@ class Film:
         """A specimen of a setup; mechanisms between plate and ground act on the heave alone and are left out."""
         loading = replace(setup.rig.loading, biases=())
         specimen = setup.specimen(name)
-        return cls(specimen, loading if specimen.membrane.density else replace(loading, gravity=0.0),
+        return cls(specimen,
+                   loading if specimen.membrane.density else replace(loading, gravity=0.0),
                    setup.rig.gas_pressure)
 
     @property
@@ -108,7 +110,8 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int, parameter: Parame
     two_sided = low < 0
     planes = setup.specimen(name).mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
-    axis = Axis(effect.name, index, min(reach, high), two_sided and not folded, folded, parameter.dimension == "stress")
+    axis = Axis(effect.name, index, min(reach, high), two_sided and not folded, folded,
+                parameter.dimension == "stress")
     while axis.span > _LEAST_SHARE * reach:
         try:
             for size in (axis.span, -axis.span) if axis.two_sided else (axis.span,):

@@ -1,9 +1,10 @@
 """A reduced model of one film on its plate: the force that holds the plate at a heave, as a polynomial.
 
-Force over heave is a smooth function of the heave and of U², through pull-in and beyond, where the heave is not one of
-the force. So equilibria, limit points included, are roots of the polynomial. All forces scale with the film's stiffness
-once U² is divided by it, so that stiffness and permittivity need no further solutions. The parameters of effects enter
-as polynomials of their own, and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25, 1999).
+Force over heave is a smooth function of the heave and of U², through pull-in and beyond, where the
+heave is not one of the force. So equilibria, limit points included, are roots of the polynomial.
+All forces scale with the film's stiffness once U² is divided by it, so that stiffness and
+permittivity need no further solutions. The parameters of effects enter as polynomials of their own,
+and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25, 1999).
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def _polynomials(x: Array, count: int) -> Array:
     values = np.empty((len(x), count))
     values[:, 0] = 1.0
     for degree in range(1, count):
-        values[:, degree] = x if degree == 1 else 2 * x * values[:, degree - 1] - values[:, degree - 2]
+        values[:, degree] = x if degree == 1 else 2 * x * values[:, degree - 1] - values[:,
+                                                                                         degree - 2]
     return values
 
 
@@ -97,8 +99,9 @@ def _derivative(count: int) -> Array:
 class ForceLaw:
     """Polynomials in heave, U² and the coordinates of the axes.
 
-    ``powers``: of the axes, shape (terms, axes); ``force``: coefficients of the force over the heave [N/m], or of the
-    force [N], shape (terms, heaves, charges); ``capacitance``: of the capacitance [F], the same.
+    ``powers``: of the axes, shape (terms, axes); ``force``: coefficients of the force over the
+    heave [N/m], or of the force [N], shape (terms, heaves, charges); ``capacitance``: of the
+    capacitance [F], the same.
     """
 
     grid: Grid
@@ -133,7 +136,8 @@ class Surface:
     def capacitance(self, heave: Array, charge: Array) -> Array:
         """Capacitance [F] at heaves [m] and U² [V²]."""
         v, _ = self.grid.of_heave(heave)
-        return np.asarray((v * (self.grid.of_charge(charge) @ self.capacitance_coefficients.T)).sum(1))
+        return np.asarray((v * (self.grid.of_charge(charge)
+                                @ self.capacitance_coefficients.T)).sum(1))
 
 
 @lru_cache(maxsize=64)
@@ -143,7 +147,8 @@ def _surface(law: ForceLaw, coordinates: tuple[float, ...]) -> Surface:
     used = at != 0
     terms = np.flatnonzero(~law.powers[:, ~used].any(axis=1))
     weights = np.prod(at[used] ** law.powers[np.ix_(terms, used)], axis=1)
-    force, capacitance = ((weights @ values.reshape(len(values), -1)[terms]).reshape(values.shape[1:])
+    force, capacitance = ((weights @ values.reshape(len(values),
+                                                    -1)[terms]).reshape(values.shape[1:])
                           for values in (law.force, law.capacitance))
     return Surface(law.grid, force, capacitance)
 
@@ -177,30 +182,35 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
     return found
 
 
-def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array], capacitance: list[Array]
+def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array],
+           capacitance: list[Array]
            ) -> ForceLaw:
     """The law through samples; values at the nodes of the grid, for pairs at those of the coarse one.
 
-    Values are nan where a film could not be solved. The nominal film's are continued along the charge there, those of
-    one axis along that axis, so that they bend nothing where there are some; of pairs, what they add is continued.
+    Values are nan where a film could not be solved. The nominal film's are continued along the
+    charge there, those of one axis along that axis, so that they bend nothing where there are some;
+    of pairs, what they add is continued.
     """
     powers = _powers(axes)
     over = [values / grid_of(grid, sample).nodes[0][:, None] if grid.odd else values
             for sample, values in zip(where, force, strict=True)]
-    design = np.stack([np.prod(sample.coordinates(len(axes))[None, :] ** powers, axis=1) for sample in where])
+    design = np.stack([np.prod(sample.coordinates(len(axes))[None, :] ** powers, axis=1)
+                       for sample in where])
     single = np.array([len(sample.axes) < 2 for sample in where])
     own = (powers > 0).sum(1) < 2
     coefficients = []
     for values in (over, capacitance):
         ones = [one for one, alone in zip(where, single, strict=True) if alone]
-        known = _along_axes(grid, ones, [item for item, alone in zip(values, single, strict=True) if alone])
+        known = _along_axes(grid, ones,
+                            [item for item, alone in zip(values, single, strict=True) if alone])
         flat = np.stack([_padded(grid, item) for item in known]).reshape(len(known), -1)
         full = np.zeros((len(powers), flat.shape[1]))
         full[own] = np.linalg.lstsq(design[np.ix_(single, own)], flat, rcond=None)[0]
         if not single.all():
             expected = _on_coarse(grid, design[np.ix_(~single, own)] @ full[own])
             pairs = [item for item, alone in zip(values, single, strict=True) if not alone]
-            added = [_along_charge(grid.coarse(), item - sums) for item, sums in zip(pairs, expected, strict=True)]
+            added = [_along_charge(grid.coarse(), item - sums)
+                     for item, sums in zip(pairs, expected, strict=True)]
             rest = np.stack([_padded(grid, item) for item in added]).reshape(len(added), -1)
             full[~own] = np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0]
         coefficients.append(full.reshape(len(powers), grid.heaves, grid.charges))
@@ -209,15 +219,19 @@ def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[
 
 def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Array]:
     """The nominal film's values and those of single axes, completed by the polynomial through what an axis has."""
-    nominal = next(_along_charge(grid, item) for sample, item in zip(where, values, strict=True) if not sample.axes)
+    nominal = next(_along_charge(grid, item) for sample, item in zip(where, values, strict=True)
+                   if not sample.axes)
     found = []
     for sample, item in zip(where, values, strict=True):
         item = nominal.copy() if not sample.axes else item.copy()
         for node in np.argwhere(np.isnan(item)):
             place = tuple(node)
-            known = {0.0: nominal[place]} | {other.at[0]: values[number][place] for number, other in enumerate(where)
-                                             if other.axes == sample.axes and np.isfinite(values[number][place])}
-            item[place] = np.polyval(np.polyfit(list(known), list(known.values()), len(known) - 1), sample.at[0])
+            known = {0.0: nominal[place]} | {other.at[0]: values[number][place]
+                                             for number, other in enumerate(where)
+                                             if other.axes == sample.axes
+                                             and np.isfinite(values[number][place])}
+            item[place] = np.polyval(np.polyfit(list(known), list(known.values()), len(known) - 1),
+                                     sample.at[0])
         found.append(item)
     return found
 
@@ -231,7 +245,8 @@ def _along_charge(grid: Grid, values: Array) -> Array:
             degree = min(2, have - 1)
             last = slice(have - 1 - degree, have)
             unit = charges[have - 1]
-            row[have:] = np.polyval(np.polyfit(charges[last] / unit, row[last], degree), charges[have:] / unit)
+            row[have:] = np.polyval(np.polyfit(charges[last] / unit, row[last], degree),
+                                    charges[have:] / unit)
     return values
 
 
@@ -245,7 +260,8 @@ def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
     unit = np.eye(len(axes), dtype=np.int64)
     rows = [np.zeros(len(axes), dtype=np.int64)]
     for index, axis in enumerate(axes):
-        rows += [unit[index] * power for power in range(1, 1 + len(TWO_SIDED if axis.two_sided else ONE_SIDED))]
+        rows += [unit[index] * power
+                 for power in range(1, 1 + len(TWO_SIDED if axis.two_sided else ONE_SIDED))]
     rows += [unit[one] + unit[two] for one, two in combinations(range(len(axes)), 2)]
     return np.array(rows).reshape(len(rows), len(axes))
 
@@ -262,4 +278,5 @@ def _on_coarse(grid: Grid, flat: Array) -> Array:
     coarse = grid.coarse()
     v, q = (chebyshev.chebvander(_points(few), many - 1)
             for few, many in ((coarse.heaves, grid.heaves), (coarse.charges, grid.charges)))
-    return np.asarray(np.einsum("ai,bj,tij->tab", v, q, flat.reshape(len(flat), grid.heaves, grid.charges)))
+    return np.asarray(np.einsum("ai,bj,tij->tab", v, q,
+                                flat.reshape(len(flat), grid.heaves, grid.charges)))

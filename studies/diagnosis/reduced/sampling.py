@@ -65,11 +65,13 @@ class Nodes:
     model: Model
 
 
-def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = None, strict: bool = False
+def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = None,
+             strict: bool = False
              ) -> Nodes:
     """Solve a film at the nodes of a grid, starting from the states of a similar one where the meshes agree.
 
-    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict`` refuses that.
+    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict``
+    refuses that.
 
     Raises
     ------
@@ -107,7 +109,8 @@ def outlines(specimen: Specimen) -> tuple[object, ...]:
     return specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate, electrode.outline
 
 
-def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int, j: int) -> State | None:
+def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int,
+           j: int) -> State | None:
     """A state to start from: that of a similar film, or the neighbours' extrapolation along the charge."""
     if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
         return near.states[i][j]
@@ -117,10 +120,12 @@ def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]]
     return row[-1] if row else states[i - 1][0] if i else None
 
 
-def _solved(model: Model, guess: State | None, heave: float, charge: float, pressure: float) -> Solution | None:
+def _solved(model: Model, guess: State | None, heave: float, charge: float,
+            pressure: float) -> Solution | None:
     """The film with its plate held."""
     guess = State.mounted(model) if guess is None else guess
-    found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",), (Heave(heave),))
+    found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",),
+                   (Heave(heave),))
     if found.converged:
         return found
     start = newton(model, State.mounted(model).under(pressure=pressure), ("force",), (Heave(0.0),))
@@ -152,7 +157,8 @@ class Task:
                 known[nominal] = at_nodes(Film.of(self.setup, self.name), grid, self.settings)
             film = edited(self.setup, self.name, axes, sizes)
             own = grid, outlines(film.specimen)
-            nodes = at_nodes(film, grid, self.settings, known.get(own, known[nominal])) if axes else known[nominal]
+            nodes = at_nodes(film, grid, self.settings,
+                             known.get(own, known[nominal])) if axes else known[nominal]
             known.setdefault(own, nodes)
             found.append((sample, (nodes.force, nodes.capacitance)))
         results = dict(found)
@@ -175,7 +181,8 @@ def nominal_law(setup: Setup, name: str, heave: float, charge: float) -> ForceLa
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
+               progress: Callable[[int, int],
+                                  None] = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
     """The force law of every specimen, with the axes of every effect in the library.
 
     Raises
@@ -188,7 +195,8 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     tasks: list[Task] = []
     owners: list[int] = []
     for number, (name, grid, own) in enumerate(zip(names, grids, axes, strict=True)):
-        every = sorted(samples(own), key=lambda sample: (len(sample.axes) > 1, _mesh_of(own, sample)))
+        every = sorted(samples(own),
+                       key=lambda sample: (len(sample.axes) > 1, _mesh_of(own, sample)))
         chunks = [tuple(every[k : k + _CHUNK]) for k in range(0, len(every), _CHUNK)]
         tasks += [Task(setup, name, grid, own, chunk) for chunk in chunks]
         owners += [number] * len(chunks)
@@ -197,8 +205,10 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     for number, (grid, own) in enumerate(zip(grids, axes, strict=True)):
         where = [sample for task, owner in zip(tasks, owners, strict=True) if owner == number
                  for sample in task.samples]
-        nodes = [pair for result, owner in zip(results, owners, strict=True) if owner == number for pair in result]
-        laws.append(fitted(grid, own, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes]))
+        nodes = [pair for result, owner in zip(results, owners, strict=True) if owner == number
+                 for pair in result]
+        laws.append(fitted(grid, own, where, [pair[0] for pair in nodes],
+                           [pair[1] for pair in nodes]))
     return tuple(laws)
 
 

@@ -18,7 +18,8 @@ from tympan.studies.effects import REGISTRY, Effect, Setup, Use
 
 Array = NDArray[np.float64]
 
-#: Newton iterations for heaves, and the change at which they end, relative to the law's largest heave.
+#: Newton iterations for heaves, and the change at which they end, relative to the law's largest
+#: heave.
 _ITERATIONS, _SMALL = 25, 1e-9
 
 #: How far beyond its largest heave and U² a force law is trusted, as shares.
@@ -54,8 +55,8 @@ def sizes_of(hypothesis: Hypothesis) -> int:
 class Simulation:
     """Predictions for a setup.
 
-    Unknowns are the logarithms of a factor on all films' stiffness and of one on their permittivity, then the sizes of
-    the hypothesis' effects in the order of their parameters.
+    Unknowns are the logarithms of a factor on all films' stiffness and of one on their
+    permittivity, then the sizes of the hypothesis' effects in the order of their parameters.
     """
 
     setup: Setup
@@ -71,10 +72,12 @@ class Simulation:
             found.append(Use(cause.effect, values, cause.which))
         return tuple(found)
 
-    def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States, start: Array | None = None) -> Array:
+    def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States,
+               start: Array | None = None) -> Array:
         """Heave of each state [m]; nan where there is no equilibrium or none that the force laws reach."""
         view = _View(self, hypothesis, unknowns, states)
-        heave = view.first_guess() if start is None else np.where(np.isfinite(start), start, view.first_guess())
+        heave = view.first_guess() if start is None else np.where(np.isfinite(start), start,
+                                                                  view.first_guess())
         free = np.isnan(states.heave)
         heave = np.where(free, heave, states.heave)
         done = ~free
@@ -83,7 +86,8 @@ class Simulation:
             force, stiffness = view.balance(heave)
             with np.errstate(all="ignore"):
                 step = np.where(done, 0.0, -force / stiffness)
-            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach, (1 + _BEYOND) * reach)
+            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach,
+                            (1 + _BEYOND) * reach)
             if np.all(np.abs(step) < _SMALL * reach):
                 break
         force, stiffness = view.balance(heave)
@@ -98,12 +102,15 @@ class Simulation:
 
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: Table) -> Array:
         """What each row of a table shows."""
-        return self.values(hypothesis, unknowns, table, self.heaves(hypothesis, unknowns, table.states))
+        return self.values(hypothesis, unknowns, table,
+                           self.heaves(hypothesis, unknowns, table.states))
 
-    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array, bounds: Array) -> Array:
+    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array,
+                 bounds: Array) -> Array:
         """Derivatives of the rows by the unknowns, shape (rows, unknowns).
 
-        By the implicit function theorem: differences are taken of the balance of forces at fixed heaves only.
+        By the implicit function theorem: differences are taken of the balance of forces at fixed
+        heaves only.
         """
         here = _View(self, hypothesis, unknowns, table.states)
         force, stiffness = here.balance(heave)
@@ -118,18 +125,21 @@ class Simulation:
             moved[number] += step
             there = _View(self, hypothesis, moved, table.states)
             shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
-            columns.append(((there.shown(table, heave) - value) + _through(table, by_heave, shift, here)) / step)
+            columns.append(((there.shown(table, heave) - value) + _through(table, by_heave, shift,
+                                                                           here)) / step)
         return np.stack(columns, axis=1)
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
         """Effects that edit the rig."""
-        return frozenset(name for name, effect in REGISTRY.items() if changes_rig(self.setup, effect))
+        return frozenset(name for name, effect in REGISTRY.items()
+                         if changes_rig(self.setup, effect))
 
 
 def _steps(hypothesis: Hypothesis) -> list[float]:
     """Steps of the unknowns for differences."""
-    return [1e-6, 1e-6] + [1e-6 * item.deviation for cause in hypothesis for item in cause.of_registry.parameters]
+    return [1e-6, 1e-6] + [1e-6 * item.deviation for cause in hypothesis
+                           for item in cause.of_registry.parameters]
 
 
 def _through(table: Table, by_heave: Array, shift: Array, view: _View) -> Array:
@@ -145,7 +155,8 @@ def _through(table: Table, by_heave: Array, shift: Array, view: _View) -> Array:
 class _View:
     """The setup at given unknowns, seen from some states."""
 
-    def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, states: States) -> None:
+    def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
+                 states: States) -> None:
         self.states = states
         self.stiffness = float(np.exp(unknowns[0]))
         self.permittivity = float(np.exp(unknowns[1]))
@@ -167,7 +178,8 @@ class _View:
     @cached_property
     def by_heave(self) -> list[Array]:
         """Of each specimen, its states' forces as polynomials of the heave."""
-        return [surface.by_heave(self.charge[rows]) for rows, surface in zip(self.groups, self.surfaces, strict=False)]
+        return [surface.by_heave(self.charge[rows])
+                for rows, surface in zip(self.groups, self.surfaces, strict=False)]
 
     def film(self, heave: Array) -> tuple[Array, Array]:
         """Force of the films [N] and its derivative by the heave [N/m]."""
@@ -183,7 +195,8 @@ class _View:
         force = force + self.rig.spring * heave
         rate = rate + self.rig.spring
         if self.rig.biases:
-            more = np.array([[bias.derivatives(one)[1:] for one in heave.tolist()] for bias in self.rig.biases]).sum(0)
+            more = np.array([[bias.derivatives(one)[1:] for one in heave.tolist()]
+                             for bias in self.rig.biases]).sum(0)
             force, rate = force + more[:, 0], rate + more[:, 1]
         return force - self.load, rate
 
@@ -227,11 +240,14 @@ def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig
     for cause in sorted(hypothesis, key=lambda cause: list(REGISTRY).index(cause.effect)):
         first = 2 + sizes_of(hypothesis[: hypothesis.index(cause)])
         if cause.effect in simulation.rig_effects:
-            setup = cause.of_registry.at(setup, unknowns[first : first + len(cause.of_registry.parameters)].tolist())
+            setup = cause.of_registry.at(setup,
+                                         unknowns[first : first
+                                                  + len(cause.of_registry.parameters)].tolist())
     return setup.rig
 
 
-def _surface(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array, stiffness: float) -> Surface:
+def _surface(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
+             stiffness: float) -> Surface:
     """The force law of a specimen with the effects that change its film."""
     law, name = simulation.laws[number], simulation.setup.specimens[number].name
     coordinates = np.zeros(len(law.axes))
@@ -241,7 +257,8 @@ def _surface(simulation: Simulation, number: int, hypothesis: Hypothesis, unknow
         if cause.which in (None, name):
             for place, axis in enumerate(law.axes):
                 if axis.effect == cause.effect:
-                    coordinates[place] = axis.coordinate(float(unknowns[first + axis.index]), stiffness)
+                    coordinates[place] = axis.coordinate(float(unknowns[first + axis.index]),
+                                                         stiffness)
         first += count
     return law.at(coordinates)
 
@@ -256,14 +273,16 @@ def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
                 for axis in law.axes:
                     if (axis.effect, axis.index) == (cause.effect, index):
                         least, most = max(least, -axis.span), min(most, axis.span)
-            low.append(max(least, 0.0) if item.sign == "even" and _folded(simulation, cause.effect, index) else least)
+            low.append(max(least, 0.0) if item.sign == "even"
+                       and _folded(simulation, cause.effect, index) else least)
             high.append(most)
     return np.array([low, high])
 
 
 def _folded(simulation: Simulation, effect: str, index: int) -> bool:
     """Whether the sign of a parameter changes nothing on any specimen."""
-    axes = [axis for law in simulation.laws for axis in law.axes if (axis.effect, axis.index) == (effect, index)]
+    axes = [axis for law in simulation.laws for axis in law.axes if (axis.effect, axis.index)
+            == (effect, index)]
     return all(axis.folded for axis in axes)
 
 

@@ -1,8 +1,9 @@
 """What the extended model gains on readings it has not seen: whole shapes, masses, specimens, voltage ranges.
 
-Readings of one ramp share mounting, creep and offset, so single readings are never held out. On each split the cause
-is chosen and fitted on the training part only. A gain is no evidence for a name within a class of causes that these
-readings cannot tell apart: an alias gains as much as the truth.
+Readings of one ramp share mounting, creep and offset, so single readings are never held out. On
+each split the cause is chosen and fitted on the training part only. A gain is no evidence for a
+name within a class of causes that these readings cannot tell apart: an alias gains as much as the
+truth.
 """
 
 from __future__ import annotations
@@ -50,13 +51,13 @@ class SplitGain:
     Parameters
     ----------
     chosen, wrong
-        The causes chosen on the training part, and the best ones there that share none with them nor with their
-        class; empty where there are none.
+        The causes chosen on the training part, and the best ones there that share none with them
+        nor with their class; empty where there are none.
     noise
         Standard deviation of the readings, shape (rows,) [m], as have all that follow.
     before, after, process, rival
-        Readings minus predictions of the nominal model refitted, of the extended model, of the nominal model plus a
-        Gaussian process, and of the best wrong cause.
+        Readings minus predictions of the nominal model refitted, of the extended model, of the
+        nominal model plus a Gaussian process, and of the best wrong cause.
     ramp
         Specimen and mass of the rows, numbered.
     lost
@@ -80,12 +81,14 @@ class SplitGain:
     @property
     def rmse(self) -> dict[str, float]:
         """Root mean squares [m] of "before", "after", "process", "rival" and "noise"; nan where there is none."""
-        return {name: _rms(getattr(self, name)) for name in ("before", "after", "process", "rival", "noise")}
+        return {name: _rms(getattr(self, name)) for name in ("before", "after", "process", "rival",
+                                                             "noise")}
 
     @property
     def ratio(self) -> float:
         """Error beyond noise after over before."""
-        before, after, noise = (float(np.sum(values**2)) for values in (self.before, self.after, self.noise))
+        before, after, noise = (float(np.sum(values**2))
+                                for values in (self.before, self.after, self.noise))
         return float(excess_ratio(before, after, noise, len(self.noise)))
 
 
@@ -110,16 +113,18 @@ class GainReport:
     impossible: tuple[str, ...]
 
 
-def gain_of(simulation: Simulation, table: Table, causes: Sequence[Cause], judgement: Judgement, seed: int = 0
+def gain_of(simulation: Simulation, table: Table, causes: Sequence[Cause], judgement: Judgement,
+            seed: int = 0
             ) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
 
-    The noise is the one the judgement found. Where the training part cannot show a cause that all readings speak for
-    (one on a specimen that is held out; a mass left out of account, with one mass left), or shows nothing wrong at all,
-    the split says so and does not count.
+    The noise is the one the judgement found. Where the training part cannot show a cause that all
+    readings speak for (one on a specimen that is held out; a mass left out of account, with one
+    mass left), or shows nothing wrong at all, the split says so and does not count.
     """
     if judgement.weighing is None or not judgement.weighing.fits:
-        return GainReport(None, (), ("nothing was found to be wrong, so there is no extended model to test",))
+        return GainReport(None, (),
+                          ("nothing was found to be wrong, so there is no extended model to test",))
     table = table.with_sigma(judgement.table.sigma)
     splits, impossible = splits_of(simulation, table)
     classes = judgement.indistinguishable
@@ -136,17 +141,21 @@ def splits_of(simulation: Simulation, table: Table) -> tuple[tuple[Split, ...], 
     masses, mass = np.unique(table.mass, return_inverse=True)
     found: list[Split] = []
     for number in np.unique(shape):
-        named = [one.name for one, frame in zip(specimens, frames, strict=True) if frame == frames[number]]
+        named = [one.name for one, frame in zip(specimens, frames, strict=True)
+                 if frame == frames[number]]
         found.append(Split("shape", " and ".join(named), shape == number))
     if len(np.unique(shape)) < len(np.unique(table.specimen)):
-        found += [Split("specimen", specimens[k].name, table.specimen == k) for k in np.unique(table.specimen)]
-    found += [Split("mass", f"{1e3 * one:.5g} g", mass.ravel() == k) for k, one in enumerate(masses)]
+        found += [Split("specimen", specimens[k].name, table.specimen == k)
+                  for k in np.unique(table.specimen)]
+    found += [Split("mass", f"{1e3 * one:.5g} g", mass.ravel() == k)
+              for k, one in enumerate(masses)]
     edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
     found.append(Split("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
     reasons = [_unfit(split, table, shape) for split in found]
     impossible = [f"{split.held_out} cannot be held out: {reason}"
                   for split, reason in zip(found, reasons, strict=True) if reason]
-    return tuple(split for split, reason in zip(found, reasons, strict=True) if not reason), tuple(impossible)
+    return tuple(split for split, reason in zip(found, reasons, strict=True)
+                 if not reason), tuple(impossible)
 
 
 def _unfit(split: Split, table: Table, shape: NDArray[np.int64]) -> str:
@@ -156,7 +165,8 @@ def _unfit(split: Split, table: Table, shape: NDArray[np.int64]) -> str:
         return "no displacements would be held out"
     if train.sum() < _FEWEST_ROWS:
         return f"fewer than {_FEWEST_ROWS} readings would be left"
-    left = {"shape": shape, "specimen": table.specimen, "mass": _ramps(table), "voltage": np.abs(table.voltage)}
+    left = {"shape": shape, "specimen": table.specimen, "mass": _ramps(table),
+            "voltage": np.abs(table.voltage)}
     if len(np.unique(left[split.kind][train])) < _FEWEST_LEFT:
         name = {"mass": "ramp", "voltage": "voltage"}.get(split.kind, split.kind)
         return f"fewer than {_FEWEST_LEFT} {name}s would be left"
@@ -165,7 +175,8 @@ def _unfit(split: Split, table: Table, shape: NDArray[np.int64]) -> str:
 
 def _ramps(table: Table) -> NDArray[np.int64]:
     """Number of the specimen and mass of each row."""
-    _, numbers = np.unique(np.stack([table.specimen.astype(float), table.mass], 1), axis=0, return_inverse=True)
+    _, numbers = np.unique(np.stack([table.specimen.astype(float), table.mass], 1), axis=0,
+                           return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)
 
 
@@ -177,9 +188,11 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
     test = compact(table[counted])
     known = {simulation.setup.specimens[k].name for k in np.unique(train.specimen)}
     nominal = nominal_fit(simulation, train)
-    choice = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)], nominal, classes)
+    choice = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)],
+                    nominal, classes)
     chosen, wrong = choice.best or nominal, choice.wrong
-    error = {name: _errors(simulation, one, test) for name, one in (("before", nominal), ("after", chosen))}
+    error = {name: _errors(simulation, one, test)
+             for name, one in (("before", nominal), ("after", chosen))}
     error["rival"] = _errors(simulation, wrong, test) if wrong else np.full(len(test), np.nan)
     process = Process.trained(train, nominal.residual * train.sigma)
     error["process"] = error["before"] - process.predicted(test)
@@ -190,13 +203,16 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
     if not kept.any():
         note = "the models have no equilibrium where readings were held out"
     return SplitGain(split, chosen.hypothesis, wrong.hypothesis if wrong else (), test.sigma[kept],
-                     error["before"][kept], error["after"][kept], error["process"][kept], error["rival"][kept],
+                     error["before"][kept], error["after"][kept], error["process"][kept],
+                     error["rival"][kept],
                      _ramps(table)[counted][kept], int((~kept).sum()), note)
 
 
-def _unlearnable(simulation: Simulation, train: Table, nominal: Fit, best: Hypothesis, held_out: str) -> str:
+def _unlearnable(simulation: Simulation, train: Table, nominal: Fit, best: Hypothesis,
+                 held_out: str) -> str:
     """Whether the training part cannot show one of the causes all readings speak for, at its typical size."""
-    blind = [one.cause for one in signatures(simulation, train, nominal.unknowns, best) if one.strength < SAME]
+    blind = [one.cause for one in signatures(simulation, train, nominal.unknowns, best)
+             if one.strength < SAME]
     return f"{blind[0]} cannot be learned while {held_out} is held out" if blind else ""
 
 
@@ -220,39 +236,46 @@ def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nomina
 
     Each cause alone, the best of them with every other, and pairs of the best few are weighed.
     """
-    prior = dict(zip(hypotheses_of(causes), np.log(priors(hypotheses_of(causes))).tolist(), strict=True))
-    singles = _ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns), prior)
+    prior = dict(zip(hypotheses_of(causes), np.log(priors(hypotheses_of(causes))).tolist(),
+                     strict=True))
+    singles = _ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns),
+                      prior)
     if not singles:
         return Choice(None, None, 0.0)
     order = [one.hypothesis[0] for one in singles]
     pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
              and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
-    ranked = _ranked([*singles, *fit_all(simulation, pairs, table, nominal.unknowns, known=singles)], prior)
+    ranked = _ranked([*singles,
+                      *fit_all(simulation, pairs, table, nominal.unknowns, known=singles)], prior)
     taken = set(ranked[0].hypothesis)
     taken |= {cause for group in classes if taken & set(group) for cause in group}
-    weights = [one.evidence + prior[one.hypothesis] - nominal.evidence - np.log(NOTHING) for one in ranked]
+    weights = [one.evidence + prior[one.hypothesis] - nominal.evidence - np.log(NOTHING)
+               for one in ranked]
     return Choice(ranked[0], next((one for one in ranked if not taken & set(one.hypothesis)), None),
                   float(np.exp(min(logsumexp(weights), 700.0))))
 
 
 def _ranked(fits: Sequence[Fit], prior: dict[Hypothesis, float]) -> list[Fit]:
     """Fits by probability, the most probable first; without those that have no equilibria."""
-    return sorted((one for one in fits if one.found), key=lambda one: -(one.evidence + prior[one.hypothesis]))
+    return sorted((one for one in fits if one.found),
+                  key=lambda one: -(one.evidence + prior[one.hypothesis]))
 
 
 def compact(table: Table) -> Table:
     """The same rows with only the states they are of."""
-    used, numbers = np.unique(np.r_[table.state, table.since[table.since >= 0]], return_inverse=True)
+    used, numbers = np.unique(np.r_[table.state, table.since[table.since >= 0]],
+                              return_inverse=True)
     since = table.since.copy()
     since[since >= 0] = numbers[len(table) :]
     return replace(table, states=table.states[used], state=numbers[: len(table)], since=since)
 
 
-def excess_ratio(before: Array | float, after: Array | float, noise: Array | float, count: Array | int) -> Array:
+def excess_ratio(before: Array | float, after: Array | float, noise: Array | float,
+                 count: Array | int) -> Array:
     """√(excess after / excess before) of sums of squares over their expectation by noise.
 
-    An excess below what noise scatters by itself, √(2/count) of its sum for ``count`` readings, counts as that before
-    and as none after.
+    An excess below what noise scatters by itself, √(2/count) of its sum for ``count`` readings,
+    counts as that before and as none after.
     """
     least = noise * np.sqrt(2 / np.maximum(count, 1))
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
@@ -264,15 +287,18 @@ def _overall(splits: Sequence[SplitGain], seed: int) -> Gain | None:
     if not told:
         return None
     ramps, number = np.unique(np.concatenate([one.ramp for one in told]), return_inverse=True)
-    columns = [np.concatenate([getattr(one, name) for one in told]) ** 2 for name in ("before", "after", "noise")]
+    columns = [np.concatenate([getattr(one, name) for one in told]) ** 2
+               for name in ("before", "after", "noise")]
     sums = np.stack([np.bincount(number, values) for values in (*columns, np.ones(len(number)))])
     before, after, _, count = sums.sum(1)
     low, high = None, None
     if len(ramps) >= _FEWEST_RAMPS:
         generator = np.random.default_rng(seed)
-        drawn = generator.multinomial(len(ramps), np.full(len(ramps), 1 / len(ramps)), _DRAWS) @ sums.T
+        drawn = generator.multinomial(len(ramps), np.full(len(ramps), 1 / len(ramps)),
+                                      _DRAWS) @ sums.T
         low, high = (float(limit) for limit in np.quantile(excess_ratio(*drawn.T), (0.025, 0.975)))
-    return Gain(_words(told), 1e6 * float(np.sqrt(before / count)), 1e6 * float(np.sqrt(after / count)),
+    return Gain(_words(told), 1e6 * float(np.sqrt(before / count)),
+                1e6 * float(np.sqrt(after / count)),
                 float(excess_ratio(*sums.sum(1))), low, high)
 
 
@@ -280,7 +306,8 @@ def _words(splits: Sequence[SplitGain]) -> str:
     """What was held out."""
     kinds = {kind: [one.split.held_out for one in splits if one.split.kind == kind]
              for kind in ("shape", "specimen", "mass", "voltage")}
-    parts = [f"each {kind} in turn ({', '.join(names)})" if kind != "voltage" else f"all readings {names[0]}"
+    parts = [f"each {kind} in turn ({', '.join(names)})" if kind != "voltage"
+             else f"all readings {names[0]}"
              for kind, names in kinds.items() if names]
     return "; ".join(parts)
 

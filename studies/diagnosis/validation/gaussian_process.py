@@ -12,8 +12,11 @@ from tympan.studies.diagnosis.reading_table import Table
 
 Array = NDArray[np.float64]
 
-#: Lengths in U² over its largest and in mass over its largest, likeness of specimens, and sizes over the residuals'.
-_CHARGES, _MASSES, _LIKE, _SIZES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0), (0.0, 0.5, 0.9, 0.99), (0.3, 1.0, 3.0, 10.0)
+#: Lengths in U² over its largest and in mass over its largest, likeness of specimens, and sizes
+#: over the residuals'.
+_CHARGES, _MASSES, _LIKE, _SIZES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0), (0.0, 0.5, 0.9,
+                                                                           0.99), (0.3, 1.0, 3.0,
+                                                                                   10.0)
 
 #: More rows than this are thinned evenly before the process is trained.
 MOST_ROWS = 400
@@ -23,8 +26,9 @@ MOST_ROWS = 400
 class Process:
     """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen, which are given.
 
-    A row that is a difference of two states is the difference of the process at both. ``like`` is the correlation of
-    two specimens, whichever they are; ``size`` the standard deviation [unit of the readings].
+    A row that is a difference of two states is the difference of the process at both. ``like`` is
+    the correlation of two specimens, whichever they are; ``size`` the standard deviation [unit of
+    the readings].
     """
 
     train: Table
@@ -43,13 +47,15 @@ class Process:
         best, found = -np.inf, cls(table, residual, (1.0, 1.0), 0.5, typical)
         for charge, mass, like in product(_CHARGES, _MASSES, _LIKE):
             one = cls(table, residual, (charge, mass), like, typical)
-            values, vectors = np.linalg.eigh(one.covariance(table, table) / np.outer(table.sigma, table.sigma))
+            values, vectors = np.linalg.eigh(one.covariance(table, table) / np.outer(table.sigma,
+                                                                                     table.sigma))
             along = vectors.T @ (residual / table.sigma)
             for share in _SIZES:
                 spread = 1 + share**2 * np.maximum(values, 0.0)
                 likelihood = -0.5 * float(np.sum(along**2 / spread + np.log(spread)))
                 if likelihood > best:
-                    best, found = likelihood, cls(table, residual, (charge, mass), like, share * typical)
+                    best, found = likelihood, cls(table, residual, (charge, mass), like,
+                                                  share * typical)
         return found
 
     def covariance(self, one: Table, other: Table) -> Array:

@@ -14,7 +14,8 @@ def edit(setup: Setup, share: float) -> Setup:
     """Every film's profile moved by c towards the membrane's."""
     def change(one: Specimen) -> Specimen:
         if not isinstance(one, Lumped):
-            raise InputError("is an effect on the lumped model", key="cone_kinematics", given=one.name)
+            raise InputError("is an effect on the lumped model", key="cone_kinematics",
+                             given=one.name)
         return replace(one, profile=one.profile + share)
 
     return setup.with_specimens(change)
@@ -23,7 +24,8 @@ def edit(setup: Setup, share: float) -> Setup:
 register(Effect(
     "cone_kinematics",
     "The film between plate and frame is not the lumped model's straight cone but hollow, steepest at the plate.",
-    (Parameter("c", "film from the straight cone (0) to a weightless membrane hardly deflected (1)", "", "", width=1.0,
+    (Parameter("c", "film from the straight cone (0) to a weightless membrane hardly deflected (1)",
+               "", "", width=1.0,
                low=0.0, high=1.5, sign="positive", reason=(
                    "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: nothing between "
                    "0 and 1 is favoured much, and room beyond 1 lets data contradict both; no source")),),

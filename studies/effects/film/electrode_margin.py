@@ -20,7 +20,8 @@ def edit(setup: Setup, width: float) -> Setup:
 register(Effect(
     "electrode_margin",
     "The electrode does not reach the frame: an uncovered band along it carries no field.",
-    (Parameter("d", "width of the uncovered band along the frame", "mm", "length", width=2e-3, low=0.0, high=10e-3,
+    (Parameter("d", "width of the uncovered band along the frame", "mm", "length", width=2e-3,
+               low=0.0, high=10e-3,
                sign="positive", least=0.5e-3, reason=(
                    "grease is brushed by hand and kept clear of a frame against flashover, about 1 mm per few kV; no "
                    "source. A specimen can have a band from 1 % of the gap between plate and frame on")),),

@@ -20,7 +20,8 @@ def edit(setup: Setup, share: float) -> Setup:
 register(Effect(
     "prestretch_anisotropy",
     "All films were stretched a little more along one axis of the frame than along the other, at the same area.",
-    (Parameter("a", "stretch λ(1+a) along x and λ/(1+a) along y", "", "", width=0.02, low=-0.1, high=0.1, sign="signed",
+    (Parameter("a", "stretch λ(1+a) along x and λ/(1+a) along y", "", "", width=0.02, low=-0.1,
+               high=0.1, sign="signed",
                reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source"),),
     edit,
 ))

@@ -20,7 +20,8 @@ def edit(setup: Setup, loss: float, which: str) -> Setup:
 register(Effect(
     "prestretch_loss",
     "The film of one specimen slipped in its frame or was stretched less than the others.",
-    (Parameter("delta", "the specimen's stretches are λ(1-delta)", "", "", width=0.02, low=0.0, high=0.15,
+    (Parameter("delta", "the specimen's stretches are λ(1-delta)", "", "", width=0.02, low=0.0,
+               high=0.15,
                sign="positive", reason=(
                    "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no source")),),
     edit,

@@ -24,7 +24,8 @@ def edit(setup: Setup, exponent: float) -> Setup:
 register(Effect(
     "strain_stiffening",
     "The film hardens with stretch more (h > 0) or less than the nominal law, with the same stress when mounted.",
-    (Parameter("h", "power of the first invariant by which the slope of the energy grows", "", "", width=0.2,
+    (Parameter("h", "power of the first invariant by which the slope of the energy grows", "", "",
+               width=0.2,
                low=-0.8, high=2.0, sign="signed", reason=(
                    "Gent's law with J_lim has h = I_m/(J_lim + 3 - I_m) about the mounted I_m = 10: 0.1 for the 110 "
                    "of the library's VHB 4910, 0.3 for 40, against 0 for neo-Hooke: sources on one tape differ so")),),

@@ -18,7 +18,8 @@ def edit(setup: Setup, dx: float, dy: float) -> Setup:
 
 
 def _offset(axis: str) -> Parameter:
-    return Parameter(f"d{axis}", f"offset along {axis}", "mm", "length", width=1e-3, low=-5e-3, high=5e-3, sign="even",
+    return Parameter(f"d{axis}", f"offset along {axis}", "mm", "length", width=1e-3, low=-5e-3,
+                     high=5e-3, sign="even",
                      reason="a plate placed by eye on marks or in a loose jig; no source")
 
 

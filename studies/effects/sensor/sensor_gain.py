@@ -16,7 +16,8 @@ def edit(setup: Setup, gain: float) -> Setup:
 register(Effect(
     "sensor_gain",
     "The displacement sensor shows a constant fraction too much or too little, as when its axis is tilted.",
-    (Parameter("k", "readings are (1+k) y", "", "", width=0.01, low=-0.2, high=0.2, sign="signed", reason=(
+    (Parameter("k", "readings are (1+k) y", "", "", width=0.01, low=-0.2, high=0.2, sign="signed",
+               reason=(
         "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor is better than that")),),
     edit,
 ))

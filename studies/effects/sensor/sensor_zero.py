@@ -15,7 +15,8 @@ def edit(setup: Setup, zero: float) -> Setup:
 register(Effect(
     "sensor_zero",
     "All readings are shifted by the same length: the sensor was not zero at the flat film.",
-    (Parameter("y_0", "readings are y + y_0", "um", "length", width=50e-6, low=-1e-3, high=1e-3, sign="signed", reason=(
+    (Parameter("y_0", "readings are y + y_0", "um", "length", width=50e-6, low=-1e-3, high=1e-3,
+               sign="signed", reason=(
         "the zero is set by hand on a plate that is not yet loaded; no source")),),
     edit,
 ))

@@ -16,7 +16,8 @@ def edit(setup: Setup, gain: float) -> Setup:
 register(Effect(
     "amplifier_gain",
     "The voltage across the film is a constant fraction larger or smaller than the one written down.",
-    (Parameter("k", "the film sees (1+k) U", "", "", width=0.02, low=-0.3, high=0.3, sign="signed", reason=(
+    (Parameter("k", "the film sees (1+k) U", "", "", width=0.02, low=-0.3, high=0.3, sign="signed",
+               reason=(
         "converter modules set by a control voltage, without calibration, to a few per cent; no source")),),
     edit,
 ))

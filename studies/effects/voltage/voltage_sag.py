@@ -18,7 +18,8 @@ def edit(setup: Setup, voltage: float) -> Setup:
 register(Effect(
     "voltage_sag",
     "The high-voltage supply sags under the film's leakage: the higher the voltage, the more of it is missing.",
-    (Parameter("U_s", "the film sees U/(1+(U/U_s)^2); infinite where there is no sag", "kV", "voltage", width=25e3,
+    (Parameter("U_s", "the film sees U/(1+(U/U_s)^2); infinite where there is no sag", "kV",
+               "voltage", width=25e3,
                low=5e3, high=inf, sign="positive", scale=INVERSE_SQUARE, reason=(
                    "25 kV is 7 % less at 7 kV: what a leaking film takes from a small unregulated converter; no source"
                )),),

@@ -36,7 +36,8 @@ def checks() -> Finding:
          "that the stretches count from the unstretched film, yet λ_r of Eq. (3) is 1 without load: they count "
          "from the mounted one, and with Eq. (2) so does λ_z = z/z₀. Eq. (12) divides a sum over N_f by N_s and "
          "calls N, the number of circles, what must be that of actuators."),
-        (*(Number(f"film's surface, {name}", value, "m²") for name, value in zip(NAMES, surfaces, strict=True)),
+        (*(Number(f"film's surface, {name}", value, "m²")
+           for name, value in zip(NAMES, surfaces, strict=True)),
          Number("largest difference from Table 1", off, "m²"),
          *(Number(f"percentage from the ranges, {name}, {1e3 * mass:g} g", float(shares[r, c]), "%")
            for r, mass in enumerate(MASSES) for c, name in enumerate(NAMES)),

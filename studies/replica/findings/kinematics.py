@@ -19,8 +19,8 @@ _TERMS, _POINTS = 14, 400
 def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
     """Stiffness over tension of a taut film between a round plate and an ellipse about it, hardly deflected [1].
 
-    The deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ + 1, zero on the ellipse by least
-    squares at 400 points; the stiffness is 2π|A|, for a circle 2π/ln(R/r).
+    The deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ + 1, zero on the
+    ellipse by least squares at 400 points; the stiffness is 2π|A|, for a circle 2π/ln(R/r).
 
     Examples
     --------
@@ -32,7 +32,8 @@ def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
     rho = a * b / np.hypot(b * np.cos(theta), a * np.sin(theta)) / plate
     powers = 2 * np.arange(1, _TERMS + 1)
     # Each column in its own size: (ρ/r)^28 would drown the others.
-    columns = (rho[:, None] ** powers - rho[:, None] ** -powers.astype(float)) * np.cos(theta[:, None] * powers)
+    columns = (rho[:, None] ** powers - rho[:, None] **
+               -powers.astype(float)) * np.cos(theta[:, None] * powers)
     matrix = np.column_stack([np.log(rho), columns / rho.max() ** powers])
     solved = np.linalg.lstsq(matrix, -np.ones(_POINTS), rcond=1e-14)[0]
     return float(-2 * np.pi * solved[0])
@@ -74,7 +75,8 @@ def cone(lost: Lost) -> Finding:
          f"{prestretch:.3f}; independent data on VHB 4910 ({DEFAULT} of the library) give {tape / 1e3:.1f} kPa. ε_r "
          f"{lost.permittivity:.2f} over it is {lost.permittivity / found[0]:.2f}, where the literature has 2.6 to "
          "4.7. The constants of Table 1 are those of the cone, not of the tape."),
-        (*(Number(f"taut film over cones, {name}", value) for name, value in zip(NAMES, found, strict=True)),
+        (*(Number(f"taut film over cones, {name}", value)
+           for name, value in zip(NAMES, found, strict=True)),
          Number("prestress of Table 1 over the circle's factor", at / found[0], "Pa"),
          Number("neo-Hookean modulus of that prestress", modulus, "Pa"),
          Number(f"prestress of the library's {DEFAULT}", tape, "Pa"),
@@ -83,18 +85,23 @@ def cone(lost: Lost) -> Finding:
 
 def energy(lost: Lost) -> Finding:
     """½ u² dC/dy of a cone against the force of the voltage in Eq. (5), of each circle."""
-    circles = [ConeCircle(paper_actuators(lost.permittivity)[0], radius) for radius in (45e-3, 60e-3, 75e-3)]
+    circles = [ConeCircle(paper_actuators(lost.permittivity)[0], radius)
+               for radius in (45e-3, 60e-3, 75e-3)]
     unit = maxwell(circles[0].specimen, 1.0)
     y, step = 3e-3, 1e-5
-    slopes = [(circle.capacitance(y + step) - circle.capacitance(y - step)) / (2 * step) for circle in circles]
-    found = [slope / 2 / -float(circle.pull(unit, y)[1]) for circle, slope in zip(circles, slopes, strict=True)]
-    closed = [(circle.radius + circle.plate_radius) / (2 * circle.plate_radius) for circle in circles]
+    slopes = [(circle.capacitance(y + step) - circle.capacitance(y - step)) / (2 * step)
+              for circle in circles]
+    found = [slope / 2 / -float(circle.pull(unit, y)[1]) for circle, slope in zip(circles, slopes,
+                                                                                  strict=True)]
+    closed = [(circle.radius + circle.plate_radius) / (2 * circle.plate_radius)
+              for circle in circles]
     flat = [circle.capacitance(0.0) for circle in circles]
     return Finding(
         "energy", "½ C u² is not the energy of Eq. (5)",
         ("Section 2 argues with E = ½ C u²; its derivative by y is the force of the voltage on the whole film. Eq. "
          "(5) takes the Maxwell stress at the plate's edge alone. On the same cone the first is "
-         + ", ".join(f"{value:.3f}" for value in found) + " times the second for circles of 45, 60 and 75 mm: "
+         + ", ".join(f"{value:.3f}" for value in found)
+         + " times the second for circles of 45, 60 and 75 mm: "
          "(r_j + r)/(2r). The cone's stress, the same everywhere, is not in equilibrium along the radius, so the "
          "two need not agree. In one circle the elastic force has the same factor, which its ranges therefore do "
          "not show; in a mixture each circle has its own.",

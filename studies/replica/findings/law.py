@@ -29,13 +29,16 @@ def softening(lost: Lost) -> Finding:
     assert isinstance(law, Separable)
     at, slope = stress(1.0)
     turns = float(brentq(lambda x: stress(x)[1], 1.0, 1.5, xtol=1e-12))
-    parts = [2 * i * (beta + gamma) for i, beta, gamma in zip((1, 2, 3), law.beta, law.gamma, strict=True)]
+    parts = [2 * i * (beta + gamma) for i, beta, gamma in zip((1, 2, 3), law.beta, law.gamma,
+                                                              strict=True)]
     circle = lost.actuators(MASSES[0])[0]
     first, second = (float(circle.elastic(y)[2]) for y in (1e-6, 3e-3))
-    largest = minimize_scalar(lambda y: -float(circle.elastic(y)[1]), bounds=(1e-3, circle.reach / 3), method="bounded",
+    largest = minimize_scalar(lambda y: -float(circle.elastic(y)[1]),
+                              bounds=(1e-3, circle.reach / 3), method="bounded",
                               options={"xatol": 1e-9})
     peaks = float(circle.elastic(largest.x)[2]) / first
-    visited = [max(circle_.stretch(rest(actuator, HIGHEST).deflection)[0] for circle_ in actuator.circles)
+    visited = [max(circle_.stretch(rest(actuator, HIGHEST).deflection)[0]
+                   for circle_ in actuator.circles)
                for mass in MASSES for actuator in lost.actuators(mass)]
     words = [
         f"At the mounted film Eq. (8) gives {at / 1e3:.1f} kPa and dσ/dλ = Σ 2i (β_i + γ_i) = {slope / 1e3:.1f} kPa: "
@@ -48,13 +51,17 @@ def softening(lost: Lost) -> Finding:
     if abs(peaks) < 1e-3:
         words.append(f"Its force has a maximum at {1e3 * float(largest.x):.1f} mm: it holds "
                      f"{1e3 * -float(largest.fun) / circle.rig.gravity:.1f} g and no more.")
-    numbers = [Number("stress at the mounted stretch", at, "Pa"), Number("its slope there", slope, "Pa"),
-               *(Number(f"of it by i = {i}", part, "Pa") for i, part in zip((1, 2, 3), parts, strict=True)),
+    numbers = [Number("stress at the mounted stretch", at, "Pa"),
+               Number("its slope there", slope, "Pa"),
+               *(Number(f"of it by i = {i}", part, "Pa")
+                 for i, part in zip((1, 2, 3), parts, strict=True)),
                Number("stretch where the stress stops falling", turns),
                Number("largest stretch at 7 kV", float(max(visited))),
                Number("circle's stiffness at 3 mm over that when flat", second / first),
-               Number("the same of a constant stress", _constant_stress(circle.circles[0].steepness * 3e-3))]
-    return Finding("law", "Table 1's Ogden set loses stress with stretch", tuple(words), tuple(numbers))
+               Number("the same of a constant stress",
+                      _constant_stress(circle.circles[0].steepness * 3e-3))]
+    return Finding("law", "Table 1's Ogden set loses stress with stretch", tuple(words),
+                   tuple(numbers))
 
 
 def _constant_stress(slope: float) -> float:

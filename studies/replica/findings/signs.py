@@ -27,7 +27,8 @@ def forces(actuator: Actuator, y: Array, voltage: Array) -> Array:
     Eq. (11) is linear in all of them once the weights are given.
     """
     film = actuator.specimen.membrane
-    laws = [Separable((float(one == "beta"),), (float(one == "gamma"),), (2.0 * power,), film.area_prestretch**0.5)
+    laws = [Separable((float(one == "beta"),), (float(one == "gamma"),), (2.0 * power,),
+                      film.area_prestretch**0.5)
             for one in ("beta", "gamma") for power in _POWERS]
     unit = maxwell(paper_actuators(1.0)[0], 1.0)
     total = np.zeros((len(y), 7))
@@ -77,5 +78,7 @@ def sign(lost: Lost) -> Finding:
          "minimised what is printed. c₂ of Eq. (11) is not defined there; Eq. (5) makes it ε₀ε_r/z₀²."),
         (Number("residual over weight, as printed", float(np.abs(printed / load).max())),
          Number("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
-         *(Number(f"stress at the mounted stretch found, {name}", value[0], "Pa") for name, value in found.items()),
-         *(Number(f"relative permittivity found, {name}", value[1]) for name, value in found.items())))
+         *(Number(f"stress at the mounted stretch found, {name}", value[0], "Pa")
+           for name, value in found.items()),
+         *(Number(f"relative permittivity found, {name}", value[1])
+           for name, value in found.items())))

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 _ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
 
 
-def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost, limits: dict[str, tuple[float, float]], levels: Lost
+def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost,
+               limits: dict[str, tuple[float, float]], levels: Lost
                ) -> Finding:
     """Fits at rest, the smallest worst misfit, what is within twice that, and the fit at the ends of the levels."""
     light, heavy = (next(one for one in others.values() if one.rows == (row,)) for row in (0, 1))
@@ -39,10 +40,12 @@ def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost, limits: dict[str
          f"{1e3 * levels.rms:.3f} mm: the ellipses' four ranges are met within {ellipses:.3f} mm, the circle's "
          f"missed by {circle[0]:+.3f} and {circle[1]:+.3f} mm. The paper's levels are lost; `docs/paper.md` has the "
          "same with other seeds."),
-        (Number("relative permittivity, at rest", lost.permittivity), Number("alpha_1, at rest", lost.alpha[0]),
+        (Number("relative permittivity, at rest", lost.permittivity),
+         Number("alpha_1, at rest", lost.alpha[0]),
          Number("root mean square misfit, at rest", lost.rms, "m"),
          Number("relative permittivity, an alpha_1 for each ellipse", own.permittivity),
-         Number("alpha_1 of the small ellipse", own.alpha[0]), Number("alpha_1 of the large ellipse", own.alpha[1]),
+         Number("alpha_1 of the small ellipse", own.alpha[0]),
+         Number("alpha_1 of the large ellipse", own.alpha[1]),
          Number("smallest worst misfit", best.worst, "m"),
          Number("relative permittivity there", best.permittivity),
          Number("lowest relative permittivity within twice", low),
@@ -63,7 +66,8 @@ def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Ar
     for voltage in voltages:
         model = Ranges(high=float(voltage))
         for column in range(len(NAMES)):
-            moved = [model.rest(column, mass, voltage, *grid)[0] - model.rest(column, mass, 0.0, *grid)[0]
+            moved = [model.rest(column, mass, voltage, *grid)[0] - model.rest(column, mass, 0.0,
+                                                                              *grid)[0]
                      for mass in MASSES]
             found[column] = min(found[column], float(np.nanmin(moved[1] / moved[0])))
     return found
@@ -75,15 +79,18 @@ def unaccounted(lost: Lost, growth: Array) -> Array:
     for column, wanted in enumerate(growth):
         alpha = lost.weights(column)[0]
 
-        def miss(extra: float, column: int = column, wanted: float = float(wanted), alpha: float = alpha) -> float:
+        def miss(extra: float, column: int = column, wanted: float = float(wanted),
+                 alpha: float = alpha) -> float:
             model = Ranges(unaccounted=extra)
             # The permittivity follows, so that the range under the smaller mass stays what it is.
             def range_(mass: float, permittivity: float) -> float:
-                high, low = (model.rest(column, mass, volts, permittivity, alpha)[0] for volts in (HIGHEST, 0.0))
+                high, low = (model.rest(column, mass, volts, permittivity, alpha)[0]
+                             for volts in (HIGHEST, 0.0))
                 return float(np.nan_to_num(high - low, nan=1.0))
 
             target = float(ranges()[0, column])
-            permittivity = float(brentq(lambda value: range_(MASSES[0], value) - target, 1.0, 9.9, xtol=1e-9))
+            permittivity = float(brentq(lambda value: range_(MASSES[0], value) - target, 1.0, 9.9,
+                                        xtol=1e-9))
             return range_(MASSES[1], permittivity) / target - wanted
 
         found.append(float(brentq(miss, 0.0, 0.2, xtol=1e-7)))
@@ -93,11 +100,12 @@ def unaccounted(lost: Lost, growth: Array) -> Array:
 def mass_ratio(lost: Lost, rest: Array, levels: Array, whole: Array) -> Finding:
     """How ranges grow with the mass: in Table 2, at rest whatever ε_r and α, and over figure 14's steps.
 
-    ``rest``, ``levels`` and ``whole`` are the model's ranges [m] at rest, at the ends of figure 14's levels and of all
-    samples, shape (masses, actuators).
+    ``rest``, ``levels`` and ``whole`` are the model's ranges [m] at rest, at the ends of figure
+    14's levels and of all samples, shape (masses, actuators).
     """
     growth, at_rest, at_ends, moving = (one[1] / one[0] for one in (ranges(), rest, levels, whole))
-    least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11), np.array([1e3, 4e3, HIGHEST]))
+    least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
+                            np.array([1e3, 4e3, HIGHEST]))
     extra = unaccounted(lost, growth)
     left = [[_left(actuator, volts) for volts in (STEP[1], HIGHEST)]
             for mass in MASSES for actuator in lost.actuators(mass)]
@@ -121,9 +129,11 @@ def mass_ratio(lost: Lost, rest: Array, levels: Array, whole: Array) -> Finding:
          f"switch, by {_listed(moving)}.{odd}"),
         (Number("weights", masses),
          *(Number(f"{what}, {name}", float(value)) for what, values in (
-             ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least), ("ends of levels", at_ends),
+             ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
+             ("ends of levels", at_ends),
              ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
-         *(Number(f"unaccounted mass, {name}", float(value), "kg") for name, value in zip(NAMES, extra, strict=True)),
+         *(Number(f"unaccounted mass, {name}", float(value), "kg")
+           for name, value in zip(NAMES, extra, strict=True)),
          Number("film without prestress", cubic),
          Number("least share of creep left after 30 s", min(min(left))),
          Number("largest share of creep left after 30 s", max(max(left)))))

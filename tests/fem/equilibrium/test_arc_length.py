@@ -133,7 +133,8 @@ def test_a_branch_comes_back_on_itself() -> None:
         back.append(point)
         if point.state.voltage_squared < start.voltage_squared:
             break
-    assert all(one.state.voltage_squared > other.state.voltage_squared for one, other in pairwise(back))
+    assert all(one.state.voltage_squared > other.state.voltage_squared
+               for one, other in pairwise(back))
     again = branch.reach(back[-2], back[-1], start.voltage_squared)
     assert np.allclose(again.state.positions, start.positions, atol=1e-7)
     assert again.rate == pytest.approx(-ahead[0].rate, rel=1e-3)
@@ -210,7 +211,8 @@ def test_hysteresis_of_a_magnet() -> None:
     assert (snapped.status, snapped.limited) == ("no_equilibrium", "voltage")
     assert np.sqrt(snapped.limit) == pytest.approx(snap, rel=1e-5)
     # However far the target, the ramp does not step over the snap to the state beyond.
-    assert [equilibrium(film, LIGHT, volts).status for volts in (4600.0, 5000.0, 7000.0)] == 3 * ["no_equilibrium"]
+    assert [equilibrium(film, LIGHT, volts).status
+            for volts in (4600.0, 5000.0, 7000.0)] == 3 * ["no_equilibrium"]
     beyond = held(film, 1.15 * far, 1.01 * snap)
     fallen = newton(film, beyond.state.under(force=LIGHT))
     assert fallen.converged

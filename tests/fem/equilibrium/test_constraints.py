@@ -81,7 +81,8 @@ def constant(film: Model, state, motions, kept: str) -> np.ndarray:
     if kept == "charge":  # E + Q²/2C has the Hessian of E − ½CU² and (U²/C) ∇C ∇Cᵀ
         inner, plate = motions.gather(film.by_load(state, "voltage"))
         slope = -2 * film.mirrored * np.concatenate([inner, plate])
-        whole += np.outer(slope, slope) * state.voltage_squared / capacitance_of(film, state) / film.mirrored
+        whole += np.outer(slope, slope) * state.voltage_squared / capacitance_of(film,
+                                                                                 state) / film.mirrored
     if kept == "heave":
         row = len(tangent.inner) + film.plate_freedoms.index(HEAVE)
         whole = np.delete(np.delete(whole, row, 0), row, 1)
@@ -141,14 +142,16 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
         assert (negative, closed) == (given, kept) == (1, 0)
 
 
-def reference_counts(heave: float, near: tuple[np.ndarray, float]) -> tuple[tuple[np.ndarray, float], int, int]:
+def reference_counts(heave: float,
+                     near: tuple[np.ndarray, float]) -> tuple[tuple[np.ndarray, float], int, int]:
     """State of the Ritz method at a heave; its negative eigenvalues at constant voltage and at constant charge."""
     ritz = _Ritz(oracle(SOFT), 40)
     c, q = near = voltage_at(oracle(SOFT), heave, WEIGHT, near, 40)
     value, _, hessian, mixed = ritz.derivatives(c, heave, q)
     capacitance = 2 * (ritz.derivatives(c, heave, 0.0)[0] - value) / q
     kept = hessian + q / capacitance * np.outer(2 * mixed, 2 * mixed)
-    return near, int((np.linalg.eigvalsh(hessian) < 0).sum()), int((np.linalg.eigvalsh(kept) < 0).sum())
+    return near, int((np.linalg.eigvalsh(hessian) < 0).sum()), int((np.linalg.eigvalsh(kept)
+                                                                    < 0).sum())
 
 
 def test_an_arc_has_its_length(skewed_model: Model) -> None:
@@ -159,7 +162,8 @@ def test_an_arc_has_its_length(skewed_model: Model) -> None:
     before = next(branch.points(start))
     for step in (1e-3, 1e-2):
         after = branch.at(before, step)
-        assert Arc(before.state, before.direction, step).equation(branch.model, after.state, ("force",)).miss \
+        assert Arc(before.state, before.direction, step).equation(branch.model, after.state,
+                                                                  ("force",)).miss \
             == pytest.approx(0, abs=1e-7 * step + 1e-10)
         chord = length(branch.model, difference(branch.model, after.state, before.state))
         assert step <= chord * (1 + 1e-6)

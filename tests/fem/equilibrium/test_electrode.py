@@ -25,7 +25,8 @@ from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.export import export
 
-#: Outlines on a frame of radius 45 mm around a plate of radius 10 mm, and the planes of symmetry they leave.
+#: Outlines on a frame of radius 45 mm around a plate of radius 10 mm, and the planes of symmetry
+#: they leave.
 REGIONS = {
     "around the plate": (Region(Ellipse((30e-3, 20e-3))), "xy"),
     "off centre around the plate": (Region(Circle(20e-3), (5e-3, 4e-3)), ""),
@@ -43,7 +44,8 @@ def specimen(region: Region, margins: tuple[float, float] = (0.0, 0.0)) -> Speci
     return replace(circular(), electrode=Electrode(*margins, outline=region))
 
 
-def chord(outline: Circle | Ellipse, offset: tuple[float, float], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def chord(outline: Circle | Ellipse, offset: tuple[float, float],
+          x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends in y of the outline's chord at each x; an empty one where it has none."""
     a, b = outline.semi_axes
     half = b * np.sqrt(np.maximum(1 - ((x - offset[0]) / a) ** 2, 0))
@@ -52,7 +54,8 @@ def chord(outline: Circle | Ellipse, offset: tuple[float, float], x: np.ndarray)
 
 def chord_area(region: Region, frame: float, plate: float) -> float:
     """Area of region ∩ circle(frame) − circle(plate), by chords of convex outlines; no mesh, no CAD."""
-    # Chords grow like a square root at their ends; sin makes the integrand smooth at the region's own ends.
+    # Chords grow like a square root at their ends; sin makes the integrand smooth at the region's
+    # own ends.
     (a, _), (x0, _) = region.outline.semi_axes, region.offset
     angle = (np.arange(400_000) + 0.5) / 400_000 * np.pi - np.pi / 2
     x = x0 + a * np.sin(angle)
@@ -79,14 +82,17 @@ def test_covered_area(name: str, margins: str) -> None:
     assert covered_area(item, Settings()) == pytest.approx(exact, rel=2e-6)
     made = build_model(item, Settings())
     assert folded(made.mesh) == 0
-    assert float(made.basis.dx.sum()) * made.mirrored == pytest.approx(np.pi * (45e-3**2 - 10e-3**2), rel=2e-6)
+    assert float(made.basis.dx.sum()) * made.mirrored == pytest.approx(np.pi
+                                                                       * (45e-3**2 - 10e-3**2),
+                                                                       rel=2e-6)
 
 
 def test_chord_area_against_closed_forms() -> None:
     assert chord_area(Region(Circle(20e-3)), 45e-3, 10e-3) == pytest.approx(np.pi * 3e-4, rel=1e-8)
     r, d = 20e-3, 40e-3  # a circle of radius r whose centre is d from that of the frame, R
     R = 45e-3
-    lens = (r**2 * np.arccos((d**2 + r**2 - R**2) / (2 * d * r)) + R**2 * np.arccos((d**2 + R**2 - r**2) / (2 * d * R))
+    lens = (r**2 * np.arccos((d**2 + r**2 - R**2) / (2 * d * r)) + R**2
+            * np.arccos((d**2 + R**2 - r**2) / (2 * d * R))
             - np.sqrt((-d + r + R) * (d + r - R) * (d - r + R) * (d + r + R)) / 2)
     assert chord_area(Region(Circle(r), (d, 0.0)), R, 10e-3) == pytest.approx(lens, rel=1e-8)
 
@@ -95,7 +101,8 @@ def test_chord_area_against_closed_forms() -> None:
 def test_area_converges_with_the_order_of_the_mesh(order: int, rate: float) -> None:
     region = Region(Ellipse((32e-3, 21e-3)), (30e-3, 5e-3))
     exact = chord_area(region, 45e-3, 10e-3)
-    errors = [abs(covered_area(specimen(region), Settings(MeshSettings(order).refined(refine))) / exact - 1)
+    errors = [abs(covered_area(specimen(region), Settings(MeshSettings(order).refined(refine)))
+                  / exact - 1)
               for refine in (2.0, 8.0)]
     assert errors[1] < errors[0] / 4**rate
 
@@ -179,7 +186,9 @@ def test_what_cannot_be_meshed_is_refused(region: Region, words: str) -> None:
 def test_narrow_bands_are_meshed_without_folds(radius: float) -> None:
     made = build_model(specimen(Region(Circle(radius))), Settings())
     assert folded(made.mesh) == 0
-    assert float((made.basis.dx * made.covered).sum()) * 4 == pytest.approx(np.pi * (radius**2 - 1e-4), rel=1e-6)
+    assert float((made.basis.dx * made.covered).sum()) * 4 == pytest.approx(np.pi
+                                                                            * (radius**2 - 1e-4),
+                                                                            rel=1e-6)
 
 
 def test_export_writes_the_electrode_for_a_mask(tmp_path: Path) -> None:
@@ -220,7 +229,8 @@ offset = ["1 cm", "0 mm"]
 def test_outline_in_a_file(tmp_path: Path) -> None:
     file = tmp_path / "patch.toml"
     file.write_text(TEXT)
-    assert load_specimen(file).electrode == Electrode(0.0, 1e-3, 0.0, Region(Ellipse((30e-3, 20e-3)), (10e-3, 0.0)))
+    assert load_specimen(file).electrode == Electrode(0.0, 1e-3, 0.0,
+                                                      Region(Ellipse((30e-3, 20e-3)), (10e-3, 0.0)))
 
 
 @pytest.mark.parametrize(("old", "new", "key", "words"), [

@@ -80,14 +80,16 @@ def followers(film: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
 def test_divergence_theorem_with_the_plate_shifted_tilted_and_turned(skewed_model: Model) -> None:
     """3V = ∮ x·n da over film, plate and the frame's plane, the last of which adds nothing.
 
-    At order 2 the quadrature is exact for both; the mesh's plate differs from the circle by 1e-4 of its area.
+    At order 2 the quadrature is exact for both; the mesh's plate differs from the circle by 1e-4 of
+    its area.
     """
     film, state = skewed_model, loaded(skewed_model)
     plate = state.plate
     centre, normal = film.centre + plate.translation, plate.rotation[:, 2]
     whole = followers(film, state)[1] + math.pi * INNER**2 * (centre @ normal)
     assert plate.tilt > 0.1
-    assert 3 * volume(film, state) == pytest.approx(whole, abs=3e-4 * 3 * math.pi * INNER**2 * centre[2])
+    assert 3 * volume(film, state) == pytest.approx(whole,
+                                                    abs=3e-4 * 3 * math.pi * INNER**2 * centre[2])
 
 
 def test_gas_pressure_is_normal_to_film_and_plate(skewed_model: Model) -> None:
@@ -115,12 +117,13 @@ def test_plate_volume_s_derivatives() -> None:
     assert value == pytest.approx(2.0 * 5e-3 * plate.rotation[2, 2])
 
 
-def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.0, material=NEO_HOOKE
+def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.0,
+          material=NEO_HOOKE
           ) -> tuple[float, float]:
     """How far r(b) misses b, relative; the heave [m]. From the plate's edge outwards, ``rim`` being λ₁ there.
 
-    With x = ln R, ρ = R/λ_p and the slope t: (ρ T Ψ₁)' = T Ψ₂ cos t along the meridian, and across it
-    ρ T Ψ₁ t' = p r λ₁ρ' − T Ψ₂ sin t; at the plate 2π ρ T Ψ₁ sin t = F + p π a².
+    With x = ln R, ρ = R/λ_p and the slope t: (ρ T Ψ₁)' = T Ψ₂ cos t along the meridian, and across
+    it ρ T Ψ₁ t' = p r λ₁ρ' − T Ψ₂ sin t; at the plate 2π ρ T Ψ₁ sin t = F + p π a².
     """
     film = oracle(material)
     lp, thickness = film.prestretch, film.thickness
@@ -136,7 +139,8 @@ def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.
     edge = float(_psi(film, np.float64(rim), np.float64(lp), voltage_squared).d1)
     sine = (force + pressure * math.pi * INNER**2) / (2 * math.pi * INNER / lp * thickness * edge)
     start = [rim, lp, math.asin(sine), 0.0]
-    path = solve_ivp(rate, (math.log(INNER), math.log(OUTER)), start, method="DOP853", rtol=1e-10, atol=1e-12)
+    path = solve_ivp(rate, (math.log(INNER), math.log(OUTER)), start, method="DOP853", rtol=1e-10,
+                     atol=1e-12)
     return path.y[1, -1] / lp - 1, path.y[3, -1]
 
 
@@ -147,7 +151,8 @@ def at(pressure: float, voltage: float, guess: tuple[float, float], force: float
 
 
 @pytest.mark.parametrize(("pressure", "voltage", "force", "guess"), [
-    (500.0, 0.0, 0.0, (2.2, 2.5)), (500.0, 4000.0, 0.0, (2.3, 2.9)), (300.0, 3000.0, 0.3, (2.2, 2.9)),
+    (500.0, 0.0, 0.0, (2.2, 2.5)), (500.0, 4000.0, 0.0, (2.3, 2.9)),
+    (300.0, 3000.0, 0.3, (2.2, 2.9)),
     (-300.0, 2000.0, 0.0, (2.2, 2.5))])
 def test_plate_and_film_under_gas_pressure_follow_the_ode(pressure, voltage, force, guess) -> None:
     outcome = equilibrium(model(circular()), force, voltage, pressure)
@@ -158,13 +163,15 @@ def test_plate_and_film_under_gas_pressure_follow_the_ode(pressure, voltage, for
 
 def largest(load, guess: tuple[float, float]) -> float:
     """Maximum of a load over λ₁ at the plate."""
-    found = minimize_scalar(lambda rim: -load(rim), bounds=guess, method="bounded", options={"xatol": 1e-5})
+    found = minimize_scalar(lambda rim: -load(rim), bounds=guess, method="bounded",
+                            options={"xatol": 1e-5})
     return -float(found.fun)
 
 
 def test_ballooning_limit_is_the_ode_s_and_the_branch_goes_on_beyond() -> None:
     """A neo-Hookean balloon's pressure falls once it is large enough."""
-    exact = largest(lambda rim: brentq(lambda p: shoot(rim, p, 0.0)[0], 800.0, 1500.0, xtol=1e-4), (6.2, 7.8))
+    exact = largest(lambda rim: brentq(lambda p: shoot(rim, p, 0.0)[0], 800.0, 1500.0, xtol=1e-4),
+                    (6.2, 7.8))
     film = model(circular())
     outcome = equilibrium(film, 0.0, 0.0, 2000.0)
     assert (outcome.status, outcome.limited) == ("no_equilibrium", "pressure")
@@ -185,14 +192,16 @@ def test_ballooning_limit_is_the_ode_s_and_the_branch_goes_on_beyond() -> None:
 
 def test_pull_in_voltage_of_an_inflated_film() -> None:
     exact = math.sqrt(largest(
-        lambda rim: brentq(lambda q: shoot(rim, 800.0, q)[0], 0.0, 6000.0**2, xtol=1.0), (4.0, 5.2)))
+        lambda rim: brentq(lambda q: shoot(rim, 800.0, q)[0], 0.0, 6000.0**2, xtol=1.0),
+        (4.0, 5.2)))
     outcome = equilibrium(model(circular()), 0.0, 9000.0, 800.0)
     assert (outcome.status, outcome.limited) == ("no_equilibrium", "voltage")
     assert math.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-5)
 
 
 def test_quarter_and_full_models_agree_under_pressure() -> None:
-    quarter, full = (equilibrium(model(elliptical(60e-3), symmetry=symmetry), 0.1, 3000.0, 300.0).state
+    quarter, full = (equilibrium(model(elliptical(60e-3), symmetry=symmetry), 0.1, 3000.0,
+                                 300.0).state
                      for symmetry in (True, False))
     assert quarter.plate.heave == pytest.approx(full.plate.heave, rel=1e-8)
 
@@ -203,7 +212,8 @@ def test_pressure_tilts_a_plate_off_centre_and_half_agrees_with_full() -> None:
                   for symmetry in (True, False))
     assert half.plate.tilt == pytest.approx(full.plate.tilt, rel=1e-6)
     assert half.plate.tilt > 0.01
-    level = equilibrium(build_model(specimen, Settings(), Loading(guide="level")), 0.0, 0.0, 400.0).state
+    level = equilibrium(build_model(specimen, Settings(), Loading(guide="level")), 0.0, 0.0,
+                        400.0).state
     assert level.plate.tilt == 0
     assert level.plate.heave < half.plate.heave
 

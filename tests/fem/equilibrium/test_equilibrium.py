@@ -28,13 +28,15 @@ from tympan.studies.case import Case, Settings, solve
 STIFF = Ogden((30e3, 2e3), (1.3, 5.5))
 G = 9.81
 
-#: Design §3: neo-Hooke modulus [kPa], mass [g], deflection [mm] at 0, 3.5, 5, 7 kV (None: no equilibrium).
+#: Design §3: neo-Hooke modulus [kPa], mass [g], deflection [mm] at 0, 3.5, 5, 7 kV (None: no
+#: equilibrium).
 DEFLECTIONS = [
     (20, 17.9, (2.1185, 2.4307, 2.8717, 4.3843)),
     (20, 22.45, (2.6569, 3.0484, 3.6018, 5.5194)),
     (15, 17.9, (2.8245, 3.4083, 4.3477, None)),
 ]
-#: Design §3: material, heave [mm], voltage [kV], force [N], stretch and elastic stresses at the rim [kPa].
+#: Design §3: material, heave [mm], voltage [kV], force [N], stretch and elastic stresses at the rim
+#: [kPa].
 HELD = [
     (NEO_HOOKE, 5, 0, 0.51826859, 2.35424, 137.6593, 124.0979),
     (NEO_HOOKE, 5, 3, 0.47914090, 2.36190, 138.5683, 124.1037),
@@ -46,8 +48,10 @@ FINEST = 4.0  #: refinement at which the tables must be met to 1e-6
 
 
 def oracle(material: Ogden, **film: float) -> axisymmetric.Film:
-    values = {"inner": 10e-3, "outer": 45e-3, "thickness": 1e-3, "prestretch": ROOT5, "relative_permittivity": 4.7}
-    return axisymmetric.Film(material=axisymmetric.Ogden(material.mu, material.alpha), **(values | film))
+    values = {"inner": 10e-3, "outer": 45e-3, "thickness": 1e-3, "prestretch": ROOT5,
+              "relative_permittivity": 4.7}
+    return axisymmetric.Film(material=axisymmetric.Ogden(material.mu, material.alpha),
+                             **(values | film))
 
 
 def rim_peak(film: Model, state: State) -> float:
@@ -68,13 +72,16 @@ def test_deflection_table_at_the_default_mesh(modulus, mass, deflections) -> Non
             assert outcome.state.plate.heave * 1e3 == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.parametrize(("material", "heave", "kilovolt", "force", "stretch", "radial", "hoop"), HELD)
-def test_force_table_at_the_default_mesh(material, heave, kilovolt, force, stretch, radial, hoop) -> None:
+@pytest.mark.parametrize(("material", "heave", "kilovolt", "force", "stretch", "radial", "hoop"),
+                         HELD)
+def test_force_table_at_the_default_mesh(material, heave, kilovolt, force, stretch, radial,
+                                         hoop) -> None:
     film = model(circular(material))
     outcome = held(film, heave * 1e-3, kilovolt * 1e3)
     assert outcome.status == "equilibrium"
     assert outcome.state.force == pytest.approx(force, rel=1e-4)
-    assert outcome.state.force == pytest.approx(force, rel=2e-6)  # what the default mesh really does
+    assert outcome.state.force == pytest.approx(force,
+                                                rel=2e-6)  # what the default mesh really does
     fields = edge_fields(*whole(film, outcome.state), "plate").fields
     assert rim_peak(film, outcome.state) == pytest.approx(radial * 1e3, rel=5e-3)
     assert np.allclose(fields.stress_radial + fields.maxwell_stress, radial * 1e3, rtol=5e-3)
@@ -102,20 +109,24 @@ def test_deflections_on_the_finest_mesh(modulus, mass, kilovolt) -> None:
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(
-    material=st.sampled_from([NEO_HOOKE, STIFF, Ogden((18.4e3, 210.0), (2.0, 4.0)), Ogden((9e3, -4e3), (2.6, -1.4))]),
-    inner=st.floats(5e-3, 20e-3), prestretch=st.floats(1.6, 3.5), load=st.floats(0.1, 1.5), share=st.floats(0, 0.6),
+    material=st.sampled_from([NEO_HOOKE, STIFF, Ogden((18.4e3, 210.0), (2.0, 4.0)),
+                              Ogden((9e3, -4e3), (2.6, -1.4))]),
+    inner=st.floats(5e-3, 20e-3), prestretch=st.floats(1.6, 3.5), load=st.floats(0.1, 1.5),
+    share=st.floats(0, 0.6),
     exponent=st.sampled_from([0.0, 0.5]))
 def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, exponent) -> None:
     """Plate size, prestretch, load (relative to one that tilts the film by about 0.2) and voltage drawn at random."""
     from tympan.geometry.outlines import Circle
     from tympan.geometry.specimen import Plate
 
-    specimen = circular(material, prestretch=(prestretch, prestretch), permittivity_exponent=exponent)
+    specimen = circular(material, prestretch=(prestretch, prestretch),
+                        permittivity_exponent=exponent)
     specimen = replace(specimen, plate=Plate(Circle(inner)))
     reference = oracle(material, inner=inner, prestretch=prestretch, permittivity_exponent=exponent)
     force = load * 0.2 * 2 * np.pi * inner * reference.resultant()
     # Voltage as a share of the one at which the flat film goes slack.
-    slack = np.sqrt(reference.resultant() / (reference.resultant() - reference.resultant(1000.0))) * 1000.0
+    slack = np.sqrt(reference.resultant()
+                    / (reference.resultant() - reference.resultant(1000.0))) * 1000.0
     outcome = equilibrium(model(specimen), force, share * slack)
     try:
         exact = axisymmetric.solve_load(reference, force, share * slack)
@@ -132,7 +143,8 @@ def structured(order: int, radial: int, around: int) -> Model:
     s, t = np.meshgrid(np.linspace(0, 1, radial + 1), np.linspace(0, 1, around + 1), indexing="ij")
     number = np.arange(s.size).reshape(s.shape)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1), np.stack([a, c, d]).reshape(3, -1)]), axis=0)
+    triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1),
+                                   np.stack([a, c, d]).reshape(3, -1)]), axis=0)
     unit = np.stack([s.ravel(), t.ravel()])
 
     def place(points: np.ndarray) -> np.ndarray:
@@ -154,7 +166,8 @@ def structured(order: int, radial: int, around: int) -> Model:
 
 
 @pytest.mark.parametrize(("order", "sizes", "force_rate", "stress_rate"),
-                         [(1, (4, 8, 16), 1.8, 0.8), (2, (4, 8, 16), 3.5, 1.8), (3, (2, 4, 8), 4.5, 2.3),
+                         [(1, (4, 8, 16), 1.8, 0.8), (2, (4, 8, 16), 3.5, 1.8),
+                          (3, (2, 4, 8), 4.5, 2.3),
                           (4, (1, 2, 4), 6.0, 3.0)])
 def test_convergence_orders(order, sizes, force_rate, stress_rate) -> None:
     """Plate force and peak rim stress; 15 mm, where the stress is hard. The theory says 2p and p."""
@@ -179,7 +192,8 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
     for refine in (1.0, 2.0, 4.0):
         film = model(circular(), refine=refine)
         state = held(film, 15e-3).state
-        errors.append((abs(state.force / exact.force - 1), abs(rim_peak(film, state) / exact.sigma1(10e-3) - 1)))
+        errors.append((abs(state.force / exact.force - 1),
+                       abs(rim_peak(film, state) / exact.sigma1(10e-3) - 1)))
     force, stress = np.array(errors).T
     assert force[0] < 1e-6
     assert force[2] < 1e-9
@@ -187,11 +201,13 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
     assert np.log2(stress[0] / stress[2]) / 2 > 2.5
 
 
-@pytest.mark.parametrize("specimen", [circular(), elliptical(60e-3), elliptical(75e-3)], ids=lambda s: s.name)
+@pytest.mark.parametrize("specimen", [circular(), elliptical(60e-3), elliptical(75e-3)],
+                         ids=lambda s: s.name)
 @pytest.mark.parametrize("voltage", [0.0, 5000.0])
 def test_quarter_and_full_models_agree(specimen, voltage) -> None:
     """In every number of the result, peaks included; and with a mesh of the whole that is not mirrored."""
-    quarter, full = (solve(Case(specimen, 17.9e-3, voltage), Settings(symmetry=symmetry)) for symmetry in (True, False))
+    quarter, full = (solve(Case(specimen, 17.9e-3, voltage), Settings(symmetry=symmetry))
+                     for symmetry in (True, False))
     assert full.dofs > 3 * quarter.dofs
     for name, value in quarter.json().items():
         if isinstance(value, float) and name != "wall_s":
@@ -206,7 +222,8 @@ def test_half_and_full_models_agree_for_a_plate_off_centre() -> None:
     from tympan.geometry.specimen import Plate
 
     specimen = replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (10e-3, 0.0)))
-    half, full = (equilibrium(model(specimen, symmetry=symmetry), 0.2, 4000.0).state for symmetry in (True, False))
+    half, full = (equilibrium(model(specimen, symmetry=symmetry), 0.2, 4000.0).state
+                  for symmetry in (True, False))
     assert half.plate.heave == pytest.approx(full.plate.heave, rel=1e-6)
     assert half.plate.tilt == pytest.approx(full.plate.tilt, rel=1e-5)
     assert half.plate.tilt > 1e-3
@@ -259,7 +276,8 @@ def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
                             Film(1e-3 * size, (ROOT5, ROOT5), Ogden((modulus,), (2.0,)), 4.7))
         film = model(specimen)
         stiffness = modulus / 20e3
-        solution = equilibrium(film, 0.1755 * size**2 * stiffness, 3000.0 * size * np.sqrt(stiffness)).solution
+        solution = equilibrium(film, 0.1755 * size**2 * stiffness,
+                               3000.0 * size * np.sqrt(stiffness)).solution
         return solution.state.plate.heave / size, solution.iterations
 
     ours, reference = scaled(length, 20e3 * stiffness), scaled(1.0, 20e3)
@@ -283,7 +301,8 @@ def test_reaction_is_the_energy_s_slope_along_the_heave() -> None:
     film = model(elliptical(60e-3))
     step = 1e-5
     up, here, down = (held(film, 5e-3 + change, 3000.0).state for change in (step, 0.0, -step))
-    energies = [film.energy(state.positions, state.voltage_squared) * film.mirrored for state in (up, down)]
+    energies = [film.energy(state.positions, state.voltage_squared) * film.mirrored
+                for state in (up, down)]
     assert (energies[0] - energies[1]) / (2 * step) == pytest.approx(here.force, rel=1e-6)
 
 
@@ -294,8 +313,10 @@ def test_newton_converges_quadratically(skewed_model: Model) -> None:
     start = replace(exact, plate=plate)
     errors = []
     for tangents in (1, 2, 3):
-        # A correction bound no step meets: Newton stops after the given number of tangents, undamped.
-        stopped = newton(skewed_model, start, settings=NewtonSettings(correction=0.0, iterations=tangents))
+        # A correction bound no step meets: Newton stops after the given number of tangents,
+        # undamped.
+        stopped = newton(skewed_model, start,
+                         settings=NewtonSettings(correction=0.0, iterations=tangents))
         errors.append(np.abs(stopped.state.positions - exact.positions).max() / skewed_model.size)
     assert errors[0] < 1e-2
     assert errors[1] < 50 * errors[0] ** 2
@@ -311,7 +332,8 @@ def test_rig_edits_act_in_the_simulation() -> None:
     assert heavier.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert boosted.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert sprung.deflection_m < 0.95 * plain.deflection_m
-    assert sprung.reaction_N == pytest.approx(17.9e-3 * 9.80665 - 10 * sprung.deflection_m, rel=1e-6)
+    assert sprung.reaction_N == pytest.approx(17.9e-3 * 9.80665 - 10 * sprung.deflection_m,
+                                              rel=1e-6)
     shown = solve(Case(specimen, 17.9e-3, 0.0, Rig(sensor_gain=0.02, sensor_zero=5e-6)), Settings())
     assert shown.reading_m == pytest.approx(1.02 * shown.deflection_m + 5e-6)
 
@@ -360,7 +382,8 @@ def test_films_that_are_not_taut_when_flat(prestretch) -> None:
 def test_a_voltage_path_skips_only_what_is_hopeless() -> None:
     """A sagging amplifier brings the voltage back down: after a pull-in at 7 kV, 3 kV has an equilibrium again."""
     film = model(circular(Ogden((15e3,), (2.0,))))
-    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G, [1000.0, 7000.0, 8000.0, 3000.0])]
+    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
+                                                           [1000.0, 7000.0, 8000.0, 3000.0])]
     assert statuses == ["equilibrium", "no_equilibrium", "no_equilibrium", "equilibrium"]
 
 
@@ -383,5 +406,6 @@ def test_voltages_far_beyond_pull_in_have_no_equilibrium(kilovolt) -> None:
 
 def test_pull_in_is_seen_from_a_start_close_to_it() -> None:
     film = model(circular(Ogden((15e3,), (2.0,))))
-    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G, [6780.0, 6815.0, 6850.0])]
+    statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
+                                                           [6780.0, 6815.0, 6850.0])]
     assert statuses == ["equilibrium", "equilibrium", "no_equilibrium"]

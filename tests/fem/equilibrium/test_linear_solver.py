@@ -33,7 +33,8 @@ def tangent(film: Model) -> csc_matrix:
 
 
 def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) -> Analysis:
-    return next(a for a in analyses(matrix.indices, matrix.indptr, order) if type(a).__name__ == name)
+    return next(a for a in analyses(matrix.indices, matrix.indptr, order)
+                if type(a).__name__ == name)
 
 
 def order_of(film: Model) -> np.ndarray:
@@ -54,31 +55,38 @@ def shifted(matrix: csc_matrix, quantile: float) -> csc_matrix:
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_solves_one_and_several_right_hand_sides(name: str, film: Model, tangent: csc_matrix) -> None:
+def test_solves_one_and_several_right_hand_sides(name: str, film: Model,
+                                                 tangent: csc_matrix) -> None:
     factors = factorise(tangent, analysis_by(name, tangent, order_of(film)))
     right = np.random.default_rng(0).normal(size=(tangent.shape[0], 3))
     exact = np.linalg.solve(tangent.toarray(), right)
     assert factors.solve(right) == pytest.approx(exact, rel=1e-8, abs=1e-10 * np.abs(exact).max())
-    assert factors.solve(right[:, 1]) == pytest.approx(exact[:, 1], rel=1e-8, abs=1e-10 * np.abs(exact).max())
+    assert factors.solve(right[:, 1]) == pytest.approx(exact[:, 1], rel=1e-8,
+                                                       abs=1e-10 * np.abs(exact).max())
     assert factors.solve(right[:, :0]).shape == (tangent.shape[0], 0)
 
 
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("quantile", [0.003, 0.5])
-def test_counts_negative_eigenvalues(name: str, quantile: float, film: Model, tangent: csc_matrix) -> None:
+def test_counts_negative_eigenvalues(name: str, quantile: float, film: Model,
+                                     tangent: csc_matrix) -> None:
     matrix = shifted(tangent, quantile)
-    assert factorise(matrix, analysis_by(name, matrix, order_of(film))).negative == counted(matrix) > 0
+    assert factorise(matrix,
+                     analysis_by(name, matrix, order_of(film))).negative == counted(matrix) > 0
 
 
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("first", [True, False])
-def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool, tangent: csc_matrix) -> None:
+def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool,
+                                                tangent: csc_matrix) -> None:
     """A saddle: as many negative eigenvalues as constraints, whose zero pivots come first or last."""
     size = tangent.shape[0]
-    constraint = coo_matrix((np.full(60, tangent.diagonal().max()), (np.arange(60) * 7 % size, np.arange(60) // 2)),
+    constraint = coo_matrix((np.full(60, tangent.diagonal().max()),
+                             (np.arange(60) * 7 % size, np.arange(60) // 2)),
                             (size, 30))
     zero = coo_matrix((np.zeros(30), (np.arange(30), np.arange(30))), (30, 30))
-    blocks = [[zero, constraint.T], [constraint, tangent]] if first else [[tangent, constraint], [constraint.T, zero]]
+    blocks = [[zero, constraint.T], [constraint, tangent]] if first else [[tangent, constraint],
+                                                                          [constraint.T, zero]]
     matrix = csc_matrix(block_array(blocks, format="csc"))
     for order in (np.arange(size + 30), None):
         factors = factorise(matrix, analysis_by(name, matrix, order))
@@ -115,7 +123,8 @@ def test_factors_outlive_later_ones_of_the_same_analysis(name: str, tangent: csc
     for factor in (2.0, -3.0, 5.0):
         later = factorise(factor * tangent, analysis)
         assert later.solve(right) == pytest.approx(before / factor, rel=1e-8)
-        assert later.negative == (tangent.shape[0] - first.negative if factor < 0 else first.negative)
+        assert later.negative == (tangent.shape[0] - first.negative if factor < 0
+                                  else first.negative)
     assert (first.solve(right) == before).all()
 
 
@@ -141,7 +150,8 @@ def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
     positions, plate = deformed(film)
     matrix = film.linearised(State(positions, plate)).inner
     ours = SuperLU(matrix.indices, matrix.indptr, order).factorise(matrix)
-    theirs = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    theirs = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                  options={"SymmetricMode": True})
     assert isinstance(ours, SuperLUFactors)
     assert ours.factors.nnz < theirs.nnz
 
@@ -152,7 +162,8 @@ def test_fill_grows_little_faster_than_the_unknowns() -> None:
     for refine in (1.5, 3.0):
         film = model(circular(), symmetry=False, refine=refine, order=2)
         matrix = film.linearised(State.mounted(film)).inner
-        fills.append(SuperLU(matrix.indices, matrix.indptr, order_of(film)).factorise(matrix).factors.nnz)
+        fills.append(SuperLU(matrix.indices, matrix.indptr,
+                             order_of(film)).factorise(matrix).factors.nnz)
         sizes.append(matrix.shape[0])
     assert fills[1] / fills[0] < 1.5 * sizes[1] / sizes[0]
 
@@ -166,7 +177,8 @@ def test_assembly_is_the_sum_of_the_elements(symmetry: bool) -> None:
     elements += elements.transpose(0, 2, 1)
     number = (3 * film.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
     rows, columns = np.repeat(number, local, axis=1).ravel(), np.tile(number, local).ravel()
-    whole = coo_matrix((elements.ravel(), (rows, columns)), (film.free.size, film.free.size)).tocsc()
+    whole = coo_matrix((elements.ravel(), (rows, columns)),
+                       (film.free.size, film.free.size)).tocsc()
     free = film.free.ravel()
     inner = Pattern.of(film.connectivity, film.free).assemble(elements)
     inner.check_format()

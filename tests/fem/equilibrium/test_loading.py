@@ -33,13 +33,15 @@ LOADS = ("force", "voltage", "pressure")
 
 def dense() -> Model:
     """A quarter model whose film has mass."""
-    return model(replace(elliptical(60e-3), membrane=replace(circular().membrane, density=960.0)), refine=0.7, order=2)
+    return model(replace(elliptical(60e-3), membrane=replace(circular().membrane, density=960.0)),
+                 refine=0.7, order=2)
 
 
 def half() -> Model:
     """A half model with the plate off centre along x."""
     specimen = replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (6e-3, 0.0)))
-    return model(replace(specimen, membrane=replace(specimen.membrane, density=960.0)), refine=0.7, order=2)
+    return model(replace(specimen, membrane=replace(specimen.membrane, density=960.0)), refine=0.7,
+                 order=2)
 
 
 def loaded(film: Model, seed: int = 0) -> State:
@@ -48,7 +50,8 @@ def loaded(film: Model, seed: int = 0) -> State:
     start = State.mounted(film).under(force=0.3, voltage=2500.0**2, pressure=60.0)
     size = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])[list(film.plate_freedoms)]
     x = film.reference / film.size
-    waves = sum(rng.normal(size=3) * np.cos(rng.normal(size=2) @ x[:, :2].T * 2)[:, None] for _ in range(4))
+    waves = sum(rng.normal(size=3) * np.cos(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
+                for _ in range(4))
     return moved(film, start, (1.5e-3 * waves[film.free], size))
 
 
@@ -85,12 +88,14 @@ def test_everything_follows_from_one_potential(film: Model) -> None:
     for step in steps:
         there = moved(film, state, (inner, plate), fraction=step)
         energies.append(abs(film.potential(there) - at - step * first - step**2 * second / 2))
-        # On the plate the residual is the derivative by a spin at the new place: its linear model is not symmetric
-        # off equilibrium by half the moment. The film's part has no such term.
-        forces.append(np.linalg.norm(film.residual(film.nodal_forces(there), there)[0] - slope[0] - step * bend[0]))
+        # On the plate the residual is the derivative by a spin at the new place: its linear model
+        # is not symmetric off equilibrium by half the moment. The film's part has no such term.
+        forces.append(np.linalg.norm(film.residual(film.nodal_forces(there), there)[0] - slope[0]
+                                     - step * bend[0]))
     assert np.log2(energies[0] / energies[2]) / 2 > 2.8, energies
     assert np.log2(forces[0] / forces[2]) / 2 > 1.9, forces
-    assert np.abs(part.corner - part.corner.T).max(initial=0) <= 1e-12 * np.abs(part.corner).max(initial=1)
+    assert np.abs(part.corner
+                  - part.corner.T).max(initial=0) <= 1e-12 * np.abs(part.corner).max(initial=1)
     assert abs(part.inner - part.inner.T).max() < 1e-12 * abs(part.inner).max()
 
 
@@ -103,7 +108,8 @@ def test_by_load_is_the_residual_s_derivative(film: Model, load) -> None:
     ends = [film.residual(film.nodal_forces(each), each) for each in (ahead, back)]
     for got, one, other in zip(film.by_load(state, load), *ends, strict=True):
         difference = (one - other) / (2 * step)
-        assert np.allclose(got, difference, rtol=0, atol=1e-9 * np.abs(difference).max(initial=1e-9))
+        assert np.allclose(got, difference, rtol=0,
+                           atol=1e-9 * np.abs(difference).max(initial=1e-9))
 
 
 @pytest.mark.parametrize("make", [dense, half], ids=["quarter", "half"])
@@ -119,7 +125,8 @@ def test_a_mirrored_part_has_its_share_of_the_whole_s_potential(make) -> None:
     ours = part.residual(part.nodal_forces(state), state)[1]
     theirs = whole.residual(whole.nodal_forces(full), full)[1]
     scale = np.abs(theirs).max()
-    assert part.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9, abs=1e-11 * scale)
+    assert part.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
+                                                 abs=1e-11 * scale)
     kept = [number for number in range(6) if number not in part.plate_freedoms]
     assert np.abs(theirs[kept]).max() < 1e-9 * scale
     for load in LOADS:
@@ -135,7 +142,8 @@ def test_an_offset_weight_is_no_load_for_a_part_it_does_not_mirror() -> None:
     built = {arm: build_model(elliptical(60e-3), Settings(), Loading(arm=arm))
              for arm in ((0.0, 0.0), (2e-3, 0.0), (0.0, 2e-3), (1e-3, 2e-3))}
     assert [sorted(film.planes) for film in built.values()] == [["x", "y"], ["y"], ["x"], []]
-    assert [film.plate_freedoms for film in built.values()] == [(2,), (0, 2, 4), (1, 2, 3), (0, 1, 2, 3, 4, 5)]
+    assert [film.plate_freedoms for film in built.values()] == [(2,), (0, 2, 4), (1, 2, 3),
+                                                                (0, 1, 2, 3, 4, 5)]
 
 
 def test_an_offset_weight_tilts_a_free_plate_by_its_moment() -> None:
@@ -162,7 +170,8 @@ def test_a_small_offset_tilts_in_proportion_and_mirrored_offsets_mirror_the_stat
     assert tilts[1] == pytest.approx(2 * tilts[0], rel=1e-3)
     assert tilts[2] == pytest.approx(-tilts[1], rel=1e-5)
     round_about = build_model(circular(), Settings(), Loading(arm=(0.0, 2e-4)))
-    assert equilibrium(round_about, 0.2, 0.0).state.plate.tilt == pytest.approx(abs(tilts[1]), rel=1e-5)
+    assert equilibrium(round_about, 0.2, 0.0).state.plate.tilt == pytest.approx(abs(tilts[1]),
+                                                                                rel=1e-5)
 
 
 @pytest.mark.parametrize("guide", ["level", "vertical"])
@@ -204,8 +213,10 @@ def test_a_fixed_plate_leaves_the_film_alone_to_bulge() -> None:
     assert outcome.state.plate.heave == 0
     inner, outer, tension = 10e-3, 45e-3, 1e-3 / 5 * 25e3 * (5 - 5**-2)
     radius = np.hypot(*film.reference[:, :2].T)
-    flat = (outer**2 - radius**2 - (outer**2 - inner**2) * np.log(outer / radius) / np.log(outer / inner)) / 4
-    assert np.allclose(outcome.state.positions[:, 2], flat / tension, rtol=0, atol=5e-6 * flat.max() / tension)
+    flat = (outer**2 - radius**2 - (outer**2 - inner**2) * np.log(outer / radius)
+            / np.log(outer / inner)) / 4
+    assert np.allclose(outcome.state.positions[:, 2], flat / tension, rtol=0,
+                       atol=5e-6 * flat.max() / tension)
 
 
 @pytest.mark.parametrize("name", sorted(BIASES))
@@ -225,17 +236,20 @@ def test_a_magnet_pulls_as_it_says_and_is_finite_until_contact() -> None:
     assert magnet.derivatives(0.0)[1] == pytest.approx(-0.5 * (1 + 12 / 6) ** -4)
     far = [magnet.derivatives(-d)[1] for d in (10.0, 20.0)]
     assert far[1] / far[0] == pytest.approx(2**-4, rel=0.005)
-    for power in (3.3, 4.0):  # within the magnet there is no law, and a step that lands there must be taken back
+    for power in (3.3,
+                  4.0):  # within the magnet there is no law, and a step that lands there must be taken back
         for heave in (18.001e-3, 0.03):
             assert np.isnan(Magnet(0.5, 12e-3, 6e-3, power).derivatives(heave)).all()
 
 
 def test_bias_forces_hold_the_plate_as_hand_calculation_says() -> None:
     """What hangs on the film is the weight and the magnet's pull less the spring's."""
-    result = solve(Case(circular(), 17.9e-3, 0.0, Rig(biases=tuple(SAMPLES.values()), spring=3.0)), Settings())
+    result = solve(Case(circular(), 17.9e-3, 0.0, Rig(biases=tuple(SAMPLES.values()), spring=3.0)),
+                   Settings())
     w = result.deflection_m
     magnet = 0.5 * (1 + (12e-3 - w) / 6e-3) ** -3.3
-    assert result.reaction_N == pytest.approx(17.9e-3 * 9.80665 + magnet - 7 * (w - 1e-3) - 3 * w, rel=1e-9)
+    assert result.reaction_N == pytest.approx(17.9e-3 * 9.80665 + magnet - 7 * (w - 1e-3) - 3 * w,
+                                              rel=1e-9)
 
 
 def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
@@ -247,8 +261,10 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
     assert film.weight[:, 2].sum() * film.mirrored == pytest.approx(per_area * area, rel=1e-6)
     small = replace(film, loading=replace(film.loading, gravity=0.0981))
     state = equilibrium(small, 0.0, 0.0).state
-    pressed = equilibrium(build_model(circular(), Settings(), Loading(guide="fixed")), 0.0, 0.0, per_area / 100).state
-    assert np.abs(state.positions[:, 2]).max() == pytest.approx(pressed.positions[:, 2].max(), rel=1e-4)
+    pressed = equilibrium(build_model(circular(), Settings(), Loading(guide="fixed")), 0.0, 0.0,
+                          per_area / 100).state
+    assert np.abs(state.positions[:, 2]).max() == pytest.approx(pressed.positions[:, 2].max(),
+                                                                rel=1e-4)
 
 
 def test_plate_pressure_is_a_weight_of_pressure_times_area() -> None:
@@ -273,11 +289,14 @@ BAD = [
     ({"bias": {}}, "bias.0.law", "is missing"),
     ({"bias": [{"law": "spring", "stiffness": "1 N/m"}, {"law": "rope"}]}, "bias.1.law",
      "must be one of magnet, spring"),
-    ({"bias": {"law": "spring", "stiffness": "-1 N/m"}}, "bias.0.stiffness", "must not be negative"),
+    ({"bias": {"law": "spring", "stiffness": "-1 N/m"}}, "bias.0.stiffness",
+     "must not be negative"),
     ({"bias": {"law": "spring", "stiffness": "1 N/m", "slope": 1}}, "bias.0.slope", "unknown key"),
     ({"bias": {"law": "magnet", "gap": "1 cm", "decay": "5 mm"}}, "bias.0.force", "is missing"),
-    ({"bias": {"law": "magnet", "force": "0 N", "gap": "1 cm", "decay": "5 mm"}}, "bias.0.force", "must be positive"),
-    ({"bias": {"law": "magnet", "force": "1 N", "gap": "1 cm", "decay": "5 mm", "power": 1}}, "bias.0.power",
+    ({"bias": {"law": "magnet", "force": "0 N", "gap": "1 cm", "decay": "5 mm"}}, "bias.0.force",
+     "must be positive"),
+    ({"bias": {"law": "magnet", "force": "1 N", "gap": "1 cm", "decay": "5 mm", "power": 1}},
+     "bias.0.power",
      "must be above 1 and at most 12"),
     ({"gide": "free"}, "gide", "did you mean 'guide'?"),
 ]
@@ -294,10 +313,13 @@ def test_bad_rig_keys_are_named(keys, key: str, words: str) -> None:
 
 def test_good_rig_keys_are_read() -> None:
     rig = Rig.from_table(Table("rig.toml", {
-        "guide": "level", "weight_offset": ["1 mm", "-2 mm"], "plate_pressure": "0.2 kPa", "gas_pressure": "-30 Pa",
+        "guide": "level", "weight_offset": ["1 mm", "-2 mm"], "plate_pressure": "0.2 kPa",
+        "gas_pressure": "-30 Pa",
         "bias": [{"law": "spring", "stiffness": "5 N/m", "rest": "1 mm"},
-                 {"law": "magnet", "force": "500 mN", "gap": "12 mm", "decay": "6 mm", "power": 3.3}]}))
-    assert rig == Rig(guide="level", weight_offset=(1e-3, -2e-3), plate_pressure=200.0, gas_pressure=-30.0,
+                 {"law": "magnet", "force": "500 mN", "gap": "12 mm", "decay": "6 mm",
+                  "power": 3.3}]}))
+    assert rig == Rig(guide="level", weight_offset=(1e-3, -2e-3), plate_pressure=200.0,
+                      gas_pressure=-30.0,
                       biases=(Spring(5.0, 1e-3), Magnet(0.5, 12e-3, 6e-3, 3.3)))
     assert rig.force(0.01, 3e-4) == pytest.approx(0.01 * 9.80665 + 0.06)
     assert replace(rig, spring=2.0).loading.biases == (Spring(2.0), *rig.biases)
@@ -306,7 +328,8 @@ def test_good_rig_keys_are_read() -> None:
 def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
     """The example in the README; its record goes through JSON into the report's lines with names and units."""
     text = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    example = next(block for block in text.split("```toml\n")[1:] if block.startswith("guide")).split("```")[0]
+    example = next(block for block in text.split("```toml\n")[1:]
+                   if block.startswith("guide")).split("```")[0]
     file = tmp_path / "rig.toml"
     file.write_text(example, encoding="utf-8")
     rig = Rig.read(file)
@@ -320,7 +343,8 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
     assert shown["Rig", "biases, 1, law"] == "spring"
     assert shown["Rig", "biases, 2, gap"] == "0.012 m"
     plain = {(line.where, line.name): line.value for line in settings(
-        {"rig": json.loads(json.dumps(_plain(Rig().record()))), "settings": {}, "alpha_settings": {}, "libraries": {},
+        {"rig": json.loads(json.dumps(_plain(Rig().record()))), "settings": {},
+         "alpha_settings": {}, "libraries": {},
          "python": ""})}
     assert plain["Rig", "biases"] == "none"
     assert plain["Rig", "sag voltage"] == "inf V"

@@ -45,7 +45,8 @@ def path() -> list[tuple[Any, ...]]:
     return [*found, (last.status, *last.state.positions.ravel())]
 
 
-def test_large_films_keep_the_factors_of_one_state(alive: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_films_keep_the_factors_of_one_state(alive: list[int],
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
     expected = path()
     assert max(alive) > 2
     alive.clear()

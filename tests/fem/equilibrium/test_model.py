@@ -23,7 +23,8 @@ def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:
     motion = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])
     plate = PlateMotion.rest().moved(motion)
     x = film.reference / film.size
-    waves = sum(rng.normal(size=3) * np.sin(rng.normal(size=2) @ x[:, :2].T * 2)[:, None] for _ in range(4))
+    waves = sum(rng.normal(size=3) * np.sin(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
+                for _ in range(4))
     positions = film.reference + 1.5e-3 * waves * film.free
     return film.place(positions, plate), plate
 
@@ -39,10 +40,12 @@ def test_forces_are_the_energy_s_derivative_by_the_complex_step(skewed_model: Mo
 
 def test_voltage_forces_are_the_forces_derivative(skewed_model: Model) -> None:
     positions, plate = deformed(skewed_model)
-    change = (skewed_model.forces(positions, VOLTAGE_SQUARED) - skewed_model.forces(positions, 0.0)) / VOLTAGE_SQUARED
+    change = (skewed_model.forces(positions, VOLTAGE_SQUARED)
+              - skewed_model.forces(positions, 0.0)) / VOLTAGE_SQUARED
     inner, border = skewed_model.by_load(State(positions, plate, VOLTAGE_SQUARED), "voltage")
     assert np.allclose(inner, change[skewed_model.free], rtol=0, atol=1e-10 * np.abs(change).max())
-    assert np.allclose(border, skewed_model.plate_forces(change, plate), rtol=0, atol=1e-10 * np.abs(change).max())
+    assert np.allclose(border, skewed_model.plate_forces(change, plate), rtol=0,
+                       atol=1e-10 * np.abs(change).max())
 
 
 def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Model) -> None:
@@ -54,7 +57,8 @@ def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Mode
     scale = np.abs(change).max()
     free = skewed_model.free
     assert np.allclose(part.inner @ direction[free], change[free], rtol=0, atol=1e-11 * scale)
-    assert np.allclose(part.border.T @ direction[free], skewed_model.plate_forces(change, plate), rtol=0,
+    assert np.allclose(part.border.T @ direction[free], skewed_model.plate_forces(change, plate),
+                       rtol=0,
                        atol=1e-11 * scale * 0.1)
     assert abs(part.inner - part.inner.T).max() < 1e-13 * abs(part.inner).max()
 
@@ -69,7 +73,8 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
     border = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
     at = film.energy(positions, VOLTAGE_SQUARED)
     slope = part.forces[film.free] @ free + film.plate_forces(part.forces, plate) @ border
-    bend = free @ (part.inner @ free) + 2 * free @ (part.border @ border) + border @ part.corner @ border
+    bend = free @ (part.inner @ free) + 2 * free @ (part.border
+                                                    @ border) + border @ part.corner @ border
     errors = []
     for t in (0.04, 0.02, 0.01):
         moved = positions.copy()
@@ -96,7 +101,8 @@ def test_assembly_agrees_with_scikit_fem_forms() -> None:
         c = np.einsum("ki...,kj...->ij...", f, f)
         det = c[0, 0] * c[1, 1] - c[0, 1] ** 2
         inverse = np.array([[c[1, 1], -c[0, 1]], [-c[0, 1], c[0, 0]]]) / det
-        return mu * jp * np.einsum("ki...,ij...->kj...", f, np.eye(2)[..., None, None] - inverse / (jp**3 * det))
+        return mu * jp * np.einsum("ki...,ij...->kj...", f,
+                                   np.eye(2)[..., None, None] - inverse / (jp**3 * det))
 
     @skfem.LinearForm
     def forces(v, w):  # type: ignore[no-untyped-def]
@@ -107,7 +113,8 @@ def test_assembly_agrees_with_scikit_fem_forms() -> None:
     got = film.forces(positions, 0.0)
     assert np.allclose(got, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
-    # The tangent: skfem's bilinear form with the derivative of P by the complex step in every gradient component.
+    # The tangent: skfem's bilinear form with the derivative of P by the complex step in every
+    # gradient component.
     @skfem.BilinearForm
     def tangent(u, v, w):  # type: ignore[no-untyped-def]
         f, step = grad(w["x"]), 1e-30
@@ -164,7 +171,8 @@ def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
     part = model(elliptical(60e-3, NEO_HOOKE))
     full = unfold(part.mesh, part.planes)
     whole = Model(part.specimen, full.mesh)
-    bump = 3e-3 * np.cos(part.reference[:, :1] / 0.03) * np.cos(part.reference[:, 1:2] / 0.02) * [0, 0, 1]
+    bump = 3e-3 * np.cos(part.reference[:, :1] / 0.03) * np.cos(part.reference[:, 1:2]
+                                                                / 0.02) * [0, 0, 1]
     positions = part.reference + bump
     mirrored = positions[full.origin].copy()
     mirrored[:, :2] *= full.signs.T
@@ -180,4 +188,5 @@ def test_voltage_energy_gives_the_charge() -> None:
     voltage, step = 2500.0, 1.0
     above, below = (film.energy(positions, (voltage + change) ** 2) for change in (step, -step))
     charge = -(above - below) / (2 * step)
-    assert charge == pytest.approx(capacitance_of(film, State(positions, plate)) * voltage, rel=1e-7)
+    assert charge == pytest.approx(capacitance_of(film, State(positions, plate)) * voltage,
+                                   rel=1e-7)

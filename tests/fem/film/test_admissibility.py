@@ -25,8 +25,10 @@ from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, field_warnings, find, node_fields, solve
 
 BETA, GAMMA = (13.4e3, 34.8e3, 35.8e3), (-0.41e3, -113e3, -34.2e3)
-TABLE_1 = {kind: kind(BETA, GAMMA, (2.0, 4.0, 6.0), ROOT5) for kind in (Separable, PrestretchedOgden)}
-FALLING = (Ogden((20e3, -500.0), (2.0, 4.0)), Ogden((-5e3, 30e3), (3.0, 1.2)), Yeoh((9e3, -900.0, 20.0)),
+TABLE_1 = {kind: kind(BETA, GAMMA, (2.0, 4.0, 6.0), ROOT5)
+           for kind in (Separable, PrestretchedOgden)}
+FALLING = (Ogden((20e3, -500.0), (2.0, 4.0)), Ogden((-5e3, 30e3), (3.0, 1.2)),
+           Yeoh((9e3, -900.0, 20.0)),
            *TABLE_1.values())
 
 
@@ -47,13 +49,15 @@ def smallest_acoustic(law, l1: float, l2: float, count: int = 91) -> float:
     """min over unit a, n of d²W(F + s a⊗n)/ds² by differences: brute force, no formula for ellipticity."""
     angles = np.linspace(0, np.pi, count, endpoint=False)
     a, n = np.meshgrid(angles, angles, indexing="ij")
-    rank_one = np.einsum("i...,j...->...ij", np.array([np.cos(a), np.sin(a)]), np.array([np.cos(n), np.sin(n)]))
+    rank_one = np.einsum("i...,j...->...ij", np.array([np.cos(a), np.sin(a)]),
+                         np.array([np.cos(n), np.sin(n)]))
     step, f = 2e-3, np.diag([l1, l2])
     up, down = (gradient_energy(law, f + sign * step * rank_one) for sign in (1, -1))
     return float((up - 2 * gradient_energy(law, f) + down).min() / step**2)
 
 
-@pytest.mark.parametrize("law", [*(sample.law for sample in SAMPLES.values()), *FALLING], ids=lambda law: type(law).law)
+@pytest.mark.parametrize("law", [*(sample.law for sample in SAMPLES.values()), *FALLING],
+                         ids=lambda law: type(law).law)
 def test_ellipticity_is_the_sign_of_every_plane_wave(law) -> None:
     random = np.random.default_rng(7)
     decided = 0
@@ -94,7 +98,8 @@ def test_hill_s_inequality_is_the_growth_of_true_stress(law) -> None:
 
     turns = np.cos(angle) * step, np.sin(angle) * step
     ends = [stress(l1 * np.exp(s * turns[0]), l2 * np.exp(s * turns[1])) for s in (1, -1)]
-    growth = sum((up - down) * turn for up, down, turn in zip(*ends, turns, strict=True)).min(0) / (2 * step**2)
+    growth = sum((up - down) * turn
+                 for up, down, turn in zip(*ends, turns, strict=True)).min(0) / (2 * step**2)
     margin = hill_margin(law, l1, l2)
     clear = np.abs(growth) > 5e-3 * np.abs(margin).max()
     assert clear.sum() > 20
@@ -116,7 +121,8 @@ def test_table_1_is_eq8_where_the_width_is_held(kind) -> None:
 
 
 def test_readings_of_eq8_differ_across_the_film() -> None:
-    across = {kind.law: float(ROOT5 * law.derivatives(1.2 * ROOT5, ROOT5)[2]) for kind, law in TABLE_1.items()}
+    across = {kind.law: float(ROOT5 * law.derivatives(1.2 * ROOT5, ROOT5)[2])
+              for kind, law in TABLE_1.items()}
     assert across["separable"] == pytest.approx(231.61e3)
     assert across["prestretched_ogden"] == pytest.approx(
         sum(BETA) - sum(g / 1.2 ** (2 * i) for i, g in enumerate(GAMMA, start=1)))
@@ -127,7 +133,8 @@ def test_an_ogden_film_written_from_its_mounted_state_is_the_same_film() -> None
     mounted = PrestretchedOgden((16e3 * 5, 20.0 * 25), (16e3 / 25, 20.0 / 625), (2.0, 4.0), ROOT5)
     random = np.random.default_rng(1)
     l1, l2 = random.uniform(0.7, 4, (2, 50))
-    for ours, other in zip(mounted.derivatives(l1, l2)[1:], virgin.derivatives(l1, l2)[1:], strict=True):
+    for ours, other in zip(mounted.derivatives(l1, l2)[1:], virgin.derivatives(l1, l2)[1:],
+                           strict=True):
         assert np.allclose(ours, other, rtol=1e-11, atol=1e-6)
 
 
@@ -143,7 +150,8 @@ def test_visited_failure_is_found_at_its_place() -> None:
     assert np.hypot(*failure.position) == pytest.approx(10e-3, rel=0.02)
     assert failure.stretches[0] == pytest.approx(fields.stretch_1.max(), rel=1e-3)
     assert failure.share == pytest.approx((fields.stretch_1 > threshold).mean(), abs=0.02)
-    [words] = [item for item in field_warnings(fields, lost_tension(model, outcome.state), weak) if "Hill" in item]
+    [words] = [item for item in field_warnings(fields, lost_tension(model, outcome.state), weak)
+               if "Hill" in item]
     assert "mm, where the stretches are" in words
 
 
@@ -154,7 +162,8 @@ def _first_on_path(law, fields: Fields) -> float:
     step, angle = 1e-4, np.linspace(0, np.pi, 90)[:, None]
 
     def energy(sign: int):  # type: ignore[no-untyped-def]
-        return law.derivatives(l1 * np.exp(sign * step * np.cos(angle)), l2 * np.exp(sign * step * np.sin(angle)))[0]
+        return law.derivatives(l1 * np.exp(sign * step * np.cos(angle)),
+                               l2 * np.exp(sign * step * np.sin(angle)))[0]
 
     bend = (energy(1) - 2 * energy(0) + energy(-1)).min(0)
     return float(l1[np.flatnonzero(bend < 0)[0]])

@@ -77,7 +77,8 @@ def test_margin_is_sought_under_the_electrode_only() -> None:
     assert region.level(result.breakdown_x_m, result.breakdown_y_m) < 1e-9
 
 
-@pytest.mark.parametrize(("strength", "words"), [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
+@pytest.mark.parametrize(("strength", "words"),
+                         [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
                                                  (40e6, None)])
 def test_warnings(strength: float, words: str | None) -> None:
     result = solve(Case(circular(strength=Constant(strength)), WEIGHT, 5000.0), Settings())
@@ -99,7 +100,8 @@ def test_stored_fields(tmp_path: Path) -> None:
     made = model(circular(NEO_HOOKE, strength=VHB), refine=0.7, order=2)
     write_fields(tmp_path / "film.vtu", made, State.mounted(made, 3000.0**2))
     stored = meshio.read(tmp_path / "film.vtu").point_data
-    share = stored["electric_field"] / VHB.field(stored["stretch_1"], stored["stretch_2"], stored["thickness"])
+    share = stored["electric_field"] / VHB.field(stored["stretch_1"], stored["stretch_2"],
+                                                 stored["thickness"])
     assert np.allclose(stored["breakdown_share"], share, rtol=1e-12)
 
 
@@ -108,7 +110,8 @@ def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
     file.write_text(TEXT)
     assert load_specimen(file).membrane.strength == VHB
     for name in MATERIALS:
-        assert (read_strength(Table("", {"material": name}), "breakdown") == VHB) == name.startswith("vhb-49")
+        assert (read_strength(Table("", {"material": name}), "breakdown")
+                == VHB) == name.startswith("vhb-49")
     own = 'material = { law = "neo_hooke", mu = "20 kPa" }'
     file.write_text(TEXT.replace('material = "vhb-4910"', own))
     assert load_specimen(file).membrane.strength is None
@@ -131,10 +134,14 @@ def test_strength_in_a_file(tmp_path: Path, line: str, strength: Power | Constan
     ('breakdown = "air"', "membrane.breakdown", "must be one of vhb-4910"),
     ("breakdown = 3", "membrane.breakdown", "must be a table"),
     ('breakdown = { law = "weibull" }', "membrane.breakdown.law", "must be one of constant, power"),
-    ('breakdown = { law = "constant", strength = 20 }', "membrane.breakdown.strength", 'such as "30 MV/m"'),
-    ('breakdown = { law = "constant", strength = "20 kV" }', "membrane.breakdown.strength", "wrong dimension"),
-    ('breakdown = { law = "constant", strength = "20 V/m" }', "membrane.breakdown.strength", "from 0.01"),
-    ('breakdown = { law = "power", strength = "20 MV/m" }', "membrane.breakdown.exponent", "is missing"),
+    ('breakdown = { law = "constant", strength = 20 }', "membrane.breakdown.strength",
+     'such as "30 MV/m"'),
+    ('breakdown = { law = "constant", strength = "20 kV" }', "membrane.breakdown.strength",
+     "wrong dimension"),
+    ('breakdown = { law = "constant", strength = "20 V/m" }', "membrane.breakdown.strength",
+     "from 0.01"),
+    ('breakdown = { law = "power", strength = "20 MV/m" }', "membrane.breakdown.exponent",
+     "is missing"),
     ('breakdown = { law = "power", strength = "20 MV/m", exponent = 1, thickness_exponent = 0.2 }',
      "membrane.breakdown.thickness", "is missing"),
     ('breakdown = { law = "power", strength = "20 MV/m", exponent = 1, thickness = "1 mm" }',
@@ -149,4 +156,5 @@ def test_bad_strengths_are_named(tmp_path: Path, line: str, key: str, words: str
 
 
 def test_registered_laws_name_themselves() -> None:
-    assert {name: made.__self__.law for name, made in REGISTRY.items()} == {"constant": "constant", "power": "power"}
+    assert {name: made.__self__.law for name, made in REGISTRY.items()} == {"constant": "constant",
+                                                                            "power": "power"}

@@ -31,7 +31,8 @@ LAWS = {
     **{name: sample.law for name, sample in SAMPLES.items()},
     **{name: entry.material for name, entry in MATERIALS.items()},
 }
-EQUAL = [(1.0, 1.0, 0.0), (1.0, 1.0 + 1e-16, 0.0), (1.0, 1.0 + 1e-9, 3e-10), (1.0, 1.0 + 1e-6, -2e-6),
+EQUAL = [(1.0, 1.0, 0.0), (1.0, 1.0 + 1e-16, 0.0), (1.0, 1.0 + 1e-9, 3e-10),
+         (1.0, 1.0 + 1e-6, -2e-6),
          (1.0, 1.0 + 1.9e-5, 0.0), (1.0, 1.0 + 2.1e-5, 0.0), (1.0, 1.001, 1e-4)]
 GENERAL = [(1.3, 0.9, 0.2), (0.7, 2.0, -0.4), (4.0, 1.0, 1.0)]
 
@@ -48,7 +49,8 @@ def test_derivatives_in_the_stretches(law, stretches) -> None:
     first = law.derivatives(l1 + 1j * STEP, l2)
     second = law.derivatives(l1, l2 + 1j * STEP)
     got = np.array([w1, w2, w11, w12, w12, w22])
-    exact = np.array([first[0].imag, second[0].imag, first[1].imag, first[2].imag, second[1].imag, second[2].imag])
+    exact = np.array([first[0].imag, second[0].imag, first[1].imag, first[2].imag, second[1].imag,
+                      second[2].imag])
     assert np.allclose(got, exact / STEP, rtol=1e-13)
 
 
@@ -61,10 +63,13 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(law, c) -> None:
     scale = np.abs(density.tangent).max()
     for k, weight in enumerate((2.0, 2.0, 1.0)):
         moved = [value + 1j * STEP * weight * (index == k) for index, value in enumerate(c)]
-        by_step = plane_stress((law,), tuple(np.complex128(value) for value in moved), prestretch, tangent=False)
+        by_step = plane_stress((law,), tuple(np.complex128(value) for value in moved), prestretch,
+                               tangent=False)
         if np.hypot((c[0] - c[1]) / 2, c[2]) > 0:
-            assert by_step.energy.imag / STEP == pytest.approx(density.stress[k], rel=1e-11, abs=1e-11 * scale)
-            assert np.allclose(by_step.stress.imag / STEP, density.tangent[:, k], rtol=0, atol=1e-9 * scale)
+            assert by_step.energy.imag / STEP == pytest.approx(density.stress[k], rel=1e-11,
+                                                               abs=1e-11 * scale)
+            assert np.allclose(by_step.stress.imag / STEP, density.tangent[:, k], rtol=0,
+                               atol=1e-9 * scale)
     assert np.allclose(density.tangent, density.tangent.T, rtol=0, atol=1e-14 * scale)
 
 
@@ -73,10 +78,12 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(law, c) -> None:
 def test_power_is_the_stress_times_the_change_of_strain(law, c) -> None:
     change, prestretch = np.array([0.3, -0.2, 0.4]), (ROOT5, ROOT5)
     points = tuple(np.full(1, value) for value in c)
-    stretching = Stretching.of(points, tuple(np.full((1, 1), value) for value in change), prestretch, np.full(1, 2.0))
+    stretching = Stretching.of(points, tuple(np.full((1, 1), value) for value in change),
+                               prestretch, np.full(1, 2.0))
     density = plane_stress((law,), points, prestretch)
     expected = 2 * (density.stress[0] @ (change / [2, 2, 1]))
-    assert stretching.power(law) == pytest.approx(expected, rel=1e-11, abs=1e-13 * np.abs(density.tangent).max())
+    assert stretching.power(law) == pytest.approx(expected, rel=1e-11,
+                                                  abs=1e-13 * np.abs(density.tangent).max())
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -85,14 +92,16 @@ def test_tangent_at_exactly_equal_stretches_is_the_limit(law) -> None:
     near = plane_stress((law,), (1.0 + 1e-4, 1.0 - 1e-4, 0.0), (ROOT5, ROOT5)).tangent
     assert np.allclose(here, near, rtol=0, atol=1e-3 * np.abs(here).max())
     centred = plane_stress((law,), (1.0 + 1e-3, 1.0 - 1e-3, 0.0), (ROOT5, ROOT5)).stress
-    # Central difference of the stress in the direction that splits the stretches: E₁₁ = −E₂₂ = 5e-4.
+    # Central difference of the stress in the direction that splits the stretches: E₁₁ = −E₂₂ =
+    # 5e-4.
     assert (centred[0] - centred[1]) / 1e-3 == pytest.approx(here[0, 0] - here[0, 1], rel=1e-4)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_stress_is_continuous_where_the_divided_difference_takes_over(law) -> None:
     split = np.linspace(0.8e-5, 1.2e-5, 41)
-    stress = plane_stress((law,), (1 + split, 1 - split, 0 * split), (ROOT5, ROOT5), tangent=False).stress
+    stress = plane_stress((law,), (1 + split, 1 - split, 0 * split), (ROOT5, ROOT5),
+                          tangent=False).stress
     bend = np.diff(stress[:, 0], 2)
     assert np.abs(bend).max() < 1e-13 * np.abs(stress).max() + 1e-12
 
@@ -108,11 +117,13 @@ def test_isotropy_under_equal_prestretch(angle: float, a: float, b: float) -> No
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     turned = turn @ np.diag([a * a, b * b]) @ turn.T
     straight = plane_stress((law,), (a * a, b * b, 0.0), (2.0, 2.0), tangent=False)
-    density = plane_stress((law,), (turned[0, 0], turned[1, 1], turned[0, 1]), (2.0, 2.0), tangent=False)
+    density = plane_stress((law,), (turned[0, 0], turned[1, 1], turned[0, 1]), (2.0, 2.0),
+                           tangent=False)
     s11, s22, s12 = density.stress
     assert density.energy == pytest.approx(straight.energy, rel=1e-12)
     back = turn.T @ np.array([[s11, s12], [s12, s22]]) @ turn
-    assert np.allclose(back, np.diag(straight.stress[:2]), atol=1e-9 * np.abs(straight.stress).max())
+    assert np.allclose(back, np.diag(straight.stress[:2]),
+                       atol=1e-9 * np.abs(straight.stress).max())
 
 
 def test_prestress_is_design_s_true_stress() -> None:
@@ -169,7 +180,8 @@ def test_softening_laws_are_refused_with_the_stretch() -> None:
     assert stretch is not None
     with pytest.raises(InputError, match="falls at"):
         checked(falling)
-    # True equibiaxial stress of that law peaks where 20e3·2 λ² = 500·4 λ⁴ (tails aside), λ ≈ 4.47; shear earlier.
+    # True equibiaxial stress of that law peaks where 20e3·2 λ² = 500·4 λ⁴ (tails aside), λ ≈ 4.47;
+    # shear earlier.
     assert 2 < stretch[0] < 4.6
 
 

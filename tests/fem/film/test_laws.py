@@ -37,7 +37,8 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import Table
 
 STEP = 1e-30
-GRID = tuple(axis.ravel() for axis in np.meshgrid(np.linspace(0.6, 3.2, 27), np.linspace(0.6, 3.2, 27)))
+GRID = tuple(axis.ravel() for axis in np.meshgrid(np.linspace(0.6, 3.2, 27),
+                                                  np.linspace(0.6, 3.2, 27)))
 each_law = pytest.mark.parametrize("sample", SAMPLES.values(), ids=SAMPLES)
 
 
@@ -65,7 +66,8 @@ def test_first_and_second_derivatives(sample: Sample) -> None:
     _, w1, w2, w11, w12, w22 = derivatives(*GRID)
     first = [part.imag / STEP for part in derivatives(GRID[0] + 1j * STEP, GRID[1])[:3]]
     second = [part.imag / STEP for part in derivatives(GRID[0], GRID[1] + 1j * STEP)[:3]]
-    for got, exact in zip((w1, w11, w12, w2, w12, w22), (*first, second[0], *second[1:]), strict=True):
+    for got, exact in zip((w1, w11, w12, w2, w12, w22), (*first, second[0], *second[1:]),
+                          strict=True):
         assert got.shape == GRID[0].shape
         assert np.allclose(got, exact, rtol=1e-12, atol=1e-12 * sample.law.shear_modulus)
 
@@ -75,7 +77,8 @@ def test_values_are_those_of_the_reference(sample: Sample) -> None:
     ours, reference = sample.law.derivatives(*GRID), sample.reference
     scale = sample.law.shear_modulus
     for got, name in zip(ours, ("energy", "w1", "w2"), strict=False):
-        assert np.allclose(got, getattr(reference, name)(*GRID), rtol=1e-12, atol=1e-11 * scale), name
+        assert np.allclose(got, getattr(reference, name)(*GRID), rtol=1e-12,
+                           atol=1e-11 * scale), name
     for got, name in zip(ours[3:], ("w11", "w12", "w22"), strict=True):
         assert np.allclose(got, getattr(reference, name)(*GRID), rtol=1e-8, atol=1e-8 * scale), name
 
@@ -126,11 +129,13 @@ def test_constants_may_carry_a_complex_step(sample: Sample) -> None:
 
         def at(change, name=item.name, value=value):  # type: ignore[no-untyped-def]
             moved = value + change
-            return replace(sample.law, **{name: tuple(moved) if moved.ndim else moved[()]}).derivatives(2.2, 1.4)
+            return replace(sample.law, **{name: tuple(moved) if moved.ndim
+                                          else moved[()]}).derivatives(2.2, 1.4)
 
         step = 1e-5 * value
         difference = (np.array(at(step)) - np.array(at(-step))) / 2e-5
-        assert np.allclose(np.array(at(1j * STEP * value)).imag / STEP, difference, rtol=1e-7), item.name
+        assert np.allclose(np.array(at(1j * STEP * value)).imag / STEP, difference,
+                           rtol=1e-7), item.name
 
 
 @pytest.mark.parametrize("voltage", [0.0, 4000.0])
@@ -193,7 +198,8 @@ def test_beyond_the_locking_stretch(law) -> None:
     assert np.isinf(law.derivatives(5.0 + 1j * STEP, 1.0)[0])
 
 
-@pytest.mark.parametrize(("force", "voltage"), [(0.5, 0.0), (5.0, 0.0), (50.0, 0.0), (0.5, 9000.0), (5.0, 9000.0)])
+@pytest.mark.parametrize(("force", "voltage"),
+                         [(0.5, 0.0), (5.0, 0.0), (50.0, 0.0), (0.5, 9000.0), (5.0, 9000.0)])
 def test_film_close_to_locking(force: float, voltage: float) -> None:
     """Predictions along the path overshoot the limit, where forces are not finite, and are taken back silently."""
     with warnings.catch_warnings():
@@ -238,7 +244,8 @@ def test_locking_stretch_has_a_gradient() -> None:
         outcome = equilibrium(film, 0.5, 3000.0)
         heaves[limit] = outcome.state.plate.heave
         if limit == 20.0:
-            exact = heave_gradient(film, outcome.state, ["membrane.material.j_lim"])["membrane.material.j_lim"]
+            exact = heave_gradient(film, outcome.state,
+                                   ["membrane.material.j_lim"])["membrane.material.j_lim"]
     assert (heaves[20.02] - heaves[19.98]) / 0.04 == pytest.approx(exact, rel=1e-4)
 
 
@@ -251,7 +258,8 @@ class Falling:
     softening: Ogden
 
     def derivatives(self, l1, l2):  # type: ignore[no-untyped-def]
-        pairs = zip(self.locking.derivatives(l1, l2), self.softening.derivatives(l1, l2), strict=True)
+        pairs = zip(self.locking.derivatives(l1, l2), self.softening.derivatives(l1, l2),
+                    strict=True)
         return tuple(first + second for first, second in pairs)
 
 
@@ -263,7 +271,8 @@ def test_admissible_as_far_as_the_law_reaches() -> None:
     falling = Ogden((-500.0,), (4.0,))
     with pytest.raises(InputError, match=r"from 0\.5 to 6\.0, but it falls at"):
         checked(Falling(Gent(20e3, 1e6), falling))
-    with pytest.raises(InputError, match=r"from 0\.5 to 6\.0 \(of which it reaches 4\.\d at most\), but it falls at"):
+    with pytest.raises(InputError,
+                       match=r"from 0\.5 to 6\.0 \(of which it reaches 4\.\d at most\), but it falls at"):
         checked(Falling(Gent(20e3, 18.0), Ogden((-5e3,), (4.0,))))
     assert checked(Falling(Gent(20e3, 3.0), falling))
 
@@ -273,8 +282,10 @@ def test_virgin_state_alone_can_be_inadmissible() -> None:
 
 
 @pytest.mark.parametrize(("make", "key"), [
-    (lambda: NeoHooke(0.0), "mu"), (lambda: NeoHooke(float("nan")), "mu"), (lambda: Gent(1.0, -1.0), "j_lim"),
-    (lambda: Gent(-1.0, 1.0), "mu"), (lambda: ArrudaBoyce(1.0, 1.0), "lambda_lock"), (lambda: Yeoh(()), "c"),
+    (lambda: NeoHooke(0.0), "mu"), (lambda: NeoHooke(float("nan")), "mu"),
+    (lambda: Gent(1.0, -1.0), "j_lim"),
+    (lambda: Gent(-1.0, 1.0), "mu"), (lambda: ArrudaBoyce(1.0, 1.0), "lambda_lock"),
+    (lambda: Yeoh(()), "c"),
 ])
 def test_constants_without_meaning_are_refused(make, key) -> None:
     with pytest.raises(InputError) as caught:

@@ -21,7 +21,8 @@ from tympan.fem.film.tension_field import TensionField
 
 KAPPA = 20.0
 #: Stretches that are taut, wrinkled and slack in a film whose natural state is the virgin one.
-PLACES = [(1.5, 1.3), (1.1, 1.02), (1.5, 0.7), (2.0, 0.4), (1.2, 0.91), (0.9, 0.8), (0.7, 0.5), (0.95, 0.95)]
+PLACES = [(1.5, 1.3), (1.1, 1.02), (1.5, 0.7), (2.0, 0.4), (1.2, 0.91), (0.9, 0.8), (0.7, 0.5),
+          (0.95, 0.95)]
 
 
 def virgin(law) -> float:
@@ -89,7 +90,8 @@ def test_energy_and_stress_are_continuous_between_regimes(name: str) -> None:
     """Along lines through all three, no jump: changes fall with the step."""
     law = SAMPLES[name].law
     field, free = TensionField((law,), KAPPA), virgin(law)
-    for start, end in (((1.5, 1.3), (1.5, 0.3)), ((1.6, 0.7), (0.8, 0.6)), ((1.2, 1.19), (0.8, 0.79))):
+    for start, end in (((1.5, 1.3), (1.5, 0.3)), ((1.6, 0.7), (0.8, 0.6)),
+                       ((1.2, 1.19), (0.8, 0.79))):
         jumps = []
         for count in (2000, 4000):
             share = np.linspace(0, 1, count + 1)
@@ -104,7 +106,8 @@ def test_a_wrinkling_film_is_convex_and_in_tension(name: str) -> None:
     """Without voltage: no compression, a positive tangent where loose, and never more energy than the film's own."""
     law = SAMPLES[name].law
     field, free = TensionField((law,), KAPPA), virgin(law)
-    l1, l2 = (grid.ravel() * free for grid in np.meshgrid(np.linspace(0.5, 1.8, 40), np.linspace(0.3, 1.8, 40)))
+    l1, l2 = (grid.ravel() * free for grid in np.meshgrid(np.linspace(0.5, 1.8, 40),
+                                                          np.linspace(0.3, 1.8, 40)))
     l1, l2 = np.maximum(l1, l2), np.minimum(l1, l2)
     own = law.derivatives(l1, l2)
     w, w1, w2, w11, w12, w22 = field.derivatives(l1, l2)
@@ -158,7 +161,8 @@ def wrinkled_force(prestretch: float, heave: float) -> float:
 
 
 @pytest.mark.parametrize("prestretch", [1.0, 1.05, 1.1])
-def test_a_plate_on_a_film_with_little_prestretch_is_the_ode_s(prestretch: float, monkeypatch) -> None:
+def test_a_plate_on_a_film_with_little_prestretch_is_the_ode_s(prestretch: float,
+                                                               monkeypatch) -> None:
     """Pushed 15 mm; the error falls with the residual tension."""
     exact = wrinkled_force(prestretch, 15e-3)
     film = replace(model(circular(prestretch=(prestretch, prestretch)), refine=2.0), wrinkles=True)

@@ -24,7 +24,8 @@ FILM = np.pi * (45e-3**2 - 10e-3**2)
 SOFT = Ogden((15e3,), (2.0,))
 
 
-def squeezed(made: Model, stretch: float, slope: float = 0.0, across: float = 1.0, voltage: float = 0.0) -> State:
+def squeezed(made: Model, stretch: float, slope: float = 0.0, across: float = 1.0,
+             voltage: float = 0.0) -> State:
     """The flat film deformed so that its mounted stretch along x is stretch + slope·x, and ``across`` along y."""
     positions = made.reference.copy()
     positions[:, 0] = stretch * made.reference[:, 0] + slope / 2 * made.reference[:, 0] ** 2
@@ -44,7 +45,8 @@ def test_area_where_one_direction_has_lost_its_tension(edge: float, wrinkles: bo
     made = replace(model(circular(NEO_HOOKE), symmetry=False), wrinkles=wrinkles)
     slope = 2.5
     state = squeezed(made, ROOT5**-0.5 / ROOT5 - slope * edge, slope)
-    exact = left_of(edge, 45e-3) - left_of(min(edge, 10e-3), 10e-3) if edge > -10e-3 else left_of(edge, 45e-3)
+    exact = left_of(edge, 45e-3) - left_of(min(edge, 10e-3),
+                                           10e-3) if edge > -10e-3 else left_of(edge, 45e-3)
     found = lost_tension(made, state, parts=16)
     assert found.slack == 0
     # A film that wrinkles keeps a residual tension and so wrinkles a little sooner.
@@ -68,7 +70,8 @@ def test_film_without_any_tension_is_slack(symmetry: bool, wrinkles: bool) -> No
 
 
 @pytest.mark.parametrize(("excess", "state"), [(0.999, Tension.TAUT), (1.001, Tension.SLACK)])
-def test_voltage_that_takes_the_prestress_slackens_the_flat_film(excess: float, state: Tension) -> None:
+def test_voltage_that_takes_the_prestress_slackens_the_flat_film(excess: float,
+                                                                 state: Tension) -> None:
     """ε E² = μ(λ² − λ⁻⁴) with E = U λ²/T."""
     prestress = 25e3 * (ROOT5**2 - ROOT5**-4)
     voltage = excess * np.sqrt(prestress / (8.8541878128e-12 * 4.7)) * 1e-3 / ROOT5**2
@@ -97,7 +100,8 @@ def test_taut_film_says_so() -> None:
 def test_warning_tells_slack_from_wrinkled() -> None:
     made = model(circular(NEO_HOOKE))
     for state, words in ((squeezed(made, 0.2), "60.5 cm² of the mounted film (100.00%), most at"),
-                         (squeezed(made, 0.4, across=0.4), "60.5 cm² of them slack in all directions")):
+                         (squeezed(made, 0.4, across=0.4),
+                          "60.5 cm² of them slack in all directions")):
         warning, = state_warnings(made, state)
         assert words in warning
 

@@ -43,8 +43,10 @@ def test_simplex_fit_is_the_minimum(count: int, seed: int) -> None:
     weights = simplex_fit(forces, target)
     assert weights.min() >= 0
     assert weights.sum() == pytest.approx(1, abs=1e-12)
-    slow = minimize(lambda a: np.sum((forces @ a - target) ** 2), np.full(count, 1 / count), bounds=[(0, 1)] * count,
-                    constraints={"type": "eq", "fun": lambda a: a.sum() - 1}, method="SLSQP", options={"ftol": 1e-14})
+    slow = minimize(lambda a: np.sum((forces @ a - target) ** 2), np.full(count, 1 / count),
+                    bounds=[(0, 1)] * count,
+                    constraints={"type": "eq", "fun": lambda a: a.sum() - 1}, method="SLSQP",
+                    options={"ftol": 1e-14})
     assert np.sum((forces @ weights - target) ** 2) <= slow.fun * (1 + 1e-7) + 1e-12
 
 
@@ -78,7 +80,8 @@ def test_weights_of_the_paper_s_ellipses(long: float) -> None:
         assert min(weights.alpha) >= 0
         assert np.isfinite(weights.held_out_error)
     membrane, cone, scaled = (result.by_basis[name] for name in ("membrane", "cone", "cone_scaled"))
-    # Membrane circles: the mixture is as good in force as the deflections are alike; unseen loads confirm it.
+    # Membrane circles: the mixture is as good in force as the deflections are alike; unseen loads
+    # confirm it.
     assert membrane.fit_error < 1e-3
     assert membrane.held_out_error < 1e-3
     assert 0.4 < membrane.alpha[0] < 0.8
@@ -113,7 +116,8 @@ def test_a_circle_is_one_circle() -> None:
 def test_a_spring_on_the_rig_changes_no_weight() -> None:
     """It carries some of the weight, of the shape as of its circles: the film's forces are compared, not the loads."""
     few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((), ()))
-    free, sprung = (alpha(elliptical(75e-3), Settings(), few, Rig(spring=k)).by_basis["membrane"] for k in (0.0, 20.0))
+    free, sprung = (alpha(elliptical(75e-3), Settings(), few, Rig(spring=k)).by_basis["membrane"]
+                    for k in (0.0, 20.0))
     assert sprung.alpha == pytest.approx(free.alpha, abs=1e-3)
     assert sprung.fit_error < 1e-4
 
@@ -126,7 +130,8 @@ def test_a_plate_off_centre_is_no_circle_and_says_so() -> None:
 
 
 def test_a_plate_wider_than_the_circle_is_named() -> None:
-    wide = replace(elliptical(75e-3, DEFAULT), plate=Plate(type(elliptical(1.0).frame)((60e-3, 10e-3))))
+    wide = replace(elliptical(75e-3, DEFAULT),
+                   plate=Plate(type(elliptical(1.0).frame)((60e-3, 10e-3))))
     with pytest.raises(InputError, match="no circle of radius 45 mm"):
         alpha(wide, Settings(), FEW)
 
@@ -152,25 +157,29 @@ def test_weights_do_not_care_which_way_the_ellipse_lies() -> None:
 def test_weights_converge_with_the_mesh() -> None:
     coarse, fine = (alpha(elliptical(75e-3, DEFAULT), Settings(MeshSettings().refined(factor)), FEW)
                     for factor in (1.0, 2.0))
-    assert coarse.by_basis["membrane"].alpha == pytest.approx(fine.by_basis["membrane"].alpha, abs=1e-4)
+    assert coarse.by_basis["membrane"].alpha == pytest.approx(fine.by_basis["membrane"].alpha,
+                                                              abs=1e-4)
     assert coarse.from_fields.alpha == pytest.approx(fine.from_fields.alpha, abs=2e-4)
 
 
 def test_part_shares_of_a_circle_are_halves() -> None:
     film = model(circular(DEFAULT))
     state = equilibrium(film, 0.1755, 2e3).state
-    assert part_shares(film, state, parts_of(film.specimen, 2)) == pytest.approx([0.5, 0.5], abs=1e-4)
+    assert part_shares(film, state, parts_of(film.specimen, 2)) == pytest.approx([0.5, 0.5],
+                                                                                 abs=1e-4)
 
 
 def test_loads_beyond_pull_in_are_left_out_and_said() -> None:
     soft = circular(type(DEFAULT)((15e3,), (2.0,)))
     result = alpha(replace(soft, frame=elliptical(60e-3).frame), Settings(),
-                   AlphaSettings(LoadGrid((17.9e-3,), (0.0, 5e3, 9e3)), LoadGrid((17.9e-3,), (9.5e3,))))
+                   AlphaSettings(LoadGrid((17.9e-3,), (0.0, 5e3, 9e3)),
+                                 LoadGrid((17.9e-3,), (9.5e3,))))
     assert any("pulls in" in words for words in result.warnings)
     assert result.by_basis["membrane"].held_out_error is None
     assert result.by_basis["membrane"].alpha[0] > 0
     with pytest.raises(InputError, match="no equilibrium"):
-        alpha(soft, Settings(), AlphaSettings(LoadGrid((17.9e-3,), (12e3,)), LoadGrid((17.9e-3,), (0.0,))))
+        alpha(soft, Settings(),
+              AlphaSettings(LoadGrid((17.9e-3,), (12e3,)), LoadGrid((17.9e-3,), (0.0,))))
 
 
 def three(radii: str, count: int = 3) -> AlphaSettings:
@@ -195,7 +204,8 @@ def test_three_circles_fit_no_worse_than_their_best_two(radii: str) -> None:
 
 
 def test_one_circle_stands_for_the_ellipse_if_its_radius_is_free() -> None:
-    free, between = (alpha(elliptical(75e-3, DEFAULT), Settings(), three(radii, 1)) for radii in ("fit", "semi_axes"))
+    free, between = (alpha(elliptical(75e-3, DEFAULT), Settings(), three(radii, 1))
+                     for radii in ("fit", "semi_axes"))
     assert 45e-3 < free.circles[0] < 75e-3
     assert free.by_basis["membrane"].held_out_error < 1e-3
     assert between.circles[0] == pytest.approx((45e-3 * 75e-3)**0.5)
@@ -225,7 +235,8 @@ def test_parts_of_an_ellipse_are_its_quarters() -> None:
     distance = 1 / np.hypot(np.cos(angle) / 75e-3, np.sin(angle) / 45e-3)
     assert frame_distances(oval) == pytest.approx(distance, rel=1e-6)
     radii = alpha(oval, Settings(), three("sectors", 2)).circles
-    assert radii == pytest.approx([np.exp(np.log(distance[parts == part]).mean()) for part in (0, 1)], rel=1e-6)
+    assert radii == pytest.approx([np.exp(np.log(distance[parts == part]).mean())
+                                   for part in (0, 1)], rel=1e-6)
 
 
 def test_uncertainty_covers_mesh_material_and_loads() -> None:
@@ -238,14 +249,16 @@ def test_uncertainty_covers_mesh_material_and_loads() -> None:
         assert ranges[0][0] <= weight <= ranges[0][1]
         assert ranges[0][0] + ranges[1][1] == pytest.approx(1, abs=1e-12)
     assert np.ptp(found.mesh[0]) < 1e-4
-    stiff = replace(oval, membrane=replace(oval.membrane, material=MATERIALS["vhb-4910-gent"].material))
+    stiff = replace(oval,
+                    membrane=replace(oval.membrane, material=MATERIALS["vhb-4910-gent"].material))
     other = alpha(stiff, Settings(), loads).by_basis["membrane"].alpha[0]
     assert found.material[0][0] <= other <= found.material[0][1]
     assert found.json()["loads"] == [list(pair) for pair in found.loads]
 
 
 @pytest.mark.parametrize(("wrong", "words"), [
-    ({"circles": 0}, "circles: given 0"), ({"radii": "areas"}, "must be one of semi_axes, sectors, fit"),
+    ({"circles": 0}, "circles: given 0"),
+    ({"radii": "areas"}, "must be one of semi_axes, sectors, fit"),
     ({"tolerance": 0.0}, "tolerance")])
 def test_settings_refuse(wrong: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):

@@ -15,7 +15,8 @@ from tympan.studies.alpha.formula import Formula
 from tympan.studies.alpha.map import Chart, chart
 from tympan.studies.alpha.map_readings import MapSettings, Place, readings
 
-COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5), ratios=(0.1, 0.3, 0.6),
+COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
+                     ratios=(0.1, 0.3, 0.6),
                      inside=6, outside=4)
 
 
@@ -42,8 +43,8 @@ def test_materials_of_the_test_are_others_than_the_fit_s(made: Chart) -> None:
 def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: Chart) -> None:
     """The circle as stiff as the ellipse has, for small plates, the conformal radius of the ellipse.
 
-    w = √k sn(2K/π · asin(z/c)), of nome q = ((a − b)/(a + b))², maps the ellipse of foci ±c on the unit disc, so that
-    |dw/dz| at the centre is √k 2K/(π c).
+    w = √k sn(2K/π · asin(z/c)), of nome q = ((a − b)/(a + b))², maps the ellipse of foci ±c on the
+    unit disc, so that |dw/dz| at the centre is √k 2K/(π c).
     """
     aspect, ratio = 1.8, 0.02
     nome = ((aspect - 1) / (aspect + 1)) ** 2

@@ -30,27 +30,35 @@ ROW = "A,17.9,3.5,2.4\n"
 #: The SI value of units a column's name may carry, written down here a second time.
 UNITS = {
     "mass": {"g": 1e-3, "kg": 1, "mg": 1e-6}, "voltage": {"kV": 1e3, "V": 1, "MV": 1e6},
-    "length": {"mm": 1e-3, "m": 1, "um": 1e-6, "cm": 1e-2}, "time": {"s": 1, "ms": 1e-3, "min": 60, "h": 3600},
-    "capacitance": {"pF": 1e-12, "nF": 1e-9, "F": 1}, "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
+    "length": {"mm": 1e-3, "m": 1, "um": 1e-6, "cm": 1e-2},
+    "time": {"s": 1, "ms": 1e-3, "min": 60, "h": 3600},
+    "capacitance": {"pF": 1e-12, "nF": 1e-9, "F": 1},
+    "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
     "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
 }
-FILES = {"static": readings.STATIC, "range": readings.RANGE, "transient": readings.TRANSIENT, "coupon": coupon.COLUMNS}
+FILES = {"static": readings.STATIC, "range": readings.RANGE, "transient": readings.TRANSIENT,
+         "coupon": coupon.COLUMNS}
 
 
 def values_for(column: Column, rows: int) -> st.SearchStrategy[list]:  # type: ignore[type-arg]
     """SI values, or texts, of one column; None is a blank cell."""
     if not isinstance(column, Number):
         texts = st.sampled_from(column.choices or ("A", "B"))
-        return st.lists(texts if column.required else texts | st.none(), min_size=rows, max_size=rows)
+        return st.lists(texts if column.required else texts | st.none(), min_size=rows,
+                        max_size=rows)
     numbers = st.floats(1e-9, 50, allow_subnormal=False)
-    return st.lists(numbers if column.required else numbers | st.none(), min_size=rows, max_size=rows)
+    return st.lists(numbers if column.required else numbers | st.none(), min_size=rows,
+                    max_size=rows)
 
 
 @st.composite
-def sheets(draw, columns: tuple[Column, ...]) -> tuple[str, dict[str, list]]:  # type: ignore[type-arg, no-untyped-def]
+def sheets(draw, columns: tuple[Column, ...]) -> tuple[str,
+                                                       dict[str,
+                                                            list]]:  # type: ignore[type-arg, no-untyped-def]
     """A file's text, columns in any order and unit, and the SI values in it."""
     rows = draw(st.integers(1, 5))
-    kept = draw(st.permutations([column for column in columns if column.required or draw(st.booleans())]))
+    kept = draw(st.permutations([column for column in columns if column.required
+                                 or draw(st.booleans())]))
     meant, cells = {}, []
     for column in kept:
         values = meant[column.name] = draw(values_for(column, rows))
@@ -78,9 +86,11 @@ def test_columns_in_any_order_and_unit_are_read_back(name: str, data: st.DataObj
     assert sheet.sha256 == hashlib.sha256(text.encode()).hexdigest()
     for column in FILES[name]:
         blank = np.nan if isinstance(column, Number) else ""
-        wanted = [blank if value is None else value for value in meant.get(column.name, [None] * len(sheet.line))]
+        wanted = [blank if value is None else value
+                  for value in meant.get(column.name, [None] * len(sheet.line))]
         if isinstance(column, Number):
-            assert sheet[column.name] == pytest.approx(np.array(wanted, float), rel=1e-14, abs=0, nan_ok=True)
+            assert sheet[column.name] == pytest.approx(np.array(wanted, float), rel=1e-14, abs=0,
+                                                       nan_ok=True)
         else:
             assert sheet[column.name].tolist() == wanted
 
@@ -89,7 +99,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     """Distinct numbers everywhere, so that no two columns can change places."""
     found = read_dataset(write_dataset(
         tmp_path / "d",
-        HEAD + 'noise = "50 um"\nsource = "lab book 7"\n[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
+        HEAD
+        + 'noise = "50 um"\nsource = "lab book 7"\n[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
         static="tilt_mrad,film_voltage_kV,capacitance_pF,sigma_mm,direction,elapsed_s,order,repeat,run,displacement_mm,"
                "voltage_kV,mass_g,specimen\n\n1,2,3,4,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,-1,0,2,A\n",
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
@@ -101,7 +112,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     static, ranges, transients, coupons = found.tables.values()
     first = {field.name: getattr(static, field.name)[0] for field in fields(static)}
     assert first == {
-        "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3, "displacement": pytest.approx(9e-3),
+        "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
+        "displacement": pytest.approx(9e-3),
         "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
         "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
         "tilt": pytest.approx(1e-3), "line": 3}
@@ -111,7 +123,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
         "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
     assert [getattr(transients, field.name)[0] for field in fields(transients)] == [
         "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 2]
-    assert (coupons.stress[0], coupons.time[0], coupons.run[0], coupons.line[0]) == (35e3, 4, "r", 2)
+    assert (coupons.stress[0], coupons.time[0], coupons.run[0], coupons.line[0]) == (35e3, 4, "r",
+                                                                                     2)
     for file in found.files:
         assert file.sha256 == hashlib.sha256((tmp_path / "d" / file.name).read_bytes()).hexdigest()
     assert [file.name for file in found.files] == ["dataset.toml", *found.tables]
@@ -121,36 +134,46 @@ STATIC_MESSAGES = [
     ("", "static.csv: is empty"),
     (TOP, "static.csv: has no readings below"),
     (b"specimen,\xff\n", "static.csv: is not UTF-8 text (byte 9): save it as CSV in UTF-8"),
-    ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1,64\n", "must be separated by commas, not semicolons"),
+    ("specimen;mass_g;voltage_kV;displacement_mm\nA;17,9;0;1,64\n",
+     "must be separated by commas, not semicolons"),
     ("specimen\tmass_g\n", "must be separated by commas, not tabs"),
-    ("specimen,mass_g,voltage_kV\n", "static.csv: line 1: given 'specimen, mass_g, voltage_kV': the column "
+    ("specimen,mass_g,voltage_kV\n",
+     "static.csv: line 1: given 'specimen, mass_g, voltage_kV': the column "
                                      "displacement_mm is missing"),
     ("specimen,mass_g\n", "the columns voltage_kV, displacement_mm are missing"),
     ("specimen,mass_g,volatge_kV,displacement_mm\n",
      "line 1, column 3: given 'volatge_kV': unknown column: did you mean 'voltage_kV'? known are specimen, mass_g"),
     ("Specimen,mass_g\n", "column 1: given 'Specimen': unknown column: did you mean 'specimen'?"),
-    ("specimen,mass,voltage_kV\n", "column 2: given 'mass': has no unit: write it into the name, such as mass_g"),
-    ("specimen,mass_mm\n", "column 2: given 'mass_mm': wrong dimension: must be a unit of mass, such as g"),
-    ("specimen,voltage_kVolts\n", "column 2: given 'voltage_kVolts': unknown unit: must be a unit of voltage"),
+    ("specimen,mass,voltage_kV\n",
+     "column 2: given 'mass': has no unit: write it into the name, such as mass_g"),
+    ("specimen,mass_mm\n",
+     "column 2: given 'mass_mm': wrong dimension: must be a unit of mass, such as g"),
+    ("specimen,voltage_kVolts\n",
+     "column 2: given 'voltage_kVolts': unknown unit: must be a unit of voltage"),
     ("specimen,mass_g,mass_g\n", "column 3: given 'mass_g': is there twice"),
     ("specimen,mass_g,mass_kg\n", "column 3: given 'mass_kg': one column of mass only"),
     ("specimen,mass_g,\n", "line 1, column 3: given '': must have a name"),
-    (TOP + "C,17.9,0,1\n", "line 2, column 1 (specimen): given 'C': unknown specimen: those of dataset.toml are A, B"),
+    (TOP + "C,17.9,0,1\n",
+     "line 2, column 1 (specimen): given 'C': unknown specimen: those of dataset.toml are A, B"),
     (TOP + ",17.9,0,1\n", "line 2, column 1 (specimen): given '': must not be blank"),
     (TOP + ROW + "A,17.9,,1\n", "line 3, column 3 (voltage_kV): given '': must be a number"),
     (TOP + "A,17.9,0,low\n", "line 2, column 4 (displacement_mm): given 'low': must be a number"),
-    (TOP + "A,17.9 g,0,1\n", "given '17.9 g': must be a number alone: its unit stands in the name of the column"),
-    (TOP + 'A,17.9,0,"1,64"\n', "given '1,64': must be a number with a decimal point, such as 1.64"),
+    (TOP + "A,17.9 g,0,1\n",
+     "given '17.9 g': must be a number alone: its unit stands in the name of the column"),
+    (TOP + 'A,17.9,0,"1,64"\n',
+     "given '1,64': must be a number with a decimal point, such as 1.64"),
     (TOP + "A,17,9,0,1,64\n",
      "line 2: given '6 cells': must have 4 cells, as the first line has; a decimal comma splits a number"),
     (TOP + "A,17.9,0\n", "line 2: given '3 cells': must have 4 cells, as the first line has\n"),
     (TOP + "A,17.9,0,nan\n", "column 4 (displacement_mm): given 'nan': must be finite"),
     (TOP + "A,17.9,0,1e999\n", "given '1e999': must be finite"),
     (TOP + "A,17.9,0,1_000\n", "given '1_000': must be a number"),
-    (TOP + "A,17.9,-3.5,1\n", "column 3 (voltage_kV): given '-3.5': must be from 0 to 1000 kV; the film's pull has no"),
+    (TOP + "A,17.9,-3.5,1\n",
+     "column 3 (voltage_kV): given '-3.5': must be from 0 to 1000 kV; the film's pull has no"),
     (TOP + "A,17.9,3500,1\n", "given '3500': must be from 0 to 1000 kV"),
     (TOP + "A,-17.9,0,1\n", "column 2 (mass_g): given '-17.9': must be from 0 to 100 kg"),
-    (TOP[:-1] + ",direction\nA,17.9,0,1,sideways\n", "given 'sideways': must be one of up, down, or blank"),
+    (TOP[:-1] + ",direction\nA,17.9,0,1,sideways\n",
+     "given 'sideways': must be one of up, down, or blank"),
     (TOP[:-1] + ",sigma_mm\nA,17.9,0,1,0\n", "column 5 (sigma_mm): given '0': must be positive"),
     (TOP[:-1] + ",repeat\nA,1,0,1,1\nB,1,0,1,1\nA,1,0,1,1\n",
      "line 4, column 5 (repeat): given '1': the row is the same as line 2 in every cell"),
@@ -159,26 +182,36 @@ STATIC_MESSAGES = [
 MESSAGES = [
     ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,7,7,1\n"},
      "range.csv: line 2, column 4 (voltage_max_kV): given '7': must be above voltage_min"),
-    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,0,7,-1\n"}, "given '-1': must not be neg"),
+    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,0,7,-1\n"},
+     "given '-1': must not be neg"),
     ({"range": "specimen,mass_g,voltage_min,voltage_max_kV\n"}, "given 'voltage_min': has no unit"),
     ({"transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,2,0,0,1\nA,1,1,0.0,0,2\n"},
      "transient.csv: line 4, column 4 (t_s): given '0.0': must be there once in a run: it stands in line 2 too"),
-    ({"coupon": "mode,stretch,nominal_stress_kPa\nbiaxial,2,3\n"}, "coupon.csv: line 2, column 1 (mode)"),
+    ({"coupon": "mode,stretch,nominal_stress_kPa\nbiaxial,2,3\n"},
+     "coupon.csv: line 2, column 1 (mode)"),
     ({}, "must hold at least one of static.csv, range.csv, transient.csv, coupon.csv\n"),
-    ({"statics": TOP + ROW}, "one of static.csv, range.csv, transient.csv, coupon.csv; there: statics.csv\n"),
+    ({"statics": TOP + ROW},
+     "one of static.csv, range.csv, transient.csv, coupon.csv; there: statics.csv\n"),
     ({"head": HEAD + "colour = 1\n", "static": TOP + ROW}, "dataset.toml: colour: unknown key"),
     ({"head": "", "static": TOP + ROW}, "dataset.toml: name: is missing"),
-    ({"head": HEAD + 'noise = "0 mm"\n', "static": TOP + ROW}, "dataset.toml: noise: given '0 mm': must be positive"),
-    ({"head": HEAD + 'noise = 0.05\n', "static": TOP + ROW}, "dataset.toml: noise: given 0.05: has no unit"),
-    ({"head": HEAD + 'gravity = "9.81 m/s^2"\n[rig]\n', "static": TOP + ROW}, "gravity: given '9.81 m/s^2': must"),
-    ({"specimens": (), "static": TOP + ROW}, "dataset.toml: specimen: is missing: write one [[specimen]] table"),
-    ({"specimens": ("A", "A"), "static": TOP + ROW}, "dataset.toml: specimen.0.name: given 'A': is there twice"),
+    ({"head": HEAD + 'noise = "0 mm"\n', "static": TOP + ROW},
+     "dataset.toml: noise: given '0 mm': must be positive"),
+    ({"head": HEAD + 'noise = 0.05\n', "static": TOP + ROW},
+     "dataset.toml: noise: given 0.05: has no unit"),
+    ({"head": HEAD + 'gravity = "9.81 m/s^2"\n[rig]\n', "static": TOP + ROW},
+     "gravity: given '9.81 m/s^2': must"),
+    ({"specimens": (), "static": TOP + ROW},
+     "dataset.toml: specimen: is missing: write one [[specimen]] table"),
+    ({"specimens": ("A", "A"), "static": TOP + ROW},
+     "dataset.toml: specimen.0.name: given 'A': is there twice"),
     ({"specimens": ("A", "/"), "static": TOP + ROW}, "dataset.toml: specimen.1.name: given '/'"),
-    ({"specimens": ("alpha", "beta"), "static": TOP + "alhpa,1,0,1\n"}, "unknown specimen: did you mean 'alpha'?"),
+    ({"specimens": ("alpha", "beta"), "static": TOP + "alhpa,1,0,1\n"},
+     "unknown specimen: did you mean 'alpha'?"),
 ]
 
 
-@pytest.mark.parametrize(("parts", "message"), [*(({"static": text}, words) for text, words in STATIC_MESSAGES),
+@pytest.mark.parametrize(("parts", "message"),
+                         [*(({"static": text}, words) for text, words in STATIC_MESSAGES),
                                                 *MESSAGES])
 def test_bad_data_end_with_one_message_and_status_2(tmp_path, capsys, parts, message: str) -> None:
     folder = write_dataset(tmp_path / "d", **parts)
@@ -192,7 +225,8 @@ def test_bad_data_end_with_one_message_and_status_2(tmp_path, capsys, parts, mes
 def test_folders_that_cannot_be_read(tmp_path, capsys) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()
-    for name, message in (("none", "must be a folder with dataset.toml"), ("file", "must be a folder"),
+    for name, message in (("none", "must be a folder with dataset.toml"),
+                          ("file", "must be a folder"),
                           ("empty", "dataset.toml: cannot be read: No such file")):
         assert main(["data", str(tmp_path / name)]) == 2
         assert message in capsys.readouterr().err
@@ -202,8 +236,10 @@ def test_folders_that_cannot_be_read(tmp_path, capsys) -> None:
 
 
 RAMP = TOP[:-1] + ",order,direction\n" + "".join(
-    f"{name},{mass},{volts},{2 + 0.2 * volts + 0.01 * order},{order},{way}\n" for name in "AB" for mass in (17.9, 22.45)
-    for order, (volts, way) in enumerate([(0, "up"), (3, "up"), (5, "up"), (3, "down"), (0, "down")]))
+    f"{name},{mass},{volts},{2 + 0.2 * volts + 0.01 * order},{order},{way}\n" for name in "AB"
+    for mass in (17.9, 22.45)
+    for order, (volts, way) in enumerate([(0, "up"), (3, "up"), (5, "up"), (3, "down"),
+                                          (0, "down")]))
 UP = RAMP.replace("down", "up")
 NOISY = HEAD + 'noise = "50 um"\n'
 WARNINGS = [
@@ -217,27 +253,31 @@ WARNINGS = [
     ({"static": TOP + ROW}, "neither order nor elapsed_s is recorded"),
     ({"static": TOP + ROW}, "direction is not recorded"),
     ({"static": TOP + ROW}, "nothing repeats and no noise is given"),
-    ({"static": TOP + ROW + ROW}, "1 rows are the same as an earlier one in every cell, first line 3 as line 2"),
+    ({"static": TOP + ROW + ROW},
+     "1 rows are the same as an earlier one in every cell, first line 3 as line 2"),
     ({"static": TOP + ROW + ROW}, "repeats agree to the last digit"),
     ({"static": UP}, "only up ramps: creep looks like"),
     ({"static": UP.replace("up", "down")}, "only down ramps"),
     ({"static": TOP[:-1] + ",order\nA,1,5,3,2\nA,1,0,1,1\n"}, "only up ramps"),
     ({"static": TOP[:-1] + ",order\nA,1,5,3,1\nA,1,0,1,2\n"}, "direction is not recorded"),
     ({"static": TOP[:-1] + ",order\nA,1,5,3,1\nA,1,0,1,\n"}, "recorded for 1 of 2 readings only"),
-    ({"head": NOISY, "static": TOP + "A,17.9,0,1\nA,17.9,0,3\n"}, "repeats scatter by 28.3 times the stated noise"),
+    ({"head": NOISY, "static": TOP + "A,17.9,0,1\nA,17.9,0,3\n"},
+     "repeats scatter by 28.3 times the stated noise"),
     ({"static": TOP + "A,17.9,0.5,1640\n"}, "the largest displacement of A is 1640 mm"),
     ({"static": TOP + "A,17.9,0.5,0.00164\n"}, "the largest displacement of A is 0.00164 mm"),
     ({"static": TOP + "A,0.0179,0.5,1\n"}, "the largest mass of A is 0.0179 g"),
     ({"static": TOP + "A,17900,0.5,1\n"}, "the largest mass of A is 1.79e+04 g"),
     ({"static": TOP + "A,17.9,500,1\n"}, "the largest voltage of A is 500 kV"),
     ({"static": TOP.replace("kV", "V") + "A,17.9,7,1\n"}, "the largest voltage of A is 0.007 kV"),
-    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,17.9,0,7,1640\n"}, "the largest range of A"),
+    ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,17.9,0,7,1640\n"},
+     "the largest range of A"),
 ]
 
 
 @pytest.mark.parametrize(("parts", "message"), WARNINGS)
 def test_warnings(tmp_path, parts, message: str) -> None:
-    assert any(message in words for words in warnings(read_dataset(write_dataset(tmp_path / "d", **parts))))
+    assert any(message in words
+               for words in warnings(read_dataset(write_dataset(tmp_path / "d", **parts))))
 
 
 def test_a_good_dataset_has_no_warnings(tmp_path) -> None:
@@ -247,8 +287,10 @@ def test_a_good_dataset_has_no_warnings(tmp_path) -> None:
 def test_noise_of_repeats_by_hand(tmp_path) -> None:
     """Groups {1, 3} and {5, 6, 7} of mm: squares 2 + 2 on 3 degrees; χ² limits of 3 degrees from tables."""
     text = TOP[:-1] + ",direction,run\n" + "".join(f"A,17.9,{row}\n" for row in (
-        "0,1,up,1", "0.0,3,up,1", "5,5,up,1", "5.00,6,up,1", "5,7,up,1", "5,99,down,1", "5,88,up,2"))
-    data = read_dataset(write_dataset(tmp_path / "d", static=text + "A,22.45,0,77,up,1\nB,17.9,0,66,up,1\n"))
+        "0,1,up,1", "0.0,3,up,1", "5,5,up,1", "5.00,6,up,1", "5,7,up,1", "5,99,down,1",
+        "5,88,up,2"))
+    data = read_dataset(write_dataset(tmp_path / "d",
+                                      static=text + "A,22.45,0,77,up,1\nB,17.9,0,66,up,1\n"))
     noise = repeat_noise(data)
     assert noise is not None
     assert (noise.sigma, noise.freedom) == (pytest.approx(1e-3 * (4 / 3) ** 0.5), 3)
@@ -266,7 +308,8 @@ def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
     assert (noise.sigma, noise.freedom) == (pytest.approx(0.2e-3 / 2**0.5), 1)
     assert (ratio.sigma, ratio.freedom) == (pytest.approx(2**0.5), 1)
     assert reading_sigma(data) == pytest.approx([0.5e-3, 0.5e-3, noise.sigma, noise.sigma])
-    stated = read_dataset(write_dataset(tmp_path / "d", NOISY, static=TOP[:-1] + ",sigma_mm\n" + rows))
+    stated = read_dataset(write_dataset(tmp_path / "d", NOISY,
+                                        static=TOP[:-1] + ",sigma_mm\n" + rows))
     assert reading_sigma(stated) == pytest.approx([0.5e-3, 0.5e-3, 50e-6, 50e-6])
     unknown = read_dataset(write_dataset(tmp_path / "d", static=TOP + ROW))
     assert repeat_noise(unknown) is None
@@ -281,7 +324,8 @@ def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
     sigma = random.uniform(0.5, 2, len(groups)) if uneven else 1.0
     hits = 0
     for _ in range(trials):
-        found = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups, sigma)
+        found = pooled(1e3 * groups + 0.05 * sigma * random.standard_normal(len(groups)), groups,
+                       sigma)
         assert found is not None
         assert found.freedom == 10
         hits += found.low < 0.05 < found.high
@@ -292,14 +336,17 @@ def test_the_paper_s_table_2() -> None:
     folder = Path(str(resources.files("tympan.studies.paper") / "table-2"))
     data = read_dataset(folder)
     assert data.ranges is not None
-    rows = list(zip(data.ranges.specimen.tolist(), data.ranges.mass.tolist(), data.ranges.range.tolist(), strict=True))
+    rows = list(zip(data.ranges.specimen.tolist(), data.ranges.mass.tolist(),
+                    data.ranges.range.tolist(), strict=True))
     wanted = {17.9: (1.64, 1.86, 2.06), 22.45: (1.75, 2.16, 2.37)}
     names = ("circular", "elliptical-small", "elliptical-large")
-    assert rows == [(name, pytest.approx(1e-3 * mass), pytest.approx(1e-3 * value)) for mass, values in wanted.items()
+    assert rows == [(name, pytest.approx(1e-3 * mass), pytest.approx(1e-3 * value))
+                    for mass, values in wanted.items()
                     for name, value in zip(names, values, strict=True)]
     assert set(data.ranges.voltage_min) == {0}
     assert set(data.ranges.voltage_max) == {7000}
-    assert {specimen.name: specimen for specimen in data.specimens} == {one.name: one for one in actuators()}
+    assert {specimen.name: specimen for specimen in data.specimens} == {one.name: one
+                                                                        for one in actuators()}
     assert summary(data)["warnings"] == []
 
 
@@ -327,7 +374,8 @@ def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
 def test_a_hundred_thousand_rows(tmp_path) -> None:
     random = np.random.default_rng(0)
     rows = "".join(f"A,17.9,{volts:.3f},{volts + noise:.6f}\n" for volts, noise in zip(
-        np.repeat(np.linspace(0, 7, 50_000), 2), 0.05 * random.standard_normal(100_000), strict=True))
+        np.repeat(np.linspace(0, 7, 50_000), 2), 0.05 * random.standard_normal(100_000),
+        strict=True))
     data = read_dataset(write_dataset(tmp_path / "d", static=TOP + rows))
     noise = repeat_noise(data)
     assert data.static is not None

@@ -23,7 +23,8 @@ HEAD = "mode,stretch,nominal_stress_kPa\n"
 
 
 def first_invariant(mode: str, x: np.ndarray) -> np.ndarray:
-    return {"uniaxial": x**2 + 2 / x, "equibiaxial": 2 * x**2 + x**-4.0, "pure_shear": x**2 + 1 + x**-2.0}[mode]
+    return {"uniaxial": x**2 + 2 / x, "equibiaxial": 2 * x**2 + x**-4.0,
+            "pure_shear": x**2 + 1 + x**-2.0}[mode]
 
 
 def mooney(mode: str, x: np.ndarray, c10: float, c01: float) -> np.ndarray:
@@ -32,7 +33,8 @@ def mooney(mode: str, x: np.ndarray, c10: float, c01: float) -> np.ndarray:
 
 
 def by_slope(slope):  # type: ignore[no-untyped-def]
-    return lambda mode, x, *c: 2 * slope(first_invariant(mode, x) - 3, *c) * (x - 1.0 * x ** -FALL[mode])
+    return lambda mode, x, *c: 2 * slope(first_invariant(mode, x) - 3,
+                                         *c) * (x - 1.0 * x ** -FALL[mode])
 
 
 def chains(excess, mu, lock):  # type: ignore[no-untyped-def]
@@ -43,7 +45,8 @@ def chains(excess, mu, lock):  # type: ignore[no-untyped-def]
 
 def ogden(mode: str, x: np.ndarray, *c: float) -> np.ndarray:
     half = len(c) // 2
-    return sum(m * (x ** (a - 1) - x ** (-ACROSS[mode] * a - 1)) for m, a in zip(c[:half], c[half:], strict=True))
+    return sum(m * (x ** (a - 1) - x ** (-ACROSS[mode] * a - 1))
+               for m, a in zip(c[:half], c[half:], strict=True))
 
 
 #: Stress by closed form, and constants to recover.
@@ -59,7 +62,8 @@ KNOWN = {
 }
 
 
-def coupons(stress, constants, modes=tuple(MODES), *, top=3.5, count=12, noise=0.0, seed=0):  # type: ignore[no-untyped-def]
+def coupons(stress, constants, modes=tuple(MODES), *, top=3.5, count=12, noise=0.0,
+            seed=0):  # type: ignore[no-untyped-def]
     """Readings of a closed form, with normal noise [Pa]."""
     x = np.linspace(1.05, top, count)
     mode = np.repeat(modes, count)
@@ -83,7 +87,8 @@ def test_constants_are_recovered_from_closed_forms(name: str) -> None:
     assert found.offered
     for mode in MODES:
         x = np.linspace(1.1, 3.0, 5)
-        assert np.allclose(nominal_stress(found.material, mode, x), stress(mode, x, *constants), rtol=1e-5)
+        assert np.allclose(nominal_stress(found.material, mode, x), stress(mode, x, *constants),
+                           rtol=1e-5)
         assert found.predict(mode, x)[0] == pytest.approx(stress(mode, x, *constants), rel=1e-5)
     for held in found.held_out.values():
         assert held < 1e-3 * np.abs(data.stress).max()
@@ -98,11 +103,13 @@ def test_sensitivities_to_shape_constants(name: str) -> None:
     for index, value in enumerate(constants):
         step = 1e-5 * value * (np.arange(len(constants)) == index)
         up, down = (family.stress(l1, l2, np.array(constants) + sign * step) for sign in (1, -1))
-        assert np.allclose((up - down) / (2e-5 * value), exact[:, index], rtol=1e-6, atol=1e-6 * abs(exact).max())
+        assert np.allclose((up - down) / (2e-5 * value), exact[:, index], rtol=1e-6,
+                           atol=1e-6 * abs(exact).max())
 
 
 @pytest.mark.parametrize(("name", "trials", "given"), [
-    ("neo_hooke", 100, None), ("neo_hooke", 100, 800.0), ("mooney_rivlin", 100, None), ("gent", 30, None),
+    ("neo_hooke", 100, None), ("neo_hooke", 100, 800.0), ("mooney_rivlin", 100, None),
+    ("gent", 30, None),
 ])
 def test_intervals_cover_as_often_as_they_say(name: str, trials: int, given: float | None) -> None:
     """Limits of the binomial distribution that one seed in a thousand would pass."""
@@ -123,7 +130,8 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
     """Profiles of constants in which stress is linear end where the exact interval does."""
     data = coupons(mooney, (8e3, 500.0), noise=500.0, seed=4)
     exact = fit(data, FAMILIES["mooney_rivlin"])
-    problem = Problem(FAMILIES["mooney_rivlin"], *data.in_plane, data.stress, np.array([[-np.inf] * 2, [np.inf] * 2]))
+    problem = Problem(FAMILIES["mooney_rivlin"], *data.in_plane, data.stress,
+                      np.array([[-np.inf] * 2, [np.inf] * 2]))
     spread = np.sqrt(np.diag(covariance(problem, exact.values, exact.noise.sigma)))
     for index, (low, high) in enumerate(exact.limits):
         for side, limit in ((-1, low), (1, high)):
@@ -133,7 +141,8 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
 
 def test_noise_is_estimated_or_given() -> None:
     data = coupons(mooney, (8e3, 500.0), count=200, noise=700.0, seed=1)
-    estimated, given = (fit(data, FAMILIES["mooney_rivlin"], FitSettings(noise)) for noise in (None, 1400.0))
+    estimated, given = (fit(data, FAMILIES["mooney_rivlin"], FitSettings(noise))
+                        for noise in (None, 1400.0))
     assert estimated.noise.sigma == pytest.approx(700, rel=0.08)
     widths = [fitted.limits[0][1] - fitted.limits[0][0] for fitted in (estimated, given)]
     assert widths[1] / widths[0] == pytest.approx(1400 / estimated.noise.sigma, rel=0.01)
@@ -144,19 +153,22 @@ def test_mooney_from_uniaxial_tests_alone_is_told_to_be_open() -> None:
     data = coupons(mooney, (8e3, 500.0), ("uniaxial",), top=2.5, count=15, noise=500.0, seed=2)
     alone = compare(data, ["mooney_rivlin"])
     [found] = alone.fits
-    together = fit(coupons(mooney, (8e3, 500.0), top=2.5, count=15, noise=500.0, seed=2), FAMILIES["mooney_rivlin"])
+    together = fit(coupons(mooney, (8e3, 500.0), top=2.5, count=15, noise=500.0, seed=2),
+                   FAMILIES["mooney_rivlin"])
     assert any("c10 and c01 are poorly determined apart" in note for note in found.notes)
     assert any("untested in equibiaxial" in note for note in found.notes)
     assert any("equibiaxial" in words for words in alone.warnings)
     assert not any("poorly" in note for note in together.notes)
-    assert found.limits[1][1] - found.limits[1][0] > 10 * (together.limits[1][1] - together.limits[1][0])
+    assert found.limits[1][1] - found.limits[1][0] > 10 * (together.limits[1][1]
+                                                           - together.limits[1][0])
     assert found.condition > 3 * together.condition
     assert found.limits[1][0] < 500 < found.limits[1][1]
 
 
 def test_constants_the_readings_cannot_see_have_no_limits() -> None:
     """Pure shear has I₁ = I₂: it sees c₁₀ + c₀₁ alone."""
-    found = fit(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0), FAMILIES["mooney_rivlin"])
+    found = fit(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0),
+                FAMILIES["mooney_rivlin"])
     assert found.limits == ((None, None), (None, None))
     assert sum("no lower and upper limit" in note for note in found.notes) == 2
     assert np.isinf(found.predict("equibiaxial", np.array([2.0]))[1]).all()
@@ -206,7 +218,8 @@ def test_the_criterion_prefers_the_law_of_the_readings() -> None:
     assert result.best.held_out["equibiaxial"] < 600.0
 
 
-#: Treloar, Trans. Faraday Soc. 40, 59 (1944), as FElupe's documentation reproduces them: stretch, kgf/cm².
+#: Treloar, Trans. Faraday Soc. 40, 59 (1944), as FElupe's documentation reproduces them: stretch,
+#: kgf/cm².
 TRELOAR = {
     "uniaxial": "1.02 0.26 1.125 1.37 1.24 2.3 1.39 3.23 1.585 4.16 1.9 5.1 2.18 6 2.42 6.9 3.02 8.8 3.57 10.7 4.03 "
                 "12.5 4.76 16.2 5.36 19.9 5.75 23.6 6.15 27.4 6.4 31 6.6 34.8 6.85 38.5 7.05 42.1 7.15 45.8 7.25 49.6 "
@@ -227,7 +240,8 @@ def test_treloar_s_rubber() -> None:
                         for name in ("ogden_3", "gent", "neo_hooke"))
     assert three.rmse < 0.1e6 < gent.rmse < 0.2e6 < 0.5e6 < one.rmse
     assert three.offered
-    # The initial modulus of this rubber is 0.4 MPa; Gent's law stiffens towards a stretch of about 9.
+    # The initial modulus of this rubber is 0.4 MPa; Gent's law stiffens towards a stretch of about
+    # 9.
     assert three.material.shear_modulus == pytest.approx(0.4e6, rel=0.15)
     assert gent.material.j_lim == pytest.approx(84, abs=8)
 
@@ -236,7 +250,8 @@ def test_library_silicone_is_its_source_s() -> None:
     """Four readings of the database's tensile test, nominal stress in kPa."""
     law = MATERIALS["ecoflex-00-30"].material
     for stretch, stress in ((2.02272, 29.53), (3.0, 52.39), (4.0, 80.15), (6.0, 156.68)):
-        assert nominal_stress(law, "uniaxial", np.array([stretch]))[0] / 1e3 == pytest.approx(stress, rel=0.015)
+        assert nominal_stress(law, "uniaxial",
+                              np.array([stretch]))[0] / 1e3 == pytest.approx(stress, rel=0.015)
 
 
 PLAIN = ('name = "x"\n[frame]\nshape = "circle"\nradius = "4 cm"\n[plate]\nshape = "circle"\nradius = "1 cm"\n'
@@ -250,7 +265,8 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_reading(tmp_path) -> None:
-    data = read_coupons(written(tmp_path, "\ufeffspecimen, mode, t_s, stretch, nominal_stress_kPa, run\n"
+    data = read_coupons(written(tmp_path,
+                                "\ufeffspecimen, mode, t_s, stretch, nominal_stress_kPa, run\n"
                                           "A, uniaxial, 1.5, 2, 35, 1\n\nA, pure_shear, , 1.5, -2e1, 2\n"))
     assert data.modes == ("uniaxial", "pure_shear")
     assert data.stress.tolist() == [35e3, -20e3]
@@ -265,16 +281,21 @@ def test_reading(tmp_path) -> None:
     ("", "coupon.csv: is empty"),
     ("\n \n", "is empty"),
     (HEAD, "has no readings"),
-    ("mode,stretch\nuniaxial,2\n", "line 1: given 'mode, stretch': the column nominal_stress_kPa is missing"),
+    ("mode,stretch\nuniaxial,2\n",
+     "line 1: given 'mode, stretch': the column nominal_stress_kPa is missing"),
     ("mode,nominal_stress_kPa\nuniaxial,2\n", "the column stretch is missing"),
     ("mode,stretch,stress\nuniaxial,2,3\n", "line 1, column 3: given 'stress': unknown column"),
-    ("mode,stretch,stretch,nominal_stress_kPa\n", "line 1, column 3: given 'stretch': is there twice"),
+    ("mode,stretch,stretch,nominal_stress_kPa\n",
+     "line 1, column 3: given 'stretch': is there twice"),
     ("mode,stretch,nominal_stress_kPa,nominal_stress_Pa\n", "one column of nominal_stress only"),
-    (HEAD + "uniaxial,2,35\nbiaxial,2,35\n", "line 3, column 1 (mode): given 'biaxial': must be one of uniaxial"),
+    (HEAD + "uniaxial,2,35\nbiaxial,2,35\n",
+     "line 3, column 1 (mode): given 'biaxial': must be one of uniaxial"),
     (HEAD + "uniaxial,two,35\n", "line 2, column 2 (stretch): given 'two': must be a number"),
     (HEAD + "uniaxial,,35\n", "line 2, column 2 (stretch): given '': must be a number"),
-    (HEAD + "uniaxial,2,nan\n", "line 2, column 3 (nominal_stress_kPa): given 'nan': must be finite"),
-    (HEAD + "uniaxial,2,inf\n", "line 2, column 3 (nominal_stress_kPa): given 'inf': must be finite"),
+    (HEAD + "uniaxial,2,nan\n",
+     "line 2, column 3 (nominal_stress_kPa): given 'nan': must be finite"),
+    (HEAD + "uniaxial,2,inf\n",
+     "line 2, column 3 (nominal_stress_kPa): given 'inf': must be finite"),
     (HEAD + "\nuniaxial,0,35\n", "line 3, column 2 (stretch): given '0': must be above 0"),
     (HEAD + "uniaxial,-1,35\n", "line 2, column 2 (stretch): given '-1': must be above 0"),
     (HEAD + "uniaxial,2\n", "line 2: given '2 cells': must have 3 cells"),
@@ -292,12 +313,15 @@ def test_bad_files_end_with_line_and_column(tmp_path, capsys, text: str, message
 
 def test_unreadable_files_and_options(tmp_path, capsys) -> None:
     (tmp_path / "bytes.csv").write_bytes(b"mode,\xff\n")
-    good = written(tmp_path, HEAD + "".join(f"uniaxial,{x},{20 * (x - x**-2)}\n" for x in (1.2, 1.5, 2.0, 2.5)))
+    good = written(tmp_path, HEAD
+                   + "".join(f"uniaxial,{x},{20 * (x - x**-2)}\n" for x in (1.2, 1.5, 2.0, 2.5)))
     for arguments, message in (
-            ([tmp_path / "none.csv"], "none.csv: cannot be read"), ([tmp_path / "bytes.csv"], "is not UTF-8 text"),
+            ([tmp_path / "none.csv"], "none.csv: cannot be read"),
+            ([tmp_path / "bytes.csv"], "is not UTF-8 text"),
             ([good, "--law", "rubber"], "--law: given 'rubber': must be all or one of neo_hooke"),
             ([good, "--law", "yeoh"], "needs at least 6 readings, there are 4"),
-            ([good, "--noise", "2 mm"], "--noise"), ([good, "--noise", "0 kPa"], "must be positive")):
+            ([good, "--noise", "2 mm"], "--noise"),
+            ([good, "--noise", "0 kPa"], "must be positive")):
         assert main(["material", "fit", *map(str, arguments)]) == 2
         assert message in capsys.readouterr().err
 
@@ -308,7 +332,8 @@ def test_fit_command_writes_a_material_for_specimens(tmp_path, capsys) -> None:
                    zip(data.mode, data.stretch, data.stress, strict=True))
     file = written(tmp_path, HEAD + rows)
     folder = tmp_path / "out"
-    assert main(["material", "fit", str(file), "--law", "mooney_rivlin", "--law", "neo_hooke", "-o", str(folder),
+    assert main(["material", "fit", str(file), "--law", "mooney_rivlin", "--law", "neo_hooke", "-o",
+                 str(folder),
                  "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["best"] == "mooney_rivlin"
@@ -319,7 +344,8 @@ def test_fit_command_writes_a_material_for_specimens(tmp_path, capsys) -> None:
     assert json.loads((folder / "fit.json").read_text(encoding="utf-8")) == result
     assert (folder / "fit.png").stat().st_size > 20_000
     specimen = tmp_path / "x.toml"
-    specimen.write_text(PLAIN + (folder / "material.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    specimen.write_text(PLAIN + (folder / "material.toml").read_text(encoding="utf-8"),
+                        encoding="utf-8")
     material = load_specimen(specimen).membrane.material
     assert isinstance(material, MooneyRivlin)
     assert material.c10 == pytest.approx(constant["value"], rel=1e-9)
@@ -329,7 +355,8 @@ def test_fit_command_writes_a_material_for_specimens(tmp_path, capsys) -> None:
     assert "misses the shape" in printed
 
 
-@pytest.mark.parametrize("law", [Gent(18e3, 110.0), Ogden((16e3, -20.0), (2.0, -3.0)), MooneyRivlin(8e3, 1e3)], ids=str)
+@pytest.mark.parametrize("law", [Gent(18e3, 110.0), Ogden((16e3, -20.0), (2.0, -3.0)),
+                                 MooneyRivlin(8e3, 1e3)], ids=str)
 def test_material_lines_are_read_back(law) -> None:
     import tomllib
 
@@ -341,8 +368,10 @@ def test_material_lines_are_read_back(law) -> None:
 
 
 @pytest.mark.parametrize(("lines", "message"), [
-    ("range = [1, 3]", None), ("", "it falls at"), ("range = [1, 6]", "stretches from 1.0 to 6.0, but it falls at"),
-    ("range = [3, 1]", "range: given .*the smaller first"), ("range = [1]", "range"), ("range = [0, 2]", "positive"),
+    ("range = [1, 3]", None), ("", "it falls at"),
+    ("range = [1, 6]", "stretches from 1.0 to 6.0, but it falls at"),
+    ("range = [3, 1]", "range: given .*the smaller first"), ("range = [1]", "range"),
+    ("range = [0, 2]", "positive"),
 ])
 def test_a_law_may_be_meant_for_a_range(tmp_path, lines: str, message: str | None) -> None:
     text = (PLAIN + '[membrane.material]\n'
@@ -367,13 +396,15 @@ def test_show(tmp_path, capsys) -> None:
     assert shown["strip_true_stress_Pa"][index] == pytest.approx(by_hand, rel=1e-12)
     assert shown["strip_stress_falls_from"] == pytest.approx(5**0.5, abs=0.01)
     file = tmp_path / "x.toml"
-    file.write_text(PLAIN + '[membrane.material]\nlaw = "gent"\nmu = "18 kPa"\nj_lim = 8\n', encoding="utf-8")
+    file.write_text(PLAIN + '[membrane.material]\nlaw = "gent"\nmu = "18 kPa"\nj_lim = 8\n',
+                    encoding="utf-8")
     assert main(["material", "show", str(file)]) == 0
     text = capsys.readouterr().out
     assert "held at 2\n" in text
     assert "Hill's inequality holds" in text
     assert "nan" in text
-    for arguments, message in ((["rubber"], "specimen file or one of"), (["vhb-4910", "--held", "0"], "--held")):
+    for arguments, message in ((["rubber"], "specimen file or one of"),
+                               (["vhb-4910", "--held", "0"], "--held")):
         assert main(["material", "show", *arguments]) == 2
         assert message in capsys.readouterr().err
     refused = tmp_path / "refused.toml"

@@ -38,15 +38,19 @@ GOOD = "".join(f"{name},{mass},{kv},{1.9 * mass / 17.9 + 0.03 * kv**2}\n"
     ({"static": ROWS + GOOD.replace("17.9,0,", "17.9,zero,", 1)}, HEAD, "zero"),
     ({"static": "specimen,mass_g,displacement_mm\nA,17.9,2\n"}, HEAD, "voltage"),
     ({"static": ROWS.replace("_mm", "_m") + GOOD}, HEAD, "is the unit in the column's name right?"),
-    ({"static": ROWS.replace("_g,", "_kg,") + GOOD}, HEAD, "is the unit in the column's name right?"),
+    ({"static": ROWS.replace("_g,", "_kg,") + GOOD}, HEAD,
+     "is the unit in the column's name right?"),
     ({"static": ROWS + GOOD}, HEAD + 'noise = "0 um"\n', "noise"),
-    ({"static": ROWS.replace(",", ";") + GOOD.replace(",", ";").replace(".", ",")}, HEAD, "static.csv"),
+    ({"static": ROWS.replace(",", ";") + GOOD.replace(",", ";").replace(".", ",")}, HEAD,
+     "static.csv"),
     ({"coupon": "specimen,mode,t_s,stretch,nominal_stress_kPa,run\nA,uniaxial,0,1.1,3,1\n"}, HEAD,
      "at least 5 readings"),
-], ids=["two rows", "unknown specimen", "nan", "negative mass", "text", "column missing", "metres", "kilograms",
+], ids=["two rows", "unknown specimen", "nan", "negative mass", "text", "column missing", "metres",
+        "kilograms",
         "noise zero", "decimal commas", "coupons only"])
 def test_data_that_nothing_can_be_concluded_from_get_one_message(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str], files: dict[str, str], head: str, words: str) -> None:
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], files: dict[str, str], head: str,
+        words: str) -> None:
     folder = write_dataset(tmp_path / "data", head, **files)
     assert main(["diagnose", str(folder), "-o", str(tmp_path / "out")]) == 2
     out, err = capsys.readouterr()
@@ -75,7 +79,8 @@ def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     voltage = generator.uniform(0, 6, 100_000)
     text = ROWS + "".join(f"A,17.9,{v:.3f},{y:.4f}\n" for v, y in zip(
         voltage, 2 + 0.03 * voltage**2 + generator.normal(0, 0.02, len(voltage)), strict=True))
-    readings = readings_of(read_dataset(write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD, static=text)))
+    readings = readings_of(read_dataset(write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD,
+                                                      static=text)))
     assert len(readings.table) < 300
     assert readings.table.sigma.max() < 2e-6
     smooth = 1e-3 * (2 + 0.03 * (readings.table.voltage / 1e3) ** 2)
@@ -93,16 +98,19 @@ def test_averaging_keeps_ranges_apart_from_displacements() -> None:
 
 def _diagnosis(simulation: Simulation, table: Table, tmp_path: Path) -> Diagnosis:
     """A diagnosis of a table made here, with a dataset only for its name."""
-    dataset = read_dataset(write_dataset(tmp_path / "named", 'noise = "5 um"\n' + HEAD, static=ROWS + GOOD))
+    dataset = read_dataset(write_dataset(tmp_path / "named", 'noise = "5 um"\n' + HEAD,
+                                         static=ROWS + GOOD))
     readings = readings_of(dataset)
     causes = tuple(every_cause(simulation))
     judged = judge(simulation, table, causes)
     return Diagnosis(dataset, readings, simulation, judged, 0.0, (), chosen_fit(judged),
-                     gain_of(simulation, table, causes, judged), propose(simulation, judged, causes))
+                     gain_of(simulation, table, causes, judged),
+                     propose(simulation, judged, causes))
 
 
 @pytest.fixture(scope="module")
-def written(three_shapes: Simulation, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def written(three_shapes: Simulation,
+            tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A diagnosis of a margin of 4 mm at 5 µm noise, in a folder, as JSON."""
     from tympan.reports.diagnosis.page import build
 
@@ -117,7 +125,8 @@ def written(three_shapes: Simulation, tmp_path_factory: pytest.TempPathFactory) 
 
 def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) -> None:
     folder, content = written
-    assert json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")) == json.loads(json.dumps(content))
+    assert json.loads((folder
+                       / "diagnosis.json").read_text(encoding="utf-8")) == json.loads(json.dumps(content))
     assert content["verdict"] == "named"
     cause = content["causes"][0]
     assert (cause["effect"], cause["which"]) == ("electrode_margin", None)
@@ -133,7 +142,8 @@ def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) 
     assert "amplifier_gain" in content["not_visible"]
 
 
-def test_the_extended_model_is_what_solve_takes(written: tuple[Path, dict[str, Any]], three_shapes: Simulation,
+def test_the_extended_model_is_what_solve_takes(written: tuple[Path, dict[str, Any]],
+                                                three_shapes: Simulation,
                                                 capsys: pytest.CaptureFixture[str]) -> None:
     """Files of the extended model, read again and solved by finite elements, say what the diagnosis says it does."""
     folder, content = written
@@ -141,11 +151,14 @@ def test_the_extended_model_is_what_solve_takes(written: tuple[Path, dict[str, A
     assert specimen.electrode.margin_frame == pytest.approx(
         1e-3 * content["causes"][0]["parameters"]["d"]["value"], rel=1e-6)
     assert Rig.read(folder / "extended" / "rig.toml") == three_shapes.setup.rig
-    assert main(["solve", str(folder / "extended" / "elliptical-large.toml"), "--mass", "22.45 g", "--voltage",
+    assert main(["solve", str(folder / "extended" / "elliptical-large.toml"), "--mass", "22.45 g",
+                 "--voltage",
                  "6.5 kV", "--rig", str(folder / "extended" / "rig.toml"), "--json"]) == 0
     solved = json.loads(capsys.readouterr().out)["deflection_m"]
-    rows = [line.split(",") for line in (folder / "readings.csv").read_text(encoding="utf-8").splitlines()]
-    last = [row for row in rows if row[3] == "elliptical-large" and row[4] == "22.45" and row[5] == "6.5"]
+    rows = [line.split(",")
+            for line in (folder / "readings.csv").read_text(encoding="utf-8").splitlines()]
+    last = [row for row in rows if row[3] == "elliptical-large" and row[4] == "22.45"
+            and row[5] == "6.5"]
     assert float(last[0][-1]) == pytest.approx(solved, abs=2e-6)
 
 

@@ -28,7 +28,8 @@ NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
 
 #: Every number that an effect edits is there already, and no mirror plane.
 TAKEN = Setup(
-    (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)), circular(MATERIAL)),
+    (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)),
+     circular(MATERIAL)),
     Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0))
 
 FINE = Settings()
@@ -60,7 +61,8 @@ each_parameter = pytest.mark.parametrize(
 @cache
 def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What the sensor shows of every specimen, shape (specimens, readings) [m]."""
-    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed, load.direction), settings)
+    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed, load.direction),
+                      settings)
                 for load in READINGS]
                for one in setup.specimens]
     assert all(result.status == "equilibrium" for row in results for result in row)
@@ -139,7 +141,8 @@ def test_sign_rule(effect: Effect, number: int) -> None:
 
 
 @each_effect
-def test_files_give_the_same_number(effect: Effect, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
+                                    capsys: pytest.CaptureFixture[str]) -> None:
     """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found in memory."""
     values = [max(item.deviation, item.least) for item in effect.parameters]
     setup = effect.at(TAKEN, values, effect.choices(TAKEN)[0])
@@ -149,7 +152,8 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path, capsys: pyte
     rig.write_text(rig_to_toml(setup.rig), encoding="utf-8")
     assert load_specimen(films) == specimen
     assert Rig.read(rig) == setup.rig
-    command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV", "--elapsed", "30 min",
+    command = ["solve", str(films), "--rig", str(rig), "--mass", "20 g", "--voltage", "3 kV",
+               "--elapsed", "30 min",
                "--direction", "down"]
     assert main([*command, "--json", "--refine", "0.5"]) == 0
     printed = json.loads(capsys.readouterr().out)["reading_m"]
@@ -167,7 +171,8 @@ def test_edits_are_pure_and_refuse_what_is_out_of_range(effect: Effect) -> None:
     assert repr(NOMINAL) == before
     with pytest.raises(InputError, match=effect.name):
         effect.apply(NOMINAL, [float("nan")] * len(values), which)
-    with pytest.raises(InputError, match="specimen it happens to" if effect.on_one else "no single specimen"):
+    with pytest.raises(InputError, match="specimen it happens to" if effect.on_one
+                       else "no single specimen"):
         effect.apply(NOMINAL, values, None if effect.on_one else "circle")
 
 
@@ -181,7 +186,8 @@ def test_priors(effect: Effect, number: int) -> None:
     assert low <= drawn.min() <= drawn.max() <= high
     known = truncnorm(low / item.deviation, high / item.deviation, scale=item.deviation)
     assert kstest(drawn, known.cdf).pvalue > 1e-3
-    assert item.log_prior(0.7 * item.deviation) == pytest.approx(known.logpdf(0.7 * item.deviation), rel=1e-12)
+    assert item.log_prior(0.7 * item.deviation) == pytest.approx(known.logpdf(0.7 * item.deviation),
+                                                                 rel=1e-12)
     assert item.size(item.value(item.deviation)) == pytest.approx(item.deviation, rel=1e-12)
     for size in (low, high):
         changed(effect, number, size)
@@ -254,7 +260,8 @@ def test_sag_is_a_gain_that_depends_on_the_voltage() -> None:
 
 def test_gains_multiply() -> None:
     rig = Rig(amplifier_gain=0.1, sensor_gain=0.2, sensor_zero=1e-3)
-    both = extended(replace(NOMINAL, rig=rig), [Use("amplifier_gain", (-0.2,)), Use("sensor_gain", (0.05,))]).rig
+    both = extended(replace(NOMINAL, rig=rig),
+                    [Use("amplifier_gain", (-0.2,)), Use("sensor_gain", (0.05,))]).rig
     assert both.film_voltage(1e3) == pytest.approx(1e3 * 1.1 * 0.8, rel=1e-14)
     assert both.reading(2e-3) == pytest.approx(2e-3 * 1.2 * 1.05 + 1e-3, rel=1e-14)
 
@@ -264,15 +271,19 @@ def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> N
     setup = REGISTRY["strain_stiffening"].apply(Setup((specimen,), Rig()), [0.4])
     film = setup.specimens[0].membrane
     assert isinstance(film.material, Stiffened)
-    nominal, wrapped = (law.derivatives(*film.prestretch) for law in (specimen.membrane.material, film.material))
+    nominal, wrapped = (law.derivatives(*film.prestretch)
+                        for law in (specimen.membrane.material, film.material))
     assert wrapped[1:3] == pytest.approx(nominal[1:3], rel=1e-13)
     assert wrapped[3] > 1.05 * nominal[3]
     law = Stiffened(NeoHooke(20e3), 0.4, 2 * 5 + 1 / 25)
-    assert law.derivatives(ROOT5, ROOT5)[1] == pytest.approx(NeoHooke(20e3).derivatives(ROOT5, ROOT5)[1], rel=1e-14)
+    assert law.derivatives(ROOT5,
+                           ROOT5)[1] == pytest.approx(NeoHooke(20e3).derivatives(ROOT5, ROOT5)[1],
+                                                      rel=1e-14)
 
 
 def test_several_effects_do_not_depend_on_their_order() -> None:
-    uses = [Use("prestretch_loss", (0.03,), "circle"), Use("voltage_sag", (20e3,)), Use("strain_stiffening", (0.3,)),
+    uses = [Use("prestretch_loss", (0.03,), "circle"), Use("voltage_sag", (20e3,)),
+            Use("strain_stiffening", (0.3,)),
             Use("amplifier_gain", (0.02,))]
     one, other = extended(NOMINAL, uses), extended(NOMINAL, uses[::-1])
     assert one == other

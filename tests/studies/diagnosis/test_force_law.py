@@ -35,15 +35,20 @@ def _by_equations(film: axisymmetric.Film, table, gravity: float) -> np.ndarray:
     ("permittivity_stretch", -0.3, {"permittivity_exponent": -0.3}),
     ("prestretch_loss", 0.035, {"prestretch": 5**0.5 * (1 - 0.035)}),
 ])
-def test_it_gives_the_deflections_of_the_axisymmetric_equations(three_shapes: Simulation, cause, size, changed) -> None:
+def test_it_gives_the_deflections_of_the_axisymmetric_equations(three_shapes: Simulation, cause,
+                                                                size, changed) -> None:
     """Equations that share nothing with the finite elements; other stiffness and permittivity than the laws were made
     with, which cost the laws nothing."""
     film = three_shapes.setup.specimens[0].membrane
     stiffness, permittivity = 1.12, 0.94
-    material = axisymmetric.Ogden(tuple(stiffness * mu for mu in film.material.mu), tuple(film.material.alpha))
-    values = {"inner": 10e-3, "outer": 45e-3, "thickness": film.thickness, "prestretch": film.prestretch[0],
-              "material": material, "relative_permittivity": permittivity * film.relative_permittivity} | changed
-    hypothesis = () if cause is None else (Cause(cause, "circular" if cause == "prestretch_loss" else None),)
+    material = axisymmetric.Ogden(tuple(stiffness * mu for mu in film.material.mu),
+                                  tuple(film.material.alpha))
+    values = {"inner": 10e-3, "outer": 45e-3, "thickness": film.thickness,
+              "prestretch": film.prestretch[0],
+              "material": material,
+              "relative_permittivity": permittivity * film.relative_permittivity} | changed
+    hypothesis = () if cause is None else (Cause(cause, "circular" if cause == "prestretch_loss"
+                                                 else None),)
     unknowns = np.array([np.log(stiffness), np.log(permittivity), *([size] if cause else [])])
     table = _table()
     found = three_shapes.predict(hypothesis, unknowns, table)
@@ -58,7 +63,8 @@ def test_it_gives_the_deflections_of_the_axisymmetric_equations(three_shapes: Si
     ((Cause("strain_stiffening"), Cause("electrode_stiffness")), (0.15, 800.0)),
     ((Cause("parallel_spring"), Cause("voltage_sag")), (6.0, 20e3**-2)),
 ])
-def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shapes: Simulation, hypothesis, sizes
+def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shapes: Simulation,
+                                                                     hypothesis, sizes
                                                                      ) -> None:
     unknowns = np.array([0.05, -0.08, *sizes])
     setup = extended_setup(three_shapes, hypothesis, unknowns)
@@ -66,7 +72,8 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
     found = three_shapes.predict(hypothesis, unknowns, table)
     plain = three_shapes.predict((), unknowns[:2], table)
     for row in (3, 6):
-        result = solve(Case(setup.specimens[1], float(table.mass[row]), float(table.voltage[row]), setup.rig), FINE)
+        result = solve(Case(setup.specimens[1], float(table.mass[row]), float(table.voltage[row]),
+                            setup.rig), FINE)
         assert found[row] == pytest.approx(result.reading_m, abs=3e-6)
         assert abs(plain[row] - result.reading_m) > 5e-6
 
@@ -79,37 +86,45 @@ def test_stiffness_and_permittivity_scale_exactly(three_shapes: Simulation) -> N
     result = solve(Case(specimen, 0.02245, 6e3), FINE)
     unknowns = np.log([1.3, 5.0 / film.relative_permittivity])
     table = rows(States.of([0], [0.02245], [6e3]), "displacement", 1e-5)
-    assert three_shapes.predict((), unknowns, table)[0] == pytest.approx(result.deflection_m, rel=1e-4)
+    assert three_shapes.predict((), unknowns, table)[0] == pytest.approx(result.deflection_m,
+                                                                         rel=1e-4)
     seen = rows(States.of([0], [0.02245], [6e3]), "capacitance", 1e-12)
-    assert three_shapes.predict((), unknowns, seen)[0] == pytest.approx(result.capacitance_F, rel=1e-4)
+    assert three_shapes.predict((), unknowns, seen)[0] == pytest.approx(result.capacitance_F,
+                                                                        rel=1e-4)
 
 
 @pytest.mark.parametrize("hypothesis", [
     (), (Cause("strain_stiffening"), Cause("prestretch_loss", "elliptical-large")),
-    (Cause("electrode_stiffness"), Cause("parallel_spring")), (Cause("sensor_gain"), Cause("drift")),
+    (Cause("electrode_stiffness"), Cause("parallel_spring")),
+    (Cause("sensor_gain"), Cause("drift")),
 ], ids=str)
 def test_derivatives_are_those_of_the_predictions(three_shapes: Simulation, hypothesis) -> None:
     deviations = [item.deviation for cause in hypothesis for item in cause.of_registry.parameters]
     unknowns = np.array([0.1, 0.05, *(0.7 * one for one in deviations)])
     table = _table(specimen=2)
     heave = three_shapes.heaves(hypothesis, unknowns, table.states)
-    jacobian = three_shapes.jacobian(hypothesis, unknowns, table, heave, bounds_of(three_shapes, hypothesis))
+    jacobian = three_shapes.jacobian(hypothesis, unknowns, table, heave,
+                                     bounds_of(three_shapes, hypothesis))
     for number, scale in enumerate([1.0, 1.0, *deviations]):
         step = np.zeros(len(unknowns))
         step[number] = 1e-3 * scale
-        around = [three_shapes.predict(hypothesis, unknowns + sign * step, table) for sign in (1, -1)]
+        around = [three_shapes.predict(hypothesis, unknowns + sign * step, table)
+                  for sign in (1, -1)]
         difference = (around[0] - around[1]) / (2e-3 * scale)
-        assert jacobian[:, number] == pytest.approx(difference, rel=1e-4, abs=1e-5 * np.abs(difference).max() + 1e-12)
+        assert jacobian[:, number] == pytest.approx(difference, rel=1e-4,
+                                                    abs=1e-5 * np.abs(difference).max() + 1e-12)
 
 
 def test_past_pull_in_there_is_no_equilibrium(three_shapes: Simulation) -> None:
     film = three_shapes.setup.specimens[0].membrane
     soft = np.array([np.log(0.75), 0.1])
-    material = axisymmetric.Ogden(tuple(0.75 * mu for mu in film.material.mu), tuple(film.material.alpha))
+    material = axisymmetric.Ogden(tuple(0.75 * mu for mu in film.material.mu),
+                                  tuple(film.material.alpha))
     oracle = axisymmetric.Film(10e-3, 45e-3, film.thickness, film.prestretch[0], material,
                                np.exp(0.1) * film.relative_permittivity)
     limit = axisymmetric.pull_in_voltage(oracle, 0.0179 * Rig().gravity)
-    table = rows(States.of([0, 0], [0.0179, 0.0179], [0.9 * limit, 1.03 * limit]), "displacement", 1e-5)
+    table = rows(States.of([0, 0], [0.0179, 0.0179], [0.9 * limit, 1.03 * limit]), "displacement",
+                 1e-5)
     found = three_shapes.predict((), soft, table)
     assert np.isfinite(found[0])
     assert np.isnan(found[1])

@@ -52,7 +52,8 @@ def test_specimens_of_one_shape_are_held_out_together_and_alone(three_shapes: Si
     twins = (circle, small, replace(circle, name="second circle"))
     simulation = replace(three_shapes, setup=replace(three_shapes.setup, specimens=twins))
     splits, impossible = splits_of(simulation, design(SIGMA))
-    assert [one.held_out for one in splits if one.kind == "specimen"] == ["circular", "elliptical-small",
+    assert [one.held_out for one in splits if one.kind == "specimen"] == ["circular",
+                                                                          "elliptical-small",
                                                                          "second circle"]
     assert impossible == ("circular and second circle cannot be held out: fewer than 2 shapes would be left",
                           "elliptical-small cannot be held out: fewer than 2 shapes would be left")
@@ -73,7 +74,8 @@ def test_nothing_wrong_gains_nothing(three_shapes: Simulation) -> None:
     assert gain_of(three_shapes, table, every_cause(three_shapes), judgement).overall is None
 
 
-def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[Table, Judgement, GainReport]) -> None:
+def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[Table, Judgement,
+                                                                    GainReport]) -> None:
     report = sagging[2]
     assert len(report.splits) == 6
     for one in report.splits:
@@ -88,7 +90,8 @@ def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[Table, Judge
     assert report.overall.low <= report.overall.ratio <= report.overall.high
 
 
-def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[Table, Judgement, GainReport]) -> None:
+def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[Table, Judgement,
+                                                                    GainReport]) -> None:
     """Above the voltages trained on, a Gaussian process and the best wrong cause fail where the cause does not."""
     above = next(one for one in sagging[2].splits if one.split.kind == "voltage").rmse
     assert above["before"] > 10 * SIGMA
@@ -96,7 +99,8 @@ def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[Table, Judge
     assert above["rival"] > 3 * above["after"]
 
 
-def test_training_never_sees_what_is_held_out(three_shapes: Simulation, sagging: tuple[Table, Judgement, GainReport]
+def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
+                                              sagging: tuple[Table, Judgement, GainReport]
                                               ) -> None:
     """Whatever the readings above 4.55 kV are, the predictions there are the same."""
     table, judgement, report = sagging
@@ -134,7 +138,8 @@ def test_a_mass_left_out_of_account_needs_two_masses(three_shapes: Simulation) -
 
 def test_excess_is_what_lies_beyond_noise() -> None:
     noise = 100 * 2.0**2
-    assert excess_ratio(100 * (2.0**2 + 5.0**2), 100 * (2.0**2 + 1.5**2), noise, 100) == pytest.approx(0.3)
+    assert excess_ratio(100 * (2.0**2 + 5.0**2), 100 * (2.0**2 + 1.5**2), noise,
+                        100) == pytest.approx(0.3)
     assert excess_ratio(100 * (2.0**2 + 5.0**2), 0.9 * noise, noise, 100) == 0.0
     assert excess_ratio(noise, noise * (1 + 2 * 0.02**0.5), noise, 100) == pytest.approx(2**0.5)
 
@@ -143,8 +148,10 @@ def synthetic(generator: np.random.Generator, ramps: int, before: float, after: 
     """Errors in units of the noise: each ramp is off by one draw with these deviations, its readings by noise too."""
     ramp = np.repeat(np.arange(ramps), 20)
     noise = generator.standard_normal(20 * ramps)
-    errors = [deviation * generator.standard_normal(ramps)[ramp] + noise for deviation in (before, after)]
-    return SplitGain(Split("mass", "1 g", np.ones(0, bool)), (), (), np.ones(20 * ramps), errors[0], errors[1], noise,
+    errors = [deviation * generator.standard_normal(ramps)[ramp] + noise
+              for deviation in (before, after)]
+    return SplitGain(Split("mass", "1 g", np.ones(0, bool)), (), (), np.ones(20 * ramps), errors[0],
+                     errors[1], noise,
                      noise, ramp, 0)
 
 
@@ -181,7 +188,8 @@ def test_a_process_predicts_as_well_as_it_claims() -> None:
 def test_a_process_takes_a_range_as_a_difference() -> None:
     generator = np.random.default_rng(5)
     table = design(1e-6)
-    process = Process.trained(table, 20e-6 * np.sin(table.voltage / 2e3) + 1e-6 * generator.standard_normal(len(table)))
+    process = Process.trained(table, 20e-6 * np.sin(table.voltage / 2e3) + 1e-6
+                              * generator.standard_normal(len(table)))
     ends = np.array([[14, 0], [44, 30], [70, 62]])
     ranges = replace(table[ends[:, 0]], since=ends[:, 1], kind=np.full(3, "range"))
     np.testing.assert_allclose(process.predicted(ranges), process.predicted(table[ends[:, 0]])
@@ -192,4 +200,5 @@ def test_many_rows_are_thinned() -> None:
     table = design(1e-6, voltages=400)
     process = Process.trained(table, 1e-5 * np.cos(table.voltage / 2e3))
     assert len(process.train) == MOST_ROWS
-    np.testing.assert_allclose(process.predicted(table), 1e-5 * np.cos(table.voltage / 2e3), atol=1e-6)
+    np.testing.assert_allclose(process.predicted(table), 1e-5 * np.cos(table.voltage / 2e3),
+                               atol=1e-6)

@@ -57,13 +57,15 @@ def test_equations_and_elements_are_two_ways_to_the_same_readings() -> None:
     for cause in circles().causes[::2]:
         size = 0.4 * cause.of_registry.parameters[0].deviation
         truth = Truth(1.1, 0.95, (cause,), (size,), "equations")
-        assert np.abs(readings(design, truth) - readings(design, replace(truth, means="elements"))).max() < 3e-7, cause
+        assert np.abs(readings(design, truth)
+                      - readings(design, replace(truth, means="elements"))).max() < 3e-7, cause
 
 
 def test_ramps_of_the_equations_are_what_the_oracle_has_one_by_one() -> None:
     film = Film(10e-3, 45e-3, 1e-3, ROOT5, neo_hooke(15e3), 4.7)
     found = heaves(film, 17.9e-3 * 9.81, np.array([0.0, 3500.0, 5000.0]))
-    assert found == pytest.approx([solve_load(film, 17.9e-3 * 9.81, u).deflection for u in (0.0, 3500.0, 5000.0)],
+    assert found == pytest.approx([solve_load(film, 17.9e-3 * 9.81, u).deflection
+                                   for u in (0.0, 3500.0, 5000.0)],
                                   rel=1e-8)
     assert heaves(film, 17.9e-3 * 9.81, np.array([0.0, 7000.0])) is None
 
@@ -88,7 +90,8 @@ def test_the_fitted_model_foretells_readings_made_otherwise(lab: Lab) -> None:
     generator = np.random.default_rng(SEED)
     for cause in design.causes:
         truth, values, _ = hidden(design, generator, (cause,), "elements")
-        assert np.abs(values - simulation.predict(truth.hypothesis, truth.unknowns, design.table)).max() < 6e-6, cause
+        assert np.abs(values - simulation.predict(truth.hypothesis, truth.unknowns,
+                                                  design.table)).max() < 6e-6, cause
 
 
 def test_nothing_is_found_in_nothing(lab: Lab) -> None:
@@ -127,7 +130,8 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     truth = Truth(1.05, 1.02, hypothesis, (0.03, (18e3) ** -2.0))
     values = readings(design, truth)
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values), [(cause,) for cause in design.causes])
+    seen, told = stands_out(simulation, hypothesis, table.with_values(values),
+                            [(cause,) for cause in design.causes])
     assert seen > 25
     assert told > 9.2
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
@@ -157,10 +161,12 @@ def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: Table) -> None
 
 def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: Table, tmp_path: Path) -> None:
     design, simulation = lab.paper
-    units: tuple[tuple[str, Callable[[Design, Table], str]], ...] = (("usual", _usual), ("others", _others))
+    units: tuple[tuple[str, Callable[[Design, Table], str]], ...] = (("usual", _usual),
+                                                                     ("others", _others))
     found = []
     for name, write in units:
-        folder = write_dataset(tmp_path / name, HEAD + 'noise = "20 um"\n', static=write(design, sag),
+        folder = write_dataset(tmp_path / name, HEAD + 'noise = "20 um"\n',
+                               static=write(design, sag),
                                specimens=tuple(one.name for one in design.setup.specimens))
         table = readings_of(read_dataset(folder)).table
         found.append(judge(simulation, table, design.causes))
@@ -170,7 +176,8 @@ def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: Table, tmp_path: Path) -> N
 
 def _rows(design: Design, table: Table) -> list[tuple[str, float, float, float, float]]:
     names = [specimen.name for specimen in design.setup.specimens]
-    return [(names[number], mass, voltage, value, elapsed) for number, mass, voltage, value, elapsed in zip(
+    return [(names[number], mass, voltage, value, elapsed)
+            for number, mass, voltage, value, elapsed in zip(
         table.specimen.tolist(), table.mass.tolist(), table.voltage.tolist(), table.value.tolist(),
         table.states.elapsed[table.state].tolist(), strict=True)]
 
@@ -195,11 +202,13 @@ def test_intervals_of_rates_are_clopper_and_pearson() -> None:
 
 def test_rates_count_what_they_say() -> None:
     """A hundred nulls with seven alarms miss their target, and the page says so."""
-    null = [Record("null", k, "elements", (), 0, 0.0, 0.0, "unexplained" if k < 7 else "nothing") for k in range(100)]
+    null = [Record("null", k, "elements", (), 0, 0.0, 0.0, "unexplained" if k < 7 else "nothing")
+            for k in range(100)]
     wrong = Record("single", 0, "elements", ("drift",), 0, 50.0, 20.0, "named", ("sensor_zero",),
                    (("sensor_zero", 0.97),), covered=False, inside=(False,))
     found = {rate.what: rate for rate in rates([*null, wrong])}
-    assert (found["nothing hidden: false alarms"].share, found["nothing hidden: false alarms"].met) == (0.07, False)
+    assert (found["nothing hidden: false alarms"].share,
+            found["nothing hidden: false alarms"].met) == (0.07, False)
     assert found["one identifiable effect: another is named"].share == 1.0
     assert "| 7.0% | 2.9% to 13.9% | 7 of 100 | ≤ 5% | **missed** |" in page([*null, wrong], "")
 

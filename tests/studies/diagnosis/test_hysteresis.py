@@ -39,7 +39,8 @@ def deflection(lag: float, voltage: float, direction: float, specimen: str = "ci
 def test_a_film_is_behind_the_more_the_larger_its_lag(specimen: str, voltage: float) -> None:
     """Lower on the way up than on the way down, without a lag the same, without a direction in between."""
     lags = (0.0, 50.0, 200.0, 600.0)
-    up, unknown, down = ([deflection(lag, voltage, way, specimen) for lag in lags] for way in (UP, UNKNOWN, DOWN))
+    up, unknown, down = ([deflection(lag, voltage, way, specimen) for lag in lags]
+                         for way in (UP, UNKNOWN, DOWN))
     assert up[0] == unknown[0] == down[0]
     assert unknown == [unknown[0]] * len(lags)
     assert all(before - after > 1e-7 for before, after in pairwise(up))
@@ -65,15 +66,18 @@ def test_the_lag_is_behind_what_the_supply_gives() -> None:
     assert REGISTRY["hysteresis"].apply(Setup((), rig), [50.0]).rig.lag_voltage == 150
 
 
-@given(st.lists(st.tuples(st.floats(0, 1e4), st.sampled_from(sorted(DIRECTIONS.values()))), min_size=1),
+@given(st.lists(st.tuples(st.floats(0, 1e4), st.sampled_from(sorted(DIRECTIONS.values()))),
+                min_size=1),
        st.floats(0, 1e3))
-def test_arrays_are_followed_as_numbers_are(readings: list[tuple[float, float]], lag: float) -> None:
+def test_arrays_are_followed_as_numbers_are(readings: list[tuple[float, float]],
+                                            lag: float) -> None:
     """And what is followed is a play of that half width about what is supplied."""
     rig = Rig(amplifier_gain=0.05, sag_voltage=9e3, lag_voltage=lag)
     voltages, directions = (np.array(column) for column in zip(*readings, strict=True))
     followed = rig.film_voltage(voltages, directions)
     assert np.array_equal(followed, [rig.film_voltage(*reading) for reading in readings])
-    assert np.array_equal(rig.film_voltage(voltages), [rig.film_voltage(voltage) for voltage, _ in readings])
+    assert np.array_equal(rig.film_voltage(voltages),
+                          [rig.film_voltage(voltage) for voltage, _ in readings])
     supplied = rig.film_voltage(voltages)
     assert np.array_equal(followed, np.where(directions > 0, np.maximum(supplied - lag, 0),
                                              np.where(directions < 0, supplied + lag, supplied)))
@@ -86,7 +90,8 @@ def test_a_direction_is_up_down_or_none(tmp_path: Path, capsys: pytest.CaptureFi
     films, rig = tmp_path / "film.toml", tmp_path / "rig.toml"
     films.write_text(specimen_to_toml(NOMINAL.specimens[0]), encoding="utf-8")
     rig.write_text('lag_voltage = "0.15 kV"\n', encoding="utf-8")
-    command = ["solve", str(films), "--rig", str(rig), "--mass", "17.9 g", "--voltage", "4 kV", "--refine", "0.5",
+    command = ["solve", str(films), "--rig", str(rig), "--mass", "17.9 g", "--voltage", "4 kV",
+               "--refine", "0.5",
                "--json"]
     found = []
     for further in (["--direction", "up"], [], ["--direction", "down"]):

@@ -67,7 +67,8 @@ def cone_data(setup: Setup) -> Table:
     table = field_data(setup)
     rest = []
     for number, mass, voltage in zip(table.specimen, table.mass, table.voltage, strict=True):
-        rest.append(brentq(_missing, 0, 0.02, (setup.specimens[number], setup.rig.force(mass), voltage)))
+        rest.append(brentq(_missing, 0, 0.02,
+                           (setup.specimens[number], setup.rig.force(mass), voltage)))
     return table.with_values(np.array(rest))
 
 
@@ -78,12 +79,14 @@ def _missing(heave: float, one: Specimen, load: float, voltage: float) -> float:
 
 
 def noisy(table: Table, seed: int) -> Table:
-    return table.with_values(table.value + SIGMA * np.random.default_rng(seed).standard_normal(len(table)))
+    return table.with_values(table.value + SIGMA
+                             * np.random.default_rng(seed).standard_normal(len(table)))
 
 
 def simulation_of(setup: Setup, table: Table) -> Simulation:
     """The lumped model over one and a half times the displacements and voltages of a table."""
-    grids = [Grid(1.5 * float(table.value[table.specimen == number].max()), (1.5 * VOLTAGES[-1]) ** 2, odd=True)
+    grids = [Grid(1.5 * float(table.value[table.specimen == number].max()),
+                  (1.5 * VOLTAGES[-1]) ** 2, odd=True)
              for number in range(len(setup.specimens))]
     return Simulation(setup, lumped_laws(setup, grids))
 
@@ -137,13 +140,15 @@ def test_the_paper_s_shapes_show_it_unless_alpha_was_fitted_to_them(
     """With the weights of membrane circles it is found; weights fitted on cones with a free stress hide it."""
     few = AlphaSettings(LoadGrid(MASSES, (0.0, 3e3)), LoadGrid((20e-3,), (1e3,)))
     settings = Settings(MeshSettings(order=3).refined(0.7))
-    weights = {one.name: alpha(one, settings, few).by_basis[basis].alpha for one in PAPER.specimens[1:]}
+    weights = {one.name: alpha(one, settings, few).by_basis[basis].alpha
+               for one in PAPER.specimens[1:]}
     found = judged(lumped(PAPER, weights), field_data(PAPER), seed=1)
     assert (found.verdict, found.named) == (verdict, named)
 
 
 @pytest.mark.parametrize(("plate", "frame"), [(10, 45), (10, 25), (5, 45)])
-def test_full_profile_has_the_membrane_s_stiffness_and_capacitance(plate: float, frame: float) -> None:
+def test_full_profile_has_the_membrane_s_stiffness_and_capacitance(plate: float,
+                                                                   frame: float) -> None:
     """Against finite elements, and the ratio to the straight cone in closed form."""
     specimen = annulus(plate, frame)
     film, y = model(specimen), 1e-4
@@ -153,13 +158,16 @@ def test_full_profile_has_the_membrane_s_stiffness_and_capacitance(plate: float,
         (frame - plate) / (plate * np.log(frame / plate)), rel=2e-4)
     y = 3e-3
     flat = hollow.capacitance(0.0)
-    assert hollow.capacitance(y) - flat == pytest.approx(capacitance_of(film, held(film, y).state) - flat, rel=0.05)
+    assert hollow.capacitance(y) - flat == pytest.approx(capacitance_of(film, held(film, y).state)
+                                                         - flat, rel=0.05)
 
 
 def test_capacitance_of_the_straight_cone_by_hand() -> None:
     """Eq. (1) of a film whose area grows and whose thickness shrinks by √s."""
     y, flat = 5e-3, 8.8541878128e-12 * 4.7 * np.pi * (45e-3**2 - 10e-3**2) / 0.2e-3
-    assert ConeCircle(circular(), 45e-3).capacitance(y) == pytest.approx(flat * (1 + (y / 35e-3) ** 2), rel=1e-9)
+    assert ConeCircle(circular(),
+                      45e-3).capacitance(y) == pytest.approx(flat * (1 + (y / 35e-3) ** 2),
+                                                             rel=1e-9)
 
 
 def test_force_laws_are_the_model() -> None:
@@ -177,14 +185,17 @@ def test_force_laws_are_the_model() -> None:
         heave, voltage = np.array([0.7e-3, 2e-3, 3.1e-3]), np.array([1.3e3, 4.4e3, 3e3])
         actual = direct.specimens[0]
         assert isinstance(actual, Lumped)
-        surface = law.at(np.array([axis.coordinate(values.get(axis.effect, 0.0)) for axis in law.axes]))
+        surface = law.at(np.array([axis.coordinate(values.get(axis.effect, 0.0))
+                                   for axis in law.axes]))
         force = [actual.force(*pair) for pair in zip(heave, voltage, strict=True)]
-        assert surface.force(heave, surface.by_heave(voltage**2))[0] == pytest.approx(force, rel=2e-3)
+        assert surface.force(heave, surface.by_heave(voltage**2))[0] == pytest.approx(force,
+                                                                                      rel=2e-3)
         assert surface.capacitance(heave, voltage**2) == pytest.approx(
             [actual.capacitance(y) for y in heave], rel=1e-4)
 
 
-@pytest.mark.parametrize("effect", [effect for effect in REGISTRY.values() if effect.lumped], ids=lambda one: one.name)
+@pytest.mark.parametrize("effect", [effect for effect in REGISTRY.values() if effect.lumped],
+                         ids=lambda one: one.name)
 def test_effects_on_the_lumped_model_keep_the_contract(effect: Effect) -> None:
     """Nothing at size 0, bit for bit; smooth; pure; within limits; and no part of what finite elements see."""
     setup = lumped(CIRCLES)

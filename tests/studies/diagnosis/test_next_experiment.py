@@ -18,7 +18,8 @@ from tympan.studies.diagnosis.reading_table import Table
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
 
 SIGMA = 20e-6
-CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what) for part in ("capacitance", "probe"))
+CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what)
+                      for part in ("capacitance", "probe"))
 REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
 
 
@@ -28,7 +29,8 @@ def judged_between(simulation: Simulation, table: Table, causes: list[Cause]) ->
     fits = tuple(fit(simulation, (cause,), table, nominal.unknowns) for cause in causes)
     share = np.full(len(causes), 1 / len(causes))
     whole = judge(simulation, table, causes)
-    return replace(whole, table=table, nominal=nominal, weighing=Weighing(nominal, fits, share, 0.0, 0.0))
+    return replace(whole, table=table, nominal=nominal,
+                   weighing=Weighing(nominal, fits, share, 0.0, 0.0))
 
 
 def refitted(simulation: Simulation, one: Fit, old: Table, new: Table) -> float:
@@ -61,17 +63,22 @@ def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
                     (REPEAT, BETWEEN, BACKWARDS, LATER)).ranked
     assert found[0].enough
     assert found[0].what == BACKWARDS.what or found[0].what.startswith("wait")
-    assert found[0].mean > 3 * max(one.mean for one in found if one.what in (REPEAT.what, BETWEEN.what))
+    assert found[0].mean > 3 * max(one.mean for one in found
+                                   if one.what in (REPEAT.what, BETWEEN.what))
 
 
 @pytest.mark.parametrize(("true", "rival", "channel"), [
-    pytest.param("voltage_sag", "permittivity_stretch", PROBE, id="the film's voltage shows an amplifier"),
-    pytest.param("electrode_margin", "permittivity_stretch", CAPACITANCE, id="the capacitance shows the electrode")])
-def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simulation, true: str, rival: str,
+    pytest.param("voltage_sag", "permittivity_stretch", PROBE,
+                 id="the film's voltage shows an amplifier"),
+    pytest.param("electrode_margin", "permittivity_stretch", CAPACITANCE,
+                 id="the capacitance shows the electrode")])
+def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simulation, true: str,
+                                                            rival: str,
                                                             channel: Experiment) -> None:
     causes = [Cause(true), Cause(rival)]
     table = read(three_shapes, design(SIGMA), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
-    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes, (REPEAT, BETWEEN, channel))
+    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
+                    (REPEAT, BETWEEN, channel))
     assert found.ranked[0].what == channel.what
     assert found.ranked[0].enough
     assert set(found.ranked[0].effects) == {true, rival}
@@ -98,7 +105,8 @@ def test_nothing_wrong_needs_no_experiment(three_shapes: Simulation) -> None:
 def test_times_are_needed_to_wait(three_shapes: Simulation) -> None:
     table = design(SIGMA)
     untimed = replace(table, states=replace(table.states, elapsed=np.zeros(len(table.states))))
-    bench = Bench(three_shapes, untimed, fit(three_shapes, (), read(three_shapes, untimed, (), [], 1)))
+    bench = Bench(three_shapes, untimed,
+                  fit(three_shapes, (), read(three_shapes, untimed, (), [], 1)))
     assert BACKWARDS.rows(bench) is None
     assert LATER.rows(bench) is None
 
@@ -126,7 +134,8 @@ class Trial:
     useful: bool
 
 
-def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray, new: Table,
+def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray,
+          new: Table,
           others: list[tuple[Fit, float]]) -> float:
     """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them, up to SEEN."""
     values = simulation.predict(truth, unknowns, new)
@@ -142,7 +151,8 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     generator = np.random.default_rng(seed)
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
-    unknowns = np.r_[0.05, -0.03, [one.draw(generator, 1)[0] for one in cause.of_registry.parameters]]
+    unknowns = np.r_[0.05, -0.03,
+                     [one.draw(generator, 1)[0] for one in cause.of_registry.parameters]]
     table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
     if not np.isfinite(table.value).all():
         return None
@@ -150,7 +160,8 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     if judgement.weighing is None:
         return None
     fits, shares = rivals(judgement.weighing, causes)
-    others = [(one, share) for one, share in zip(fits, shares.tolist(), strict=True) if cause not in one.hypothesis]
+    others = [(one, share) for one, share in zip(fits, shares.tolist(), strict=True)
+              if cause not in one.hypothesis]
     if len(others) == len(fits) or not others:
         return None
     bench = Bench(simulation, judgement.table, judgement.nominal)
@@ -158,8 +169,10 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     for experiment in MENU:
         new = possible(experiment, bench, fits)
         if new is not None:
-            found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new, others)
-    best, proposed = max(found.values()), found[propose(simulation, judgement, causes).ranked[0].what]
+            found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
+                                                 others)
+    best, proposed = max(found.values()), found[propose(simulation, judgement,
+                                                        causes).ranked[0].what]
     return Trial(proposed / max(best, 1e-9), best >= TOLD)
 
 

@@ -31,7 +31,8 @@ def _brute_force(simulation: Simulation, cause: Cause, table: Table) -> float:
     parameter = cause.of_registry.parameters[0]
     logs = []
     for unknowns in proposal.rvs(3000):
-        prior = parameter.log_prior(float(unknowns[2])) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
+        prior = parameter.log_prior(float(unknowns[2])) - 0.5 * np.sum((unknowns[:2]
+                                                                        / NUISANCE) ** 2)
         if prior > -np.inf:
             residual = (table.value - simulation.predict((cause,), unknowns, table)) / table.sigma
             likelihood = -0.5 * np.sum(residual**2) - np.log(2 * np.pi * NUISANCE.prod())
@@ -42,7 +43,8 @@ def _brute_force(simulation: Simulation, cause: Cause, table: Table) -> float:
 
 
 @pytest.mark.parametrize(("cause", "size"), [(Cause("prestretch_loss", "circular"), 0.006),
-                                             (Cause("electrode_margin"), 0.0), (Cause("sensor_zero"), 40e-6)])
+                                             (Cause("electrode_margin"), 0.0),
+                                             (Cause("sensor_zero"), 40e-6)])
 def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: float) -> None:
     """Also where the most probable size is at its limit; relative to the nominal model's, the same grid aside."""
     table = read(three_shapes, design(SIGMA, voltages=5), (cause,), [size], seed=4)
@@ -83,7 +85,8 @@ def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> No
     known = knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes))
     assert Cause("amplifier_gain") in known.invisible
     assert Cause("unaccounted_mass") not in known.invisible
-    one_mass = knowable(three_shapes, table[table.mass == table.mass[0]], np.zeros(2), every_cause(three_shapes))
+    one_mass = knowable(three_shapes, table[table.mass == table.mass[0]], np.zeros(2),
+                        every_cause(three_shapes))
     assert Cause("unaccounted_mass") in one_mass.invisible
 
 
@@ -92,17 +95,20 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     table = design(SIGMA)
     for one in knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
         parameters = one.cause.of_registry.parameters
-        if one.seen is None or len(parameters) > 1 or one.cause.effect in ("voltage_sag", "strain_stiffening"):
+        if one.seen is None or len(parameters) > 1 or one.cause.effect in ("voltage_sag",
+                                                                           "strain_stiffening"):
             continue
         size = one.seen * parameters[0].value(parameters[0].size(parameters[0].width)) / one.prior
-        exact = table.with_values(three_shapes.predict((one.cause,), np.array([0.0, 0.0, size]), table))
+        exact = table.with_values(three_shapes.predict((one.cause,), np.array([0.0, 0.0, size]),
+                                                       table))
         assert fit(three_shapes, (), exact).chi_squared == pytest.approx(25.0, rel=0.5), one
 
 
 def test_intervals_begin_at_the_limit_a_value_lies_on(three_shapes: Simulation) -> None:
     """Readings without noise of what no spring can be: one of negative stiffness."""
     spring, table = (Cause("parallel_spring"),), design(SIGMA)
-    none, some = (three_shapes.predict(spring, np.array([0.0, 0.0, size]), table) for size in (0.0, 10.0))
+    none, some = (three_shapes.predict(spring, np.array([0.0, 0.0, size]), table)
+                  for size in (0.0, 10.0))
     value, low, high = interval(fit(three_shapes, spring, table.with_values(2 * none - some)), 2)
     assert value == low == 0
     assert 0 < high < 10
@@ -146,9 +152,11 @@ def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -
     mixed = table[generator.permutation(len(table))]
     causes = every_cause(three_shapes)
     first = judge(three_shapes, table, causes)
-    second = judge(three_shapes, mixed, [causes[k] for k in generator.permutation(len(causes))], seed=9)
+    second = judge(three_shapes, mixed, [causes[k] for k in generator.permutation(len(causes))],
+                   seed=9)
     assert first.named == second.named == (cause,)
     assert first.weighing is not None
     assert second.weighing is not None
-    assert second.weighing.of_causes()[cause] == pytest.approx(first.weighing.of_causes()[cause], abs=1e-3)
+    assert second.weighing.of_causes()[cause] == pytest.approx(first.weighing.of_causes()[cause],
+                                                               abs=1e-3)
     assert replace(first.weighing).wrong == pytest.approx(second.weighing.wrong, abs=1e-7)

@@ -30,7 +30,8 @@ from tympan.studies.paper.table1 import paper_actuators
 VISCOUS = Viscous(15e6, 100e6, 100e3)  # away from Table 1, where the search begins
 LOGS = np.log([VISCOUS.k1, VISCOUS.eta1, VISCOUS.eta2])
 LAW = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
-SPECIMENS = tuple(replace(one, membrane=replace(one.membrane, material=LAW)) for one in paper_actuators(8.5))
+SPECIMENS = tuple(replace(one, membrane=replace(one.membrane, material=LAW))
+                  for one in paper_actuators(8.5))
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 EXACT = Exact(SPECIMENS, Rig(), (0.45, 0.55))
 
@@ -44,8 +45,10 @@ def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.nda
     state, parts = model.rest(rest(model, signal.first).deflection), []
     for piece, (left, right) in enumerate(pairwise(signal.breaks)):
         inside = time[(time >= left) & ((time < right) | (right == signal.end))]
-        done = solve_ivp(lambda t, x, piece=piece: model.rates(x, signal.within(piece, t)), (left, right), state,
-                         "DOP853", [*inside[inside > left], *([right] if right not in inside else [])],
+        done = solve_ivp(lambda t, x, piece=piece: model.rates(x, signal.within(piece, t)),
+                         (left, right), state,
+                         "DOP853",
+                         [*inside[inside > left], *([right] if right not in inside else [])],
                          rtol=1e-11, atol=1e-14)
         parts += [np.array([state]).T] if left in inside else []
         parts.append(done.y[:, :int((inside > left).sum())])
@@ -54,24 +57,29 @@ def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.nda
 
 
 @cache
-def response(number: int, mass: float, end: float, interval: float) -> tuple[np.ndarray, np.ndarray]:
+def response(number: int, mass: float, end: float, interval: float) -> tuple[np.ndarray,
+                                                                             np.ndarray]:
     """A step of 3.5 kV at samples from 0; the voltage came a third of a sample before the one that shows it first."""
     time = np.arange(0.0, end + interval / 2, interval)
     at = time[np.searchsorted(time, 0.1)] - interval / 3
     return time, explicit(actuator(number, mass), step(0.0, 3.5e3, at, time[-1]), time)[0]
 
 
-def record(number: int, mass: float, seed: int, end: float = 6.0, interval: float = 0.01, noise: float = NOISE
+def record(number: int, mass: float, seed: int, end: float = 6.0, interval: float = 0.01,
+           noise: float = NOISE
            ) -> Record:
     time, clean = response(number, mass, end, interval)
-    read = clean + noise * np.random.default_rng([seed, number, round(1e6 * mass)]).standard_normal(len(time))
+    read = clean + noise * np.random.default_rng([seed, number,
+                                                  round(1e6 * mass)]).standard_normal(len(time))
     voltage = np.where(time >= time[np.searchsorted(time, 0.1)], 3.5e3, 0.0)
     return Record(number, mass, "1", time, read, drive_of(time, voltage), interval, float(read[0]))
 
 
-def problem(seed: int, statics: Statics = EXACT, noise: float | None = NOISE, which: tuple[int, ...] = (0, 2),
+def problem(seed: int, statics: Statics = EXACT, noise: float | None = NOISE,
+            which: tuple[int, ...] = (0, 2),
             **how: float) -> DynamicProblem:
-    return DynamicProblem(statics, Rig(), tuple(record(number, MASSES[0], seed, **how) for number in which), noise)
+    return DynamicProblem(statics, Rig(),
+                          tuple(record(number, MASSES[0], seed, **how) for number in which), noise)
 
 
 def drive(signal: Sine | Pieces, points: int = 51) -> Pieces:
@@ -81,8 +89,10 @@ def drive(signal: Sine | Pieces, points: int = 51) -> Pieces:
     return Pieces(time, np.array([signal.within(0, t) for t in time]))
 
 
-@pytest.mark.parametrize("signal", [step(0.0, 3.5e3, 0.3, 5.0), step(1e3, 7e3, 0.0, 1.5), Sine(2e3, 2e3, 0.5, 1.0),
-                                    random_steps(0.0, 6e3, 0.25, 4, 7)], ids=["step", "to 7 kV", "sine", "random"])
+@pytest.mark.parametrize("signal", [step(0.0, 3.5e3, 0.3, 5.0), step(1e3, 7e3, 0.0, 1.5),
+                                    Sine(2e3, 2e3, 0.5, 1.0),
+                                    random_steps(0.0, 6e3, 0.25, 4, 7)],
+                         ids=["step", "to 7 kV", "sine", "random"])
 def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
     """To 1 nm, a thousandth of the sensor's noise; the voltage is given as straight lines to both."""
     given = drive(signal)
@@ -122,7 +132,8 @@ def test_viscous_derivatives_by_complex_step() -> None:
 
 def test_truth_is_found_from_far_and_its_delay_too() -> None:
     """From constants three times as large and as small; no noise but the data's own 1e-12 m."""
-    made = replace(problem(0), noise=1e-8, records=tuple(record(number, MASSES[0], 0, noise=0.0) for number in (0, 2)))
+    made = replace(problem(0), noise=1e-8,
+                   records=tuple(record(number, MASSES[0], 0, noise=0.0) for number in (0, 2)))
     for factor in (3.0, 1 / 3):
         far = replace(made)
         far.__dict__["start"] = np.append(LOGS + np.log(factor) * np.array([1, -1, 1]), np.zeros(2))
@@ -141,12 +152,14 @@ def covered(fits: list[DynamicFit]) -> np.ndarray:
 def within(fits: list[DynamicFit]) -> np.ndarray:
     """Whether each determined constant's interval, by profile, holds the truth."""
     return np.array([one.low <= truth <= one.high for fit in fits
-                     for one, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True) if one.low is not None])
+                     for one, truth in zip(fit.judgement.constants, np.exp(LOGS), strict=True)
+                     if one.low is not None])
 
 
 def with_statics(seed: int, profiles: bool, **how: float) -> DynamicFit:
     """A run with everything drawn anew: readings at rest, which are fitted first, and two responses."""
-    return identify_dynamic(problem(seed, Held(identify_static(noisy(seed), profiles=False)), **how), profiles)
+    return identify_dynamic(problem(seed, Held(identify_static(noisy(seed), profiles=False)),
+                                    **how), profiles)
 
 
 def told(inside: np.ndarray) -> str:
@@ -157,8 +170,10 @@ def told(inside: np.ndarray) -> str:
 
 def test_intervals_cover_the_truth() -> None:
     """Six runs with exact statics, two without the noise known, and two with fitted ones; to 2 % of each constant."""
-    fits = [identify_dynamic(problem(seed, noise=NOISE if seed < 4 else None, end=3.0), profiles=seed == 0)
-            for seed in range(6)] + [with_statics(seed, profiles=False, end=3.0) for seed in range(2)]
+    fits = [identify_dynamic(problem(seed, noise=NOISE if seed < 4 else None, end=3.0),
+                             profiles=seed == 0)
+            for seed in range(6)] + [with_statics(seed, profiles=False, end=3.0)
+                                     for seed in range(2)]
     inside = covered(fits)
     assert len(inside) == 3 * len(fits)
     assert inside.mean() > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(inside))
@@ -235,19 +250,23 @@ def toml(names: tuple[str, ...]) -> str:
     """dataset.toml of the paper's actuators."""
     files = {name: (ACTUATORS / f"{name}.toml").read_text().splitlines() for name in names}
     return 'name = "made"\nnoise = "1 um"\n' + "".join(
-        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[") else line
+        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")
+                                     else line
                                      for line in lines) + "\n" for lines in files.values())
 
 
-def test_what_simulate_writes_identify_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_simulate_writes_identify_reads(tmp_path: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
     """A step at the first sample, so that the run begins at a rest of 0 V that its voltages do not show."""
     names = ("circular", "elliptical-small")
-    assert main(["lumped", "simulate", *(str(ACTUATORS / f"{name}.toml") for name in names), "--duration", "0.5 s",
+    assert main(["lumped", "simulate", *(str(ACTUATORS / f"{name}.toml") for name in names),
+                 "--duration", "0.5 s",
                  "--interval", "5 ms", "--alpha", "0.6,0.4", "-o", str(tmp_path)]) == 0
     (tmp_path / "dataset.toml").write_text(toml(names))
     capsys.readouterr()
     out = tmp_path / "out"
-    assert main(["lumped", "identify", str(tmp_path), "--dynamic", "--weights", "0.6,0.4", "-o", str(out),
+    assert main(["lumped", "identify", str(tmp_path), "--dynamic", "--weights", "0.6,0.4", "-o",
+                 str(out),
                  "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found == json.loads((out / "identify.json").read_text())
@@ -262,21 +281,26 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(("keep", "options", "words"), [
-    ("static.csv", ["--dynamic"], "has no transient.csv"), ("transient.csv", [], "has no static.csv"),
+    ("static.csv", ["--dynamic"], "has no transient.csv"),
+    ("transient.csv", [], "has no static.csv"),
     ("static.csv", ["--weights", "0.5,0.5"], "without static.csv"),
     ("short", ["--dynamic"], "at least five readings"),
     ("transient.csv", ["--dynamic", "--weights", "0.9"], "2 numbers"),
     ("transient.csv", ["--dynamic", "--weights", "a,b"], "--weights: given 'a,b': must be numbers"),
 ])
-def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str], words: str, tmp_path: Path,
+def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str], words: str,
+                                                  tmp_path: Path,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "dataset.toml").write_text(toml(("elliptical-large",)))
     if keep == "static.csv":
         (tmp_path / keep).write_text("specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
-            f"elliptical-large,17.9,{u},{2 + 0.02 * u**2 + 0.001 * u**3}\n" for u in np.linspace(0, 7, 14)))
+            f"elliptical-large,17.9,{u},{2 + 0.02 * u**2 + 0.001 * u**3}\n"
+            for u in np.linspace(0, 7, 14)))
     else:
         lines = 3 if keep == "short" else 40
-        (tmp_path / "transient.csv").write_text("specimen,mass_g,run,t_s,voltage_kV,displacement_mm\n" + "".join(
+        (tmp_path
+         / "transient.csv").write_text("specimen,mass_g,run,t_s,voltage_kV,displacement_mm\n"
+                                       + "".join(
             f"elliptical-large,17.9,1,{0.01 * n},0,2.8\n" for n in range(lines)))
     assert main(["lumped", "identify", str(tmp_path), *options]) == 2
     message = capsys.readouterr().err
@@ -288,6 +312,7 @@ def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str],
 def test_coverage_of_400_runs() -> None:
     """Readings at rest and two responses drawn anew in every run, statics fitted first; profiles in every fourth."""
     fits = [with_statics(seed, profiles=seed % 4 == 0) for seed in range(400)]
-    for words, inside in (("combinations", covered(fits)), ("constants by profile", within(fits[::4]))):
+    for words, inside in (("combinations", covered(fits)),
+                          ("constants by profile", within(fits[::4]))):
         print(words, told(inside))
         assert 0.93 <= inside.mean() <= 0.97

@@ -31,9 +31,12 @@ def test_printed_sign_leaves_twice_the_weight(fitted: lost.Lost) -> None:
     found = sign(fitted)
     assert found["residual over weight, as printed"] == pytest.approx(2, abs=1e-9)
     assert found["residual over weight, signs of Eq. (5)"] < 1e-9
-    assert found["stress at the mounted stretch found, as Eq. (5)"] == pytest.approx(231.61e3, rel=1e-6)
-    assert found["stress at the mounted stretch found, as printed"] == pytest.approx(-231.61e3, rel=1e-6)
-    assert found["relative permittivity found, as printed"] == pytest.approx(-fitted.permittivity, rel=1e-6)
+    assert found["stress at the mounted stretch found, as Eq. (5)"] == pytest.approx(231.61e3,
+                                                                                     rel=1e-6)
+    assert found["stress at the mounted stretch found, as printed"] == pytest.approx(-231.61e3,
+                                                                                     rel=1e-6)
+    assert found["relative permittivity found, as printed"] == pytest.approx(-fitted.permittivity,
+                                                                             rel=1e-6)
 
 
 def test_a_simplex_on_the_printed_sum_goes_the_same_way(fitted: lost.Lost) -> None:
@@ -52,11 +55,13 @@ def test_a_simplex_on_the_printed_sum_goes_the_same_way(fitted: lost.Lost) -> No
 def test_stress_falls_with_stretch(fitted: lost.Lost) -> None:
     """Eq. (8) typed again: its slope at the mounted film, where it turns, and that the actuators work before that."""
     def sigma(x: float) -> float:
-        return (13.4e3 * x**2 + 34.8e3 * x**4 + 35.8e3 * x**6 + 0.41e3 * x**-2 + 113e3 * x**-4 + 34.2e3 * x**-6)
+        return (13.4e3 * x**2 + 34.8e3 * x**4 + 35.8e3 * x**6 + 0.41e3 * x**-2 + 113e3 * x**-4
+                + 34.2e3 * x**-6)
 
     found = softening(fitted)
     assert found["stress at the mounted stretch"] == pytest.approx(sigma(1.0), rel=1e-12)
-    assert found["its slope there"] == pytest.approx((sigma(1 + 1e-5) - sigma(1 - 1e-5)) / 2e-5, rel=1e-6)
+    assert found["its slope there"] == pytest.approx((sigma(1 + 1e-5) - sigma(1 - 1e-5)) / 2e-5,
+                                                     rel=1e-6)
     assert found["its slope there"] == pytest.approx(-277e3, abs=500)
     turn = found["stretch where the stress stops falling"]
     assert sigma(turn) < min(sigma(turn - 1e-3), sigma(turn + 1e-3))
@@ -72,7 +77,8 @@ def test_cone_against_taut_film(fitted: lost.Lost) -> None:
     for long in (60e-3, 75e-3):
         inner, outer = (2 * np.pi / np.log(radius / 10e-3) for radius in (45e-3, long))
         assert outer < membrane_stiffness((long, 45e-3), 10e-3) < inner
-        assert membrane_stiffness((45e-3, long), 10e-3) == pytest.approx(membrane_stiffness((long, 45e-3), 10e-3))
+        assert membrane_stiffness((45e-3, long),
+                                  10e-3) == pytest.approx(membrane_stiffness((long, 45e-3), 10e-3))
     assert found["neo-Hookean modulus of that prestress"] == pytest.approx(20e3, rel=0.02)
 
 
@@ -84,7 +90,8 @@ def test_taut_film_by_finite_elements(semi_axis: float) -> None:
     _, outcome = find(Case(specimen, 1e-5, 0.0), Settings())
     tension = 20e3 * (stretch**2 - stretch**-4) * 200e-6
     stiffness = 1e-5 * 9.80665 / outcome.state.plate.heave
-    assert stiffness / tension == pytest.approx(membrane_stiffness((semi_axis, 45e-3), 10e-3), rel=1e-5)
+    assert stiffness / tension == pytest.approx(membrane_stiffness((semi_axis, 45e-3), 10e-3),
+                                                rel=1e-5)
 
 
 def test_energy_and_eq_5_differ(fitted: lost.Lost) -> None:
@@ -92,13 +99,15 @@ def test_energy_and_eq_5_differ(fitted: lost.Lost) -> None:
     for radius, factor in ((45, 2.75), (60, 3.5), (75, 4.25)):
         assert found[f"dC/dy force over Eq. (5), {radius} mm"] == pytest.approx(factor, rel=1e-6)
     # Eq. (3): uniform stretch, so C = ε₀ε_r A s/z₀ and dC/dy ∝ (R + r)/(R − r).
-    assert found["dC/dy at 3 mm, 75 mm over 45 mm"] == pytest.approx((85 / 65) / (55 / 35), rel=1e-6)
+    assert found["dC/dy at 3 mm, 75 mm over 45 mm"] == pytest.approx((85 / 65) / (55 / 35),
+                                                                     rel=1e-6)
 
 
 def test_no_permittivity_makes_films_at_rest_grow_as_table_2(fitted: lost.Lost) -> None:
     """Seeded points of all that may be chosen, by roots of the balance: always above the ratio of the weights."""
     rng = np.random.default_rng(8)
-    least = table2.smallest_growth(np.linspace(1, 11, 21), np.linspace(0, 1, 6), np.array([1e3, 7e3]))
+    least = table2.smallest_growth(np.linspace(1, 11, 21), np.linspace(0, 1, 6),
+                                   np.array([1e3, 7e3]))
     read = published.ranges()
     assert (least > 22.45 / 17.9).all()
     assert (read[1] / read[0] < 22.45 / 17.9).all()
@@ -132,17 +141,22 @@ def test_unaccounted_mass_gives_table_2s_growth(fitted: lost.Lost) -> None:
         model = lost.Ranges(unaccounted=float(mass))
         permittivity = np.linspace(1, 9.9, 20_001)
         alpha = fitted.weights(column)[0]
-        moved = [model.rest(column, load, 7e3, permittivity, alpha)[0] - model.rest(column, load, 0.0, permittivity,
+        moved = [model.rest(column, load, 7e3, permittivity, alpha)[0]
+                 - model.rest(column, load, 0.0, permittivity,
                                                                                       alpha)[0]
                  for load in published.MASSES]
         at = int(np.nanargmin(np.abs(moved[0] - read[0, column])))
-        assert moved[1][at] / moved[0][at] == pytest.approx(read[1, column] / read[0, column], rel=2e-3)
+        assert moved[1][at] / moved[0][at] == pytest.approx(read[1, column] / read[0, column],
+                                                            rel=2e-3)
 
 
 def test_smaller_things() -> None:
     found = checks()
     assert found["largest difference from Table 1"] < 0.05e-4
-    assert found["film's surface, elliptical-large"] == pytest.approx(np.pi * (75 * 45 - 100) * 1e-6, rel=1e-12)
-    assert found["percentage from the ranges, elliptical-small, 17.9 g"] == pytest.approx(186 / 1.64, rel=1e-9)
+    assert found["film's surface, elliptical-large"] == pytest.approx(np.pi * (75 * 45 - 100)
+                                                                      * 1e-6, rel=1e-12)
+    assert found["percentage from the ranges, elliptical-small, 17.9 g"] == pytest.approx(186
+                                                                                          / 1.64,
+                                                                                          rel=1e-9)
     assert found["percentages that do not follow"] == 1
     assert found["thickness ratio"] == pytest.approx(5)

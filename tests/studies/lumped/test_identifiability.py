@@ -37,8 +37,10 @@ def test_profile_of_a_linear_problem_is_its_linear_limit() -> None:
     spread = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     for index in range(3):
         line = profile(misfit, best, index, QUANTILE)
-        assert line.low == pytest.approx(best[index] - QUANTILE * spread[index], abs=0.02 * spread[index])
-        assert line.high == pytest.approx(best[index] + QUANTILE * spread[index], abs=0.02 * spread[index])
+        assert line.low == pytest.approx(best[index] - QUANTILE * spread[index],
+                                         abs=0.02 * spread[index])
+        assert line.high == pytest.approx(best[index] + QUANTILE * spread[index],
+                                          abs=0.02 * spread[index])
         inside = np.abs(line.values - best[index]) > 0
         straight = (line.values - best[index])[inside] / spread[index]
         assert line.rise[inside] == pytest.approx(straight, rel=0.01)
@@ -47,7 +49,8 @@ def test_profile_of_a_linear_problem_is_its_linear_limit() -> None:
 def test_profile_of_a_reciprocal_is_its_closed_form_and_longer_upwards() -> None:
     """A deflection of 1/k with noise σ: the limits of k are 1/(d ± qσ), not d⁻¹ ± qσ/d²."""
     deflection, sigma = 2.0, 0.2
-    misfit = Misfit(lambda z: ((1 / z - deflection) / sigma, -np.diag(1 / z**2) / sigma), *box(1, 1e-3))
+    misfit = Misfit(lambda z: ((1 / z - deflection) / sigma, -np.diag(1 / z**2) / sigma),
+                    *box(1, 1e-3))
     line = profile(misfit, np.array([1 / deflection]), 0, QUANTILE)
     expected = [1 / (deflection + side * QUANTILE * sigma) for side in (1, -1)]
     assert [line.low, line.high] == pytest.approx(expected, rel=2e-3)
@@ -63,7 +66,8 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
     for noise in (1e-6, 4e-4):
         specimens = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=8.5))
                           for one in base.specimens)
-        fit = identify_static(StaticProblem(replace(base, specimens=specimens, noise=noise), "film", "shared"))
+        fit = identify_static(StaticProblem(replace(base, specimens=specimens, noise=noise), "film",
+                                            "shared"))
         one = fit.judgement.constants[0]
         assert one.name == "stiffness"
         assert one.value == pytest.approx(1.0, rel=1e-6)
@@ -81,11 +85,13 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
     for seed in range(6):
         read = base.displacement + 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
         kept = (base.mass < 0.02) & (base.voltage < 4.1e3)
-        few = replace(base, which=base.which[kept], mass=base.mass[kept], voltage=base.voltage[kept],
+        few = replace(base, which=base.which[kept], mass=base.mass[kept],
+                      voltage=base.voltage[kept],
                       displacement=read[kept])
         found = identify_static(StaticProblem(few, alpha="shared")).judgement
         assert found.determined == 3
-        assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma") for i in (1, 2, 3)]
+        assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma")
+                                      for i in (1, 2, 3)]
         for one, truth, least in zip(found.constants[-2:], (8.5, 0.45), (0.1, 0.002), strict=True):
             assert one.low is not None
             assert one.high is not None
@@ -98,11 +104,13 @@ def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as its sum."""
     names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]
     saturating = Misfit(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
-                                   np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1), *box(2, -5.0, 5.0))
+                                   np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),
+                        *box(2, -5.0, 5.0))
     found = judge(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
     assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
     assert found.undetermined == ["a"]
-    summed = Misfit(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1), *box(2))
+    summed = Misfit(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1),
+                    *box(2))
     found = judge(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
     assert found.undetermined == ["a", "b"]
     assert found.determined == 1
@@ -124,5 +132,6 @@ def test_pictures(tmp_path: Path) -> None:
     fit = identify_static(StaticProblem(clean()))
     assert [one.name for one in fit.judgement.constants][-2:] == ["alpha_1[elliptical-small]",
                                                                   "alpha_1[elliptical-large]"]
-    for file in (*draw_profiles(fit.judgement, tmp_path), *draw_correlations(fit.judgement, tmp_path)):
+    for file in (*draw_profiles(fit.judgement, tmp_path),
+                 *draw_correlations(fit.judgement, tmp_path)):
         assert file.stat().st_size > 10_000

@@ -35,14 +35,17 @@ MODELS = {
     "paper": Actuator.of(paper_actuators(8.5)[2], 17.9e-3, (0.4, 0.6)),
     "tape": Actuator.of(OVAL, 22.45e-3, (0.7, 0.3), rig=RIG),
     "membrane profile": Actuator.of(OVAL, 17.9e-3, (0.7, 0.3), profile=1.0),
-    "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4), 17.9e-3),
-    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9, 5e3
+    "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4),
+                                           17.9e-3),
+    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9,
+                                    5e3
                                     ).actuator(17.9e-3, RIG),
 }
 EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())
 
 
-def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float, permittivity: float) -> np.ndarray:
+def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float,
+              permittivity: float) -> np.ndarray:
     """Eqs. (3)–(10) as printed, for the large ellipse, with Table 1's numbers typed again."""
     y, speed, *strains = state
     r, z0, total, creep = 1e-2, 200e-6, 0.0, []
@@ -101,7 +104,8 @@ def test_at_rest_it_is_the_mixture_of_cones() -> None:
     mixture = Lumped.of(OVAL, (0.7, 0.3))
     actuator = Actuator.of(OVAL, 17.9e-3, (0.7, 0.3))
     for y, u in ((1e-3, 0.0), (4e-3, 3e3)):
-        assert actuator.balance(y, u)[0] + actuator.load == pytest.approx(mixture.force(y, u), rel=1e-12)
+        assert actuator.balance(y, u)[0] + actuator.load == pytest.approx(mixture.force(y, u),
+                                                                          rel=1e-12)
         assert actuator.capacitance(y) == pytest.approx(mixture.capacitance(y), rel=1e-12)
 
 
@@ -143,7 +147,8 @@ def test_capacitance_and_energy_of_equation_1() -> None:
     assert flat_capacitance(circle) < flat_capacitance(large)
     by_hand = 0.5 * 8.854e-12 * 4.7 * 60.5e-4 / 200e-6 * 7e3**2
     assert stored_energy(flat_capacitance(circle), 7e3) == pytest.approx(by_hand, rel=1e-3)
-    assert Actuator.of(circle, 17.9e-3).capacitance(0.0) == pytest.approx(flat_capacitance(circle), rel=1e-6)
+    assert Actuator.of(circle, 17.9e-3).capacitance(0.0) == pytest.approx(flat_capacitance(circle),
+                                                                          rel=1e-6)
 
 
 def test_electric_force_is_less_than_that_of_half_c_u_squared() -> None:
@@ -174,7 +179,8 @@ def test_without_python_control_the_message_says_so(monkeypatch: pytest.MonkeyPa
 
 
 def test_table_1_marks_what_is_lost() -> None:
-    assert {cell.symbol for cell in TABLE_1 if cell.value is None} == {"g", "alpha_1", "alpha_2", "epsilon_0",
+    assert {cell.symbol for cell in TABLE_1 if cell.value is None} == {"g", "alpha_1", "alpha_2",
+                                                                       "epsilon_0",
                                                                        "epsilon_r"}
     assert all(cell.note for cell in TABLE_1 if cell.value is None)
     with pytest.raises(InputError, match="lost"):
@@ -186,7 +192,8 @@ def test_table_1_marks_what_is_lost() -> None:
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"weights": (0.5, 0.6)}, "add up to 1"), ({"weights": (1.0,)}, "2 numbers"), ({"mass": 0.0}, "mass to move"),
+    ({"weights": (0.5, 0.6)}, "add up to 1"), ({"weights": (1.0,)}, "2 numbers"),
+    ({"mass": 0.0}, "mass to move"),
     ({"rig": Rig(gas_pressure=10.0)}, "no bias"),
 ])
 def test_what_is_no_model_is_refused(change: dict[str, object], words: str) -> None:

@@ -36,7 +36,8 @@ from tympan.studies.lumped.simulate import simulate
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 FEW = BuildSettings(voltages=tuple(np.linspace(0.0, 5e3, 7)))
 TAPE = Ogden((18.4e3, 210.0), (2.0, 4.0))
-MODEL = LumpedModel(elliptical(75e-3, TAPE), (45e-3, 75e-3), (0.6, 0.4), Correction(1.02, 0.95), 2.14e-9, 5e3,
+MODEL = LumpedModel(elliptical(75e-3, TAPE), (45e-3, 75e-3), (0.6, 0.4), Correction(1.02, 0.95),
+                    2.14e-9, 5e3,
                     Viscous(1e6, 2e6, 3e4))
 
 
@@ -78,8 +79,10 @@ def test_cones_miss_by_the_membrane_factor() -> None:
 
 
 @pytest.mark.parametrize(("law", "mine", "near"), [
-    (NeoHooke(20e3), axisymmetric.neo_hooke(20e3), 1e-3), (TAPE, axisymmetric.Ogden(TAPE.mu, TAPE.alpha), 1e-3),
-    (Ogden((30e3, 2e3), (1.3, 5.5)), axisymmetric.Ogden((30e3, 2e3), (1.3, 5.5)), 1e-3)], ids=["neo", "tape", "stiff"])
+    (NeoHooke(20e3), axisymmetric.neo_hooke(20e3), 1e-3),
+    (TAPE, axisymmetric.Ogden(TAPE.mu, TAPE.alpha), 1e-3),
+    (Ogden((30e3, 2e3), (1.3, 5.5)), axisymmetric.Ogden((30e3, 2e3), (1.3, 5.5)), 1e-3)],
+                         ids=["neo", "tape", "stiff"])
 def test_a_circle_against_the_axisymmetric_equations(law: Any, mine: Any, near: float) -> None:
     """No field model and no fit: membrane theory against the spectral solution, to 5 kV under both masses."""
     model = LumpedModel(circular(law), (45e-3,), (1.0,), Correction(), 1.26e-9, 5e3)
@@ -87,7 +90,8 @@ def test_a_circle_against_the_axisymmetric_equations(law: Any, mine: Any, near: 
     for mass in (17.9e-3, 22.45e-3):
         voltages = np.array([0.0, 3.5e3, 5e3])
         exact = [axisymmetric.solve_load(film, mass * g, float(u)).deflection for u in voltages]
-        assert curve(model.actuator(mass, Rig(gravity=g)), voltages) == pytest.approx(exact, rel=near)
+        assert curve(model.actuator(mass, Rig(gravity=g)), voltages) == pytest.approx(exact,
+                                                                                      rel=near)
 
 
 def test_energy_is_the_whole_films_to_fourth_order() -> None:
@@ -97,7 +101,8 @@ def test_energy_is_the_whole_films_to_fourth_order() -> None:
     for y in (4e-3, 2e-3):
         def energy(rho: float, y: float = y) -> float:
             slope = y / (rho * np.log(4.5))
-            w, flat = (law.derivatives(root * stretch, root)[0] for stretch in (np.hypot(1.0, slope), 1.0))
+            w, flat = (law.derivatives(root * stretch, root)[0]
+                       for stretch in (np.hypot(1.0, slope), 1.0))
             return float(2 * np.pi * rho * 200e-6 * (w - flat))
 
         whole = quad(energy, 10e-3, 45e-3, epsabs=0, epsrel=1e-12)[0]
@@ -136,7 +141,8 @@ def test_the_files_formulas_give_the_same(tmp_path: Path) -> None:
         volume = 2 * np.pi * thick / lp**2 / log / k**2
         stretch = lp * np.sqrt(1 + (k * y) ** 2)
         energy += read["stiffness"] * alpha * volume * (w(stretch, lp) - w(lp, lp))
-        capacitance += (read["permittivity"] * alpha * volume * epsilon_0 * film["relative_permittivity"]
+        capacitance += (read["permittivity"] * alpha * volume * epsilon_0
+                        * film["relative_permittivity"]
                         * (stretch**2 - lp**2) * lp**2 / thick**2)
     moved = MODEL.actuator(17.9e-3)
     force = (energy.imag - u**2 / 2 * capacitance.imag) / 1e-30
@@ -151,19 +157,23 @@ FILMS = {"tape": TAPE, "gent": Gent(18e3, 110.0), "nested": Stiffened(NeoHooke(2
 def test_reads_back_equal(name: str, tmp_path: Path) -> None:
     """Every registered outline, and laws with constants of all kinds."""
     specimen = replace(circular(FILMS[name]), name="45 mm") if name in FILMS else \
-        replace(circular(TAPE), frame=examples()[name], plate=Plate(Ellipse((5e-3, 4e-3)), (1e-3, 0.0)))
+        replace(circular(TAPE), frame=examples()[name],
+                plate=Plate(Ellipse((5e-3, 4e-3)), (1e-3, 0.0)))
     model = replace(MODEL, specimen=specimen)
     write_model(tmp_path / "a.lumped.toml", model)
     assert read_model(tmp_path / "a.lumped.toml") == model
 
 
-def test_a_model_read_back_responds_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_read_back_responds_the_same(tmp_path: Path,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "a.lumped.toml"
     write_model(file, MODEL)
     signal, time = step(0.0, 3e3, 0.0, 0.5), np.linspace(0, 0.5, 51)
-    made, read = (simulate(one.actuator(17.9e-3), signal).deflection(time) for one in (MODEL, read_model(file)))
+    made, read = (simulate(one.actuator(17.9e-3), signal).deflection(time)
+                  for one in (MODEL, read_model(file)))
     assert read == pytest.approx(made, rel=1e-12)
-    main(["lumped", "simulate", "--model", str(file), "--high", "3 kV", "--duration", "0.5 s", "--json"])
+    main(["lumped", "simulate", "--model", str(file), "--high", "3 kV", "--duration", "0.5 s",
+          "--json"])
     (told,) = json.loads(capsys.readouterr().out)["responses"]
     assert told["last_m"] == pytest.approx(made[-1], rel=1e-9)
     assert not told["warnings"]
@@ -192,7 +202,8 @@ def test_factors_carry_what_circles_do_not_know(name: str) -> None:
 def test_shapes_that_nothing_but_alpha_was_fitted_on(shape: str) -> None:
     """With the factors of the circle."""
     built = build(replace(elliptical(75e-3, TAPE), frame=_frame(shape)), Settings(), FEW)
-    other = replace(built, model=replace(built.model, correction=of_paper("circular").model.correction))
+    other = replace(built,
+                    model=replace(built.model, correction=of_paper("circular").model.correction))
     worst = other.worst("corrected", held_out=True)
     assert worst is not None
     assert worst < 1e-3
@@ -251,7 +262,8 @@ def test_pull_in_is_refused_with_its_voltage() -> None:
     (["build", "{}", "{}"], "different names"),
     (["simulate"], "give a specimen"),
 ], ids=lambda value: " ".join(value[1:]) if isinstance(value, list) else "")
-def test_bad_input_is_one_message(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_one_message(arguments: list[str], words: str,
+                                  capsys: pytest.CaptureFixture[str]) -> None:
     status = main(["lumped", *(part.format(ACTUATORS / "circular.toml") for part in arguments)])
     told = capsys.readouterr().err
     assert status == 2
@@ -277,13 +289,16 @@ def test_a_broken_file_names_its_key(old: str, new: str, words: str, tmp_path: P
         read_model(file)
 
 
-def test_a_signal_beyond_what_it_was_built_for_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_signal_beyond_what_it_was_built_for_is_refused(tmp_path: Path,
+                                                          capsys: pytest.CaptureFixture[str]) -> None:
     write_model(tmp_path / "a.lumped.toml", MODEL)
-    assert main(["lumped", "simulate", "--model", str(tmp_path / "a.lumped.toml"), "--high", "6 kV"]) == 2
+    assert main(["lumped", "simulate", "--model", str(tmp_path / "a.lumped.toml"), "--high",
+                 "6 kV"]) == 2
     assert "built for at most 5 kV" in capsys.readouterr().err
 
 
-def test_the_command_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_what_it_prints(tmp_path: Path,
+                                           capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--count", "3", "--viscous", "1 MPa,2 MPa s,3 kPa s", "-o", str(tmp_path), "--json"]
     assert not main(["lumped", "build", str(ACTUATORS / "circular.toml"), *options])
     told = json.loads(capsys.readouterr().out)

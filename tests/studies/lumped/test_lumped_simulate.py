@@ -26,7 +26,8 @@ PAPER = MODELS["paper"]
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 
 
-@pytest.mark.parametrize("signal", [step(0.0, 3.5e3, 0.0, 1.0), step(1e3, 3.5e3, 0.3, 1.0), ramp(0.0, 5e3, 1.0),
+@pytest.mark.parametrize("signal", [step(0.0, 3.5e3, 0.0, 1.0), step(1e3, 3.5e3, 0.3, 1.0),
+                                    ramp(0.0, 5e3, 1.0),
                                     Sine(2e3, 2e3, 0.5, 2.0), random_steps(0.0, 6e3, 0.25, 4, 7)],
                          ids=["step", "late step", "ramp", "sine", "random"])
 def test_against_an_explicit_integrator_of_the_printed_equations(signal: Pieces | Sine) -> None:
@@ -35,7 +36,8 @@ def test_against_an_explicit_integrator_of_the_printed_equations(signal: Pieces 
     state = response.state(np.array([0.0]))[:, 0]
     worst = 0.0
     for piece, (left, right) in enumerate(zip(signal.breaks[:-1], signal.breaks[1:], strict=True)):
-        other = solve_ivp(lambda t, x, piece=piece: equations(x, signal.within(piece, t), (0.4, 0.6), 17.9e-3, 8.5),
+        other = solve_ivp(lambda t, x, piece=piece: equations(x, signal.within(piece, t),
+                                                              (0.4, 0.6), 17.9e-3, 8.5),
                           (left, right), state, "DOP853", rtol=1e-12, atol=1e-15, dense_output=True)
         time = np.linspace(left, right, 200)[:-1]
         worst = max(worst, float(np.abs(response.deflection(time) - other.sol(time)[0]).max()))
@@ -49,7 +51,8 @@ def test_small_steps_follow_the_linear_model() -> None:
     time = np.linspace(0, 1.0, 101)
     errors = []
     for height in (8.0, 4.0, 2.0):
-        moved = simulate(PAPER, step(3e3, 3e3 + height, 0.0, 1.0)).deflection(time) - linear.deflection
+        moved = simulate(PAPER,
+                         step(3e3, 3e3 + height, 0.0, 1.0)).deflection(time) - linear.deflection
         forced = np.linalg.solve(linear.a, linear.b[:, 0]) * height
         expected = np.array([(linear.c @ (expm(linear.a * t) @ forced - forced))[0] for t in time])
         errors.append(float(np.abs(moved - expected).max() / np.abs(expected).max()))
@@ -67,23 +70,27 @@ def test_energy_never_grows_at_a_constant_voltage(name: str) -> None:
     for _ in range(2):
         start = np.concatenate([[rng.uniform(1e-3, 6e-3), rng.uniform(-0.1, 0.1)],
                                 rng.uniform(0, 0.01, len(actuator.circles))])
-        energy = actuator.energy(simulate(actuator, constant, start).state(np.linspace(0, 1, 2001)), 2e3)
+        energy = actuator.energy(simulate(actuator, constant, start).state(np.linspace(0, 1, 2001)),
+                                 2e3)
         swing = float(np.ptp(energy))
         assert swing > 1e-6
         assert np.diff(energy).max() < 1e-6 * swing
-    free = Actuator(actuator.circles, actuator.weights, actuator.mass, Viscous(0.0, 1.0, 0.0), actuator.rig)
+    free = Actuator(actuator.circles, actuator.weights, actuator.mass, Viscous(0.0, 1.0, 0.0),
+                    actuator.rig)
     energy = free.energy(simulate(free, constant, start).state(np.linspace(0, 1, 501)), 2e3)
     assert float(np.ptp(energy)) < 1e-4 * swing
 
 
 def test_hysteresis_goes_as_the_signal_slows_and_has_the_sign_of_loss() -> None:
-    widths = [last_loop(simulate(PAPER, Sine(3.5e3, 3.5e3, period, 2.0)), period).width for period in (20.0, 4000.0)]
+    widths = [last_loop(simulate(PAPER, Sine(3.5e3, 3.5e3, period, 2.0)), period).width
+              for period in (20.0, 4000.0)]
     assert widths[0] > 5 * widths[1] > 0
 
 
 def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
     """From period to period the drift falls as the slow eigenvalue says, between those at 3.5 and at 5 kV."""
-    simulated = [Simulated(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0) for count in (2.0, 3.0, 12.0)]
+    simulated = [Simulated(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0)
+                 for count in (2.0, 3.0, 12.0)]
     drifts = [one.loop.drift for one in simulated if one.loop is not None]
     slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
     assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
@@ -97,14 +104,16 @@ def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> 
     limit, turning = pull_in(actuator) or (np.nan, np.nan)
     for share, passes in ((0.995, True), (0.5, False)):
         barrier = roots(actuator, share * limit)[1].deflection if passes else turning
-        moved = simulate(actuator, step(0.0, share * limit, 0.0, 0.5)).deflection(np.linspace(0, 0.5, 501))
+        moved = simulate(actuator,
+                         step(0.0, share * limit, 0.0, 0.5)).deflection(np.linspace(0, 0.5, 501))
         assert (moved.max() > barrier) == passes
 
 
 def test_settling_time_ignores_slow_creep() -> None:
     t = np.linspace(0, 20, 40001)
     fast = 1e-4 * np.exp(-1.4 * t) * np.cos(70 * t)
-    assert settling_time(t, fast - 1e-4 * np.exp(-t / 7)) == pytest.approx(np.log(20) / 1.4, abs=0.1)
+    assert settling_time(t, fast - 1e-4 * np.exp(-t / 7)) == pytest.approx(np.log(20) / 1.4,
+                                                                           abs=0.1)
     assert np.isnan(settling_time(t, t))
 
 
@@ -119,22 +128,27 @@ def test_signal_from_csv_is_the_same_signal(tmp_path: Path) -> None:
     time = np.linspace(0, 2, 2001)
     voltage = np.interp(time, [0, 0.5, 1.5, 2], [0, 2, 2, 1])
     file = tmp_path / "u.csv"
-    file.write_text("t_s,voltage_kV\n" + "".join(f"{t:.6f},{u:.9f}\n" for t, u in zip(time, voltage, strict=True)))
+    file.write_text("t_s,voltage_kV\n"
+                    + "".join(f"{t:.6f},{u:.9f}\n" for t, u in zip(time, voltage, strict=True)))
     read = read_signal(file)
     assert len(read.breaks) == 4
     other = simulate(PAPER, Pieces(np.array([0, 0.5, 1.5, 2]), 1e3 * np.array([0.0, 2, 2, 1])))
-    assert simulate(PAPER, read).deflection(time) == pytest.approx(other.deflection(time), abs=1e-10)
+    assert simulate(PAPER, read).deflection(time) == pytest.approx(other.deflection(time),
+                                                                   abs=1e-10)
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("", "empty"), ("t_s,voltage_kV\n", "no readings"), ("t_s,voltage_kV\n0,1\n2,1\n1,1\n", "after the line before"),
+    ("", "empty"), ("t_s,voltage_kV\n", "no readings"),
+    ("t_s,voltage_kV\n0,1\n2,1\n1,1\n", "after the line before"),
     ("t_s,voltage_kV\n0,1\n1,nan\n", "finite"), ("t_s,voltage_kV\n0,1\n", "two rows"),
     ("t_s,voltage_kV\n0,0\n1,500\n", "reach, 105 mm, is at"), ("t_s,volt\n0,0\n", "unknown column"),
 ])
-def test_bad_signals_are_one_message(text: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_signals_are_one_message(text: str, words: str, tmp_path: Path,
+                                     capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "u.csv"
     file.write_text(text)
-    assert main(["lumped", "simulate", str(ACTUATORS / "circular.toml"), "--signal", str(file)]) == 2
+    assert main(["lumped", "simulate", str(ACTUATORS / "circular.toml"), "--signal",
+                 str(file)]) == 2
     message = capsys.readouterr().err
     assert words in message
     assert message.count("\n") == 1
@@ -146,32 +160,39 @@ def test_signals_made_in_python_are_checked() -> None:
             Pieces(np.array(time, float), np.array(voltage, float))
 
 
-def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
+                                                      capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     names = [str(ACTUATORS / f"{name}.toml") for name in ("circular", "elliptical-large")]
-    assert main(["lumped", "simulate", *names, "--signal", "step", "--duration", "0.5 s", "--interval", "5 ms",
+    assert main(["lumped", "simulate", *names, "--signal", "step", "--duration", "0.5 s",
+                 "--interval", "5 ms",
                  "--alpha", "0.6,0.4", "-o", str(out), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert [one["alpha"] for one in printed["responses"]] == [[1.0], [0.6, 0.4]]
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000
     head = 'name = "made"\n' + "".join(
-        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[") else line
-                                     for line in Path(name).read_text().splitlines()) + "\n" for name in names)
+        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")
+                                     else line
+                                     for line in Path(name).read_text().splitlines()) + "\n"
+                                     for name in names)
     (out / "dataset.toml").write_text(head)
     data = read_dataset(out)
     assert data.transients is not None
     assert len(data.transients) == 2 * 101
-    assert data.transients.displacement[0] == pytest.approx(printed["responses"][0]["first_m"], rel=1e-9)
+    assert data.transients.displacement[0] == pytest.approx(printed["responses"][0]["first_m"],
+                                                            rel=1e-9)
 
 
 @pytest.mark.parametrize(("options", "words"), [
     (["--signal", "saw"], "must be step, ramp"), (["--alpha", "a,b"], "comma between"),
     (["--alpha", "0.9"], "2 numbers"),
-    (["--duration", "-1 s"], "positive"), (["--table-1", "0"], "at least 1"), (["--high", "900 kV"], "reach"),
+    (["--duration", "-1 s"], "positive"), (["--table-1", "0"], "at least 1"),
+    (["--high", "900 kV"], "reach"),
     (["--table-1", "9", "--mass", "5 g", "--high", "12 kV"], "pull-in is at"),
 ])
-def test_bad_options_are_one_message(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_options_are_one_message(options: list[str], words: str,
+                                     capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lumped", "simulate", str(ACTUATORS / "elliptical-large.toml"), *options]) == 2
     message = capsys.readouterr().err
     assert words in message

@@ -39,13 +39,15 @@ def fitted() -> lost.Lost:
 def test_ranges_are_those_of_the_models_own_rests() -> None:
     """Newton from flat against roots on a grid, at loads up to near pull-in; beyond it nothing."""
     model = lost.Ranges()
-    for column, mass, voltage, alpha in ((0, 17.9e-3, 9.2e3, 1.0), (1, 22.45e-3, 7e3, 0.3), (2, 17.9e-3, 3e3, 0.9)):
+    for column, mass, voltage, alpha in ((0, 17.9e-3, 9.2e3, 1.0), (1, 22.45e-3, 7e3, 0.3),
+                                         (2, 17.9e-3, 3e3, 0.9)):
         actuator = Actuator.of(paper_actuators(8.5)[column], mass, (alpha, 1 - alpha))
         found = model.rest(column, mass, voltage, 8.5, alpha)[0]
         assert found == pytest.approx(rest(actuator, voltage).deflection, rel=1e-9)
     limit = (pull_in(Actuator.of(paper_actuators(8.5)[0], 17.9e-3)) or (0.0, 0.0))[0]
     assert limit == pytest.approx(9.21e3, abs=10)
-    below, above = (model.rest(0, 17.9e-3, share * limit, 8.5, 1.0)[0] for share in (1 - 1e-5, 1 + 1e-5))
+    below, above = (model.rest(0, 17.9e-3, share * limit, 8.5, 1.0)[0]
+                    for share in (1 - 1e-5, 1 + 1e-5))
     assert np.isfinite(below)
     assert np.isnan(above)
 
@@ -63,9 +65,11 @@ def test_lost_parameters_against_a_grid(fitted: lost.Lost) -> None:
     """No point of a grid does better, in squares or in the worst; the ends of what is within twice are on its edge."""
     model, read = lost.Ranges(), published.ranges()
     permittivity, alpha = np.linspace(7.6, 9.2, 33), np.linspace(0.1, 0.95, 18)
-    squares = [np.sum((model.at(np.array([e, a, a]))[0] - read) ** 2) for e in permittivity[::4] for a in alpha[::3]]
+    squares = [np.sum((model.at(np.array([e, a, a]))[0] - read) ** 2) for e in permittivity[::4]
+               for a in alpha[::3]]
     assert min(squares) > np.sum(fitted.misfit**2)
-    assert np.sum(fitted.misfit**2) > 0.95 * min(squares[0], np.sum(lost.fit(shared=False).misfit ** 2))
+    assert np.sum(fitted.misfit**2) > 0.95 * min(squares[0],
+                                                 np.sum(lost.fit(shared=False).misfit ** 2))
     best, worst = lost.smallest_worst(), lost.worst_misfit(permittivity, alpha)
     assert best.worst <= np.nanmin(worst) < 1.1 * best.worst
     limits, within = lost.allowed(), worst <= 2 * best.worst
@@ -86,7 +90,8 @@ def test_parameters_come_back_from_ranges_they_made(monkeypatch: pytest.MonkeyPa
 
 def test_a_fleet_moves_as_its_actuators_do() -> None:
     """Against Radau one by one: a circle, an ellipse and another mass and permittivity under the same random steps."""
-    actuators = (Actuator.of(paper_actuators(8.4)[0], 17.9e-3), Actuator.of(paper_actuators(7.0)[1], 20e-3),
+    actuators = (Actuator.of(paper_actuators(8.4)[0], 17.9e-3),
+                 Actuator.of(paper_actuators(7.0)[1], 20e-3),
                  Actuator.of(paper_actuators(8.4)[2], 22.45e-3, (0.3, 0.7)))
     signal = random_steps(-6e3, 6e3, 0.4, 2, 4)
     for tolerance, error in ((1e-7, 1e-9), (1e-5, 1e-7)):
@@ -161,7 +166,8 @@ def test_the_period_that_lags_most(fitted: lost.Lost) -> None:
 
     actuator = fitted.actuators(17.9e-3)[0]
     linear, periods = linearise(actuator, 3.5e3), np.geomspace(5, 500, 401)
-    phase = [np.angle((linear.c @ np.linalg.solve(2j * np.pi / period * np.eye(3) - linear.a, linear.b))[0, 0])
+    phase = [np.angle((linear.c @ np.linalg.solve(2j * np.pi / period * np.eye(3) - linear.a,
+                                                  linear.b))[0, 0])
              for period in periods]
     assert period_of(actuator) == pytest.approx(periods[int(np.argmin(phase))], rel=0.02)
 
@@ -197,13 +203,16 @@ def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.Lost) -> No
     actuator = fitted.actuators(17.9e-3)[1]
     state = actuator.rest(2e-3)
     assert np.array_equal(actuator.rates(state, -3e3), actuator.rates(state, 3e3))
-    assert actuator.by_voltage(state, -3e3) == pytest.approx(-actuator.by_voltage(state, 3e3), rel=1e-12)
+    assert actuator.by_voltage(state, -3e3) == pytest.approx(-actuator.by_voltage(state, 3e3),
+                                                             rel=1e-12)
 
 
-def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                       monkeypatch: pytest.MonkeyPatch) -> None:
     """With two levels; JSON, tables, figures and page agree, and the report is built again from the folder."""
     out = tmp_path / "out"
-    options = ["--levels", "2", "--seed", "3", "--period", "20 s", "--reading", "rest", "-o", str(out), "--json"]
+    options = ["--levels", "2", "--seed", "3", "--period", "20 s", "--reading", "rest", "-o",
+               str(out), "--json"]
     assert main(["lumped", "paper", *options]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((out / "paper.json").read_text(encoding="utf-8"))
@@ -215,17 +224,21 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
     with (out / "static.csv").open(encoding="utf-8") as stream:
         static = [float(row["distance_mm"]) for row in csv.DictReader(stream)]
     ends = np.array(static).reshape(6, -1)[:, [0, -1]]
-    assert (ends[:, 1] - ends[:, 0]).tolist() == pytest.approx([row["at_rest_mm"] for row in rows], rel=1e-9)
+    assert (ends[:, 1] - ends[:, 0]).tolist() == pytest.approx([row["at_rest_mm"] for row in rows],
+                                                               rel=1e-9)
     with (out / "random.csv").open(encoding="utf-8") as stream:
-        moved = [(row["mass_g"], row["specimen"], float(row["distance_mm"])) for row in csv.DictReader(stream)]
+        moved = [(row["mass_g"], row["specimen"], float(row["distance_mm"]))
+                 for row in csv.DictReader(stream)]
     for row in rows:
-        own = [y for mass, name, y in moved if (mass, name) == (f"{row['mass_g']:g}", row["specimen"])]
+        own = [y for mass, name, y in moved if (mass, name) == (f"{row['mass_g']:g}",
+                                                                row["specimen"])]
         assert max(own) - min(own) == pytest.approx(row["all_samples_mm"], rel=1e-9)
         assert row["at_levels_mm"] < row["all_samples_mm"]
     assert printed["settling"]["rows"][-1]["rms_s"] > 0
     assert len(printed["findings"]) == 7
     text = (out / "paper.html").read_text(encoding="utf-8")
-    assert all(words in text.replace("&#39;", "'") for one in printed["findings"] for words in one["words"])
+    assert all(words in text.replace("&#39;", "'") for one in printed["findings"]
+               for words in one["words"])
     assert text.count("data:image/svg+xml") == len(FIGURES)
     (out / "paper.html").unlink()
     monkeypatch.setattr(lumped_paper, "draw", lambda folder: [])  # they are there
@@ -238,7 +251,8 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (["--levels", "1"], "--levels: given 1: must be from 2"), (["--seed", "-1"], "must not be negative"),
+    (["--levels", "1"], "--levels: given 1: must be from 2"),
+    (["--seed", "-1"], "must not be negative"),
     (["--period", "1 kV"], "--period"), (["--period", "1 ms"], "10 ms"),
 ])
 def test_bad_options_are_one_message(options: list[str], words: str, tmp_path: Path,

@@ -20,7 +20,8 @@ from tympan.studies.lumped.equilibria import rest
 from tympan.studies.paper.table1 import paper_actuators
 
 MASSES, VOLTAGES = (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 8)
-# Away from Table 1, where the search begins: what the data do not determine must not be right by being held.
+# Away from Table 1, where the search begins: what the data do not determine must not be right by
+# being held.
 TRUTH = np.array([20e3, 20e3, 45e3, -10e3, -80e3, -50e3, 8.5, 0.45])
 NOISE = 1e-6  # the paper's sensor
 
@@ -30,11 +31,13 @@ def clean() -> Readings:
     """Rests of the paper's three actuators by :mod:`tympan.studies.lumped.equilibria`, with other constants, without
     noise."""
     law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
-    specimens = tuple(replace(one, membrane=replace(one.membrane, material=law)) for one in paper_actuators(8.5))
+    specimens = tuple(replace(one, membrane=replace(one.membrane, material=law))
+                      for one in paper_actuators(8.5))
     rows = [(number, mass, u, rest(Actuator.of(one, mass, (0.45, 0.55)), float(u)).deflection)
             for number, one in enumerate(specimens) for mass in MASSES for u in VOLTAGES]
     which, mass, u, y = np.array(rows).T
-    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0)) for one in specimens)
+    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
+                    for one in specimens)
     return Readings(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
 
 
@@ -57,7 +60,8 @@ def test_truth_leaves_no_residual_and_derivatives_are_exact(sharing: Sharing) ->
             step[number] = 1e-4 * size
             ends = [problem.residual(truth + sign * step, objective)[0] for sign in (1, -1)]
             numeric = (ends[0] - ends[1]) / (2e-4 * size)
-            assert slopes[:, number] == pytest.approx(numeric, rel=1e-5, abs=1e-6 * np.abs(numeric).max())
+            assert slopes[:, number] == pytest.approx(numeric, rel=1e-5,
+                                                      abs=1e-6 * np.abs(numeric).max())
 
 
 def hits(fits: list[StaticFit]) -> np.ndarray:
@@ -69,7 +73,8 @@ def hits(fits: list[StaticFit]) -> np.ndarray:
 
 def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
     """40 runs, the noise known in 30; 95 % of the independent combinations, within 3.3 standard deviations of it."""
-    fits = [identify_static(noisy(seed, NOISE if seed < 30 else None), profiles=seed % 5 == 0) for seed in range(40)]
+    fits = [identify_static(noisy(seed, NOISE if seed < 30 else None), profiles=seed % 5 == 0)
+            for seed in range(40)]
     inside = hits(fits)
     assert abs(inside.mean() - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / len(inside))
     for fit in fits:
@@ -88,7 +93,8 @@ def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
         first = int(np.flatnonzero(base.which == number)[0])
         weights = (alpha, 1 - alpha) if number else None
         law = problem.specimen(number, values)
-        assert read[first] == pytest.approx(rest(Actuator.of(law, base.mass[first], weights), 0.0).deflection, rel=1e-9)
+        assert read[first] == pytest.approx(rest(Actuator.of(law, base.mass[first], weights),
+                                                 0.0).deflection, rel=1e-9)
         assert law.frame == one.frame
     read = read + NOISE * np.random.default_rng(3).standard_normal(len(read))
     each, shared = (identify_static(StaticProblem(replace(base, displacement=read), alpha=sharing))
@@ -106,22 +112,26 @@ def test_coverage_of_400_runs() -> None:
     """Combinations pooled, and by profile the two constants that are determined; the six others never get limits."""
     fits = [identify_static(noisy(seed)) for seed in range(400)]
     profiled = np.array([one.low <= truth <= one.high for fit in fits
-                         for one, truth in zip(fit.judgement.constants, TRUTH, strict=True) if one.low is not None])
+                         for one, truth in zip(fit.judgement.constants, TRUTH, strict=True)
+                         if one.low is not None])
     for words, inside in (("combinations", hits(fits)), ("constants by profile", profiled)):
         print(f"{words} {inside.sum()} of {len(inside)} = {inside.mean():.4f}; 95 % of a binomial is within "
               f"{1.96 * np.sqrt(0.95 * 0.05 / len(inside)):.4f} of 0.95")
         assert 0.93 <= inside.mean() <= 0.97
-    assert all(fit.judgement.undetermined == [f"{name}_{i}" for name in ("beta", "gamma") for i in (1, 2, 3)]
+    assert all(fit.judgement.undetermined
+               == [f"{name}_{i}" for name in ("beta", "gamma") for i in (1, 2, 3)]
                for fit in fits)
 
 
 def test_eq_11_as_printed_asks_the_film_to_push_down() -> None:
     """With its signs the fit's films are unstable and their rest is nowhere near the readings; with Eq. (5)'s it is."""
     problem = StaticProblem(clean(), alpha="shared")
-    right, wrong = (identify_static(problem, objective).values for objective in ("force", "printed"))
+    right, wrong = (identify_static(problem, objective).values
+                    for objective in ("force", "printed"))
     assert (problem.force(right, problem.read)[1] > 0).all()
     assert (problem.force(wrong, problem.read)[0] < 0).all()
-    assert np.abs(problem.force(right, problem.read)[0] - problem.load).max() < 1e-4 * problem.load.max()
+    assert np.abs(problem.force(right, problem.read)[0]
+                  - problem.load).max() < 1e-4 * problem.load.max()
 
 
 def test_nelder_mead_takes_more_evaluations_and_fits_no_better() -> None:
@@ -135,8 +145,10 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     actuators = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
     names = ["circular", "elliptical-small", "elliptical-large"]
     head = 'name = "made"\nnoise = "1 um"\n' + "".join(
-        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[") else line
-                                     for line in (actuators / f"{name}.toml").read_text().splitlines()) + "\n"
+        "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")
+                                     else line
+                                     for line in (actuators
+                                                  / f"{name}.toml").read_text().splitlines()) + "\n"
         for name in names)
     (tmp_path / "dataset.toml").write_text(head)
     read = noisy(5).readings

@@ -60,11 +60,14 @@ def test_the_three_files_hold_the_same_with_units(whole) -> None:
     assert found["max_field_V_per_m"].attrs["units"] == "V/m"
     rows = pd.read_csv(folder / "sweep.csv")
     pd.testing.assert_frame_equal(rows[["deflection_m", "plate.radius_m", "mass_kg"]],
-                                  pd.read_parquet(folder / "sweep.parquet")[["deflection_m", "plate.radius_m",
-                                                                             "mass_kg"]], check_exact=True)
+                                  pd.read_parquet(folder / "sweep.parquet")[["deflection_m",
+                                                                             "plate.radius_m",
+                                                                             "mass_kg"]],
+                                  check_exact=True)
     row = rows.iloc[17]
     place = found.sel(specimen=row["specimen"]).isel(mass=1, voltage=2)
-    assert (row["mass_kg"], row["voltage_V"]) == (float(place["mass_kg"]), float(place["voltage_V"])) == (22.45e-3, 4e3)
+    assert (row["mass_kg"], row["voltage_V"]) == (float(place["mass_kg"]),
+                                                  float(place["voltage_V"])) == (22.45e-3, 4e3)
     assert row["deflection_m"] == float(place["deflection_m"])
 
 
@@ -126,7 +129,8 @@ def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monke
 
     def build(specimen, *rest):
         if specimen == bad.specimen:
-            raise InputError("cannot be meshed: too little room", key="frame, plate", given=specimen.name)
+            raise InputError("cannot be meshed: too little room", key="frame, plate",
+                             given=specimen.name)
         return original(specimen, *rest)
 
     from tympan.studies.sweep import task
@@ -146,7 +150,8 @@ def test_another_version_on_a_worker_is_refused(whole) -> None:
         foreign.run()
 
 
-def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path, monkeypatch) -> None:
+def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path,
+                                                                monkeypatch) -> None:
     sweep, folder = whole
     with monkeypatch.context() as patch:
         original, written_files = shelf.write_text, []
@@ -180,7 +185,8 @@ def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, t
     entries = list(sweep.entries[:3])
     entries[1] = replace(entries[1], task=Lethal(**{name: getattr(entries[1].task, name) for name in
                                                     Task.__dataclass_fields__}))
-    summary = run(replace(sweep, entries=tuple(entries)), tmp_path / "out", partial(processes, workers=1))
+    summary = run(replace(sweep, entries=tuple(entries)), tmp_path / "out",
+                  partial(processes, workers=1))
     assert summary.statuses == {"equilibrium": 12, "failed": 6}
     found, right = table(tmp_path / "out"), table(folder)
     assert "the process that solved it died" in str(found["warnings"][1, 0, 0].item())

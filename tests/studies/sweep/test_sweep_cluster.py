@@ -29,7 +29,8 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
     run(sweep, tmp_path / "here", here)
     killed: list[int] = []
     moments = np.random.default_rng(11).choice(np.arange(1, 7), 2, replace=False)
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1",
+                      dashboard_address=None,
                       silence_logs=50) as machine:
 
         def seen(done: int, kept: int) -> None:
@@ -37,7 +38,8 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
                 killed.append(list(machine.workers.values())[len(killed)].pid)
                 os.kill(killed[-1], signal.SIGKILL)
 
-        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address), seen)
+        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address),
+                      seen)
     assert len(set(killed)) == 2
     assert summary.solved == 48
     with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as one,
@@ -73,11 +75,13 @@ print(faults())
 """
 
 
-@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="another allocator than glibc's")
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"),
+                    reason="another allocator than glibc's")
 def test_a_task_keeps_the_memory_it_frees_as_long_as_it_runs() -> None:
     """By page faults, with Dask's own setting: it gives back every array, which is taken again page by page."""
     environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}
-    printed = subprocess.run([sys.executable, "-c", HOARDING], env=environment, capture_output=True, text=True,
+    printed = subprocess.run([sys.executable, "-c", HOARDING], env=environment, capture_output=True,
+                             text=True,
                              check=True).stdout
     before, inside, after = map(int, printed.split())
     assert inside < 0.1 * min(before, after)

@@ -67,14 +67,16 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     xr.testing.assert_identical(table(folder), whole)
 
 
-def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(right, tmp_path) -> None:
+def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(right,
+                                                                            tmp_path) -> None:
     random = np.random.default_rng(7)
     stood = [finished(right[0], tmp_path / "out")]
     kills = 0
     for _ in range(10):
         command = Command(written(tmp_path, MANY), tmp_path / "out")
         tasks = int(random.choice([0, 0, 1, 3]))  # none: while it starts
-        kills += command.signalled(signal.SIGKILL, tasks, random.uniform(0.0, 0.05 if tasks else 1.0))
+        kills += command.signalled(signal.SIGKILL, tasks,
+                                   random.uniform(0.0, 0.05 if tasks else 1.0))
         command.ended()
         stood.append(finished(right[0], tmp_path / "out"))
         assert stood[-2].items() <= stood[-1].items()
@@ -105,9 +107,11 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(right, tmp_path)
     inside = (f"mount -t tmpfs -o size=48k,mode=777 tmpfs {tmp_path}/small || exit 77; "
               f'"$@"; status=$?; cp -a {tmp_path}/small/out {tmp_path}/out; exit $status')
     mounted = ["unshare", "--map-root-user", "--mount", "sh", "-c", inside, "sh"]
-    if shutil.which("unshare") is None or subprocess.run([*mounted, "true"], check=False).returncode == 77:
+    if shutil.which("unshare") is None or subprocess.run([*mounted, "true"],
+                                                         check=False).returncode == 77:
         pytest.skip("no file system can be mounted here")
-    status, said = Command(written(tmp_path, MANY), tmp_path / "small" / "out", before=mounted).ended()
+    status, said = Command(written(tmp_path, MANY), tmp_path / "small" / "out",
+                           before=mounted).ended()
     assert status == 2, said
     assert said.startswith("tympan: ")
     assert said.count("\n") == 1
@@ -124,7 +128,8 @@ def test_no_room_for_the_table_is_one_message_and_what_was_finished_stays(right,
         command = Command(written(tmp_path, MANY), tmp_path / "out")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert command.ended() == (2, f"tympan: {tmp_path}/out/sweep.nc: cannot be written: File too large\n")
+    assert command.ended() == (2,
+                               f"tympan: {tmp_path}/out/sweep.nc: cannot be written: File too large\n")
     assert len(finished(right[0], tmp_path / "out")) == 32
     assert not (tmp_path / "out" / "sweep.nc").exists()
     goes_on(right, tmp_path / "out")
@@ -132,12 +137,14 @@ def test_no_room_for_the_table_is_one_message_and_what_was_finished_stays(right,
 
 def test_a_folder_that_cannot_be_written_is_one_message(right, tmp_path) -> None:
     """A read-only one: root needs to be deprived of the right to write anywhere."""
-    bound = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
+    bound = ["setpriv",
+             "--bounding-set=-dac_override,-dac_read_search"] if os.geteuid() == 0 else []
     if bound and shutil.which("setpriv") is None:
         pytest.skip("root may write anywhere")
     file = written(tmp_path, MANY)
     (tmp_path / "kept").mkdir()
-    run(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out", here)
+    run(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out",
+        here)
     written(tmp_path, MANY)
     for folder in (tmp_path / "kept" / "out", tmp_path / "kept"):
         folder.chmod(0o500)
@@ -156,20 +163,25 @@ def test_a_folder_that_is_a_file_is_one_message(tmp_path) -> None:
 
 
 def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
-    text = MANY.replace("count = 32", "count = 3").replace("specimen =", "fields = true\nspecimen =")
+    text = MANY.replace("count = 32", "count = 3").replace("specimen =",
+                                                           "fields = true\nspecimen =")
     sweep, folder = read(tmp_path, text, COARSE), tmp_path / "out"
     assert run(sweep, folder, here).solved == 6
     found = table(folder)
     files = sorted((folder / "fields").iterdir())
-    assert [file.name for file in files] == sorted(f"{number}.vtu" for number in found["id"].values.ravel())
-    for number, deflection in zip(found["id"].values.ravel(), found["deflection_m"].values.ravel(), strict=True):
+    assert [file.name for file in files] == sorted(f"{number}.vtu"
+                                                   for number in found["id"].values.ravel())
+    for number, deflection in zip(found["id"].values.ravel(), found["deflection_m"].values.ravel(),
+                                  strict=True):
         film = meshio.read(folder / "fields" / f"{number}.vtu")
         assert film.point_data["displacement"][:, 2].max() == pytest.approx(deflection, rel=1e-12)
-        assert (film.points[:, :2].min(axis=0) < -0.03).all()  # the whole film, not the part that was meshed
+        assert (film.points[:, :2].min(axis=0) <
+                -0.03).all()  # the whole film, not the part that was meshed
     files[0].unlink()
     (folder / "fields" / ".half-written.vtu").write_text("")  # as a kill leaves it
     asked: list[str] = []
-    run(sweep, folder, lambda tasks: here([task for task in tasks if asked.append(task.id) or True]))
+    run(sweep, folder,
+        lambda tasks: here([task for task in tasks if asked.append(task.id) or True]))
     assert len(asked) == 1
     assert sorted((folder / "fields").iterdir()) == files
     xr.testing.assert_identical(table(folder), found)

@@ -42,7 +42,8 @@ count = 5
     assert {(task.specimen.plate.outline.radius, task.rig.spring) for task in found} == {
         (0.01, 1.0), (0.012, 2.0), (0.015, 3.0)}
     thickness = np.unique([task.specimen.membrane.thickness for task in found])
-    assert np.array_equal(np.floor((thickness - 0.5e-3) / 0.1e-3), np.arange(5))  # one in each fifth
+    assert np.array_equal(np.floor((thickness - 0.5e-3) / 0.1e-3),
+                          np.arange(5))  # one in each fifth
 
 
 def test_loads_may_be_varied_with_the_specimen(tmp_path) -> None:
@@ -63,8 +64,10 @@ def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
 
 
 CHANGES = {
-    "material": ('"vhb-4910"', '"vhb-4910-gent"'), "frame": ("6 cm", "6.1 cm"), "plate": ("1 cm", "1.1 cm"),
-    "thickness": ("1 mm", "1.1 mm"), "prestretch": ("2.236,", "2.2361,"), "permittivity": ("4.7", "4.71"),
+    "material": ('"vhb-4910"', '"vhb-4910-gent"'), "frame": ("6 cm", "6.1 cm"),
+    "plate": ("1 cm", "1.1 cm"),
+    "thickness": ("1 mm", "1.1 mm"), "prestretch": ("2.236,", "2.2361,"),
+    "permittivity": ("4.7", "4.71"),
 }
 
 
@@ -78,8 +81,10 @@ def test_ids_follow_every_number_of_the_specimen(tmp_path, change: str) -> None:
 
 def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_path) -> None:
     [task] = tasks(tmp_path / "a", LOADS)
-    for changed in (replace(task, masses=(1e-3,)), replace(task, voltages=(2e3,)), replace(task, rig=Rig(spring=1.0)),
-                    replace(task, settings=replace(CHEAP, symmetry=False)), replace(task, solver="another")):
+    for changed in (replace(task, masses=(1e-3,)), replace(task, voltages=(2e3,)),
+                    replace(task, rig=Rig(spring=1.0)),
+                    replace(task, settings=replace(CHEAP, symmetry=False)),
+                    replace(task, solver="another")):
         assert not set(task.ids) & set(changed.ids)
     assert replace(task, fields=True).ids == task.ids
     assert replace(task, fields=True).id != task.id
@@ -89,29 +94,43 @@ def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_pat
 
 
 REFUSED = {
-    "unknown key": (LOADS + '[grid]\n"plate.radiuss" = ["1 cm"]', r"SWEEP.toml: plate.radiuss: unknown key"),
-    "wrong unit": (LOADS + '[grid]\n"plate.radius" = ["1 kg"]', r"SWEEP.toml: plate.radius: given '1 kg': wrong dim"),
-    "range": (LOADS + '[grid]\n"membrane.thickness" = ["-1 mm"]', r"SWEEP.toml: membrane.thickness: given '-1 mm'"),
-    "rig": (LOADS + '[grid]\n"rig.sprin" = ["1 N/m"]', r"SWEEP.toml: rig.sprin: unknown key: did you mean 'spring'"),
+    "unknown key": (LOADS + '[grid]\n"plate.radiuss" = ["1 cm"]',
+                    r"SWEEP.toml: plate.radiuss: unknown key"),
+    "wrong unit": (LOADS + '[grid]\n"plate.radius" = ["1 kg"]',
+                   r"SWEEP.toml: plate.radius: given '1 kg': wrong dim"),
+    "range": (LOADS + '[grid]\n"membrane.thickness" = ["-1 mm"]',
+              r"SWEEP.toml: membrane.thickness: given '-1 mm'"),
+    "rig": (LOADS + '[grid]\n"rig.sprin" = ["1 N/m"]',
+            r"SWEEP.toml: rig.sprin: unknown key: did you mean 'spring'"),
     "top": (LOADS + 'volts = "1 kV"', r"SWEEP.toml: volts: unknown key"),
-    "lengths": (LOADS + '[list]\n"plate.radius" = ["1 cm"]\n"membrane.thickness" = ["1 mm", "2 mm"]', r"as long as"),
-    "twice": (LOADS + '[grid]\n"plate.radius" = ["1 cm"]\n[list]\n"plate.radius" = ["1 cm"]', r"one of \[grid\]"),
+    "lengths": (LOADS
+                + '[list]\n"plate.radius" = ["1 cm"]\n"membrane.thickness" = ["1 mm", "2 mm"]',
+                r"as long as"),
+    "twice": (LOADS + '[grid]\n"plate.radius" = ["1 cm"]\n[list]\n"plate.radius" = ["1 cm"]',
+              r"one of \[grid\]"),
     "whole and part": (
-        LOADS + '[grid]\n"frame.semi_axes" = [["6 cm", "5 cm"]]\n"frame.semi_axes.0" = ["7 cm"]', "whole"),
-    "element": (LOADS + '[grid]\n"frame.semi_axes.2" = ["6 cm"]', r"frame.semi_axes.2.*elements 0 to 1"),
+        LOADS + '[grid]\n"frame.semi_axes" = [["6 cm", "5 cm"]]\n"frame.semi_axes.0" = ["7 cm"]',
+        "whole"),
+    "element": (LOADS + '[grid]\n"frame.semi_axes.2" = ["6 cm"]',
+                r"frame.semi_axes.2.*elements 0 to 1"),
     "mass twice": (LOADS + '[grid]\nmass = ["1 g"]', r"mass: is also varied"),
     "descending": (LOADS.replace('"1 kV"', '["2 kV", "1 kV"]'), r"voltage: given .*must ascend"),
     "mass unit": (LOADS.replace("17.9 g", "17.9 mm"), r"mass: given '17.9 mm'"),
-    "method": (LOADS + '[sample]\nmethod = "sobel"\ncount = 2', r"sample.method: given 'sobel': must be one of"),
+    "method": (LOADS + '[sample]\nmethod = "sobel"\ncount = 2',
+               r"sample.method: given 'sobel': must be one of"),
     "count": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2.5', r"sample.count: given 2.5"),
-    "order": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "1 cm"]',
+    "order": (LOADS
+              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "1 cm"]',
               r"sample.ranges.plate.radius: given .*smaller first"),
-    "kinds": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "3 kg"]',
+    "kinds": (LOADS
+              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "3 kg"]',
               r"sample.ranges.plate.radius: given .*one kind"),
-    "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]', r"grid.plate: must be a list; write a dotted key"),
+    "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]',
+                 r"grid.plate: must be a list; write a dotted key"),
     "no specimen": ('mass = "1 g"\nvoltage = "1 kV"', r"specimen: is missing"),
     "none possible": (
-        LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]', r"none of the specimens can be built.*inside"),
+        LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]',
+        r"none of the specimens can be built.*inside"),
 }
 
 

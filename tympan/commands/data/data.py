@@ -12,7 +12,8 @@ from tympan.options import command
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "data", _run, "check a dataset of measurements and say what is in it")
+    parser = command(commands, "data", _run,
+                     "check a dataset of measurements and say what is in it")
     parser.add_argument("dataset", type=Path, metavar="DATASET",
                         help="folder with dataset.toml and static.csv, range.csv, transient.csv or coupon.csv")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

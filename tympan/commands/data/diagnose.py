@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """The command's options."""
-    parser = command(commands, "diagnose", _run, "say what the simulation gets wrong about measured data, and why")
+    parser = command(commands, "diagnose", _run,
+                     "say what the simulation gets wrong about measured data, and why")
     parser.add_argument("dataset", type=Path, metavar="DATASET",
                         help="folder with dataset.toml and static.csv or range.csv")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the report and the extended model")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of random draws (default: %(default)s)")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
+                        help="folder for the report and the extended model")
+    parser.add_argument("--workers", type=int, default=2, metavar="N",
+                        help="processes (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0,
+                        help="of random draws (default: %(default)s)")
     parser.add_argument("--plan", action="store_true",
                         help="say what such readings can tell; what is read may be missing from the files")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -11,7 +11,8 @@ from tympan.options import command
 
 def add(commands: Any) -> None:
     """The command."""
-    parser = command(commands, "effects", _run, "list the effects a model may leave out, with units and priors")
+    parser = command(commands, "effects", _run,
+                     "list the effects a model may leave out, with units and priors")
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--json", action="store_true", help="print one JSON object")
     kind.add_argument("--markdown", action="store_true", help="print the page docs/effects.md")
@@ -23,4 +24,5 @@ def _run(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps(listing.listing(), ensure_ascii=False, allow_nan=False))
     else:
-        print(listing.markdown() if options.markdown else listing.text(), end="" if options.markdown else "\n")
+        print(listing.markdown() if options.markdown else listing.text(),
+              end="" if options.markdown else "\n")

@@ -23,7 +23,8 @@ def add(commands: Any) -> None:
 
 
 def _show(kinds: Any) -> None:
-    parser = command(kinds, "show", _run_show, "true stress against stretch, and where the law fails")
+    parser = command(kinds, "show", _run_show,
+                     "true stress against stretch, and where the law fails")
     parser.add_argument("material", metavar="NAME|SPECIMEN.toml",
                         help="of the library, also a refused one; or the material of a specimen file")
     parser.add_argument("--held", type=float, metavar="X",
@@ -42,12 +43,14 @@ def _run_show(options: argparse.Namespace) -> None:
 
 
 def _fit(kinds: Any) -> None:
-    parser = command(kinds, "fit", _run_fit, "fit laws to uniaxial, equibiaxial and pure-shear tests")
+    parser = command(kinds, "fit", _run_fit,
+                     "fit laws to uniaxial, equibiaxial and pure-shear tests")
     parser.add_argument("coupons", type=Path, metavar="COUPON.csv",
                         help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run")
     parser.add_argument("--law", action="append", metavar="NAME",
                         help="may be given several times; all (default) compares every law")
-    parser.add_argument("--noise", metavar="STRESS", help='standard deviation of one reading, such as "2 kPa"; '
+    parser.add_argument("--noise", metavar="STRESS",
+                        help='standard deviation of one reading, such as "2 kPa"; '
                         "without it, estimated from the residuals")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="also store the fits (JSON), a figure, and the best law for specimen files (TOML)")
@@ -83,8 +86,10 @@ def _result(file: Path, comparison: Comparison) -> dict[str, Any]:
 
     coupons, best = comparison.coupons, comparison.best
     counts = {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes}
-    text = material_lines(best.material, best.range) if best is not None and best.material is not None else None
-    return {"file": str(file), "readings": counts, "best": None if best is None else best.family.name,
+    text = material_lines(best.material,
+                          best.range) if best is not None and best.material is not None else None
+    return {"file": str(file), "readings": counts,
+            "best": None if best is None else best.family.name,
             "material_toml": text, "noise_Pa": (best or comparison.fits[0]).noise.sigma,
             "fits": [fit.json() for fit in comparison.fits], "warnings": comparison.warnings}
 
@@ -101,7 +106,8 @@ def _store(folder: Path, comparison: Comparison, result: dict[str, Any]) -> None
 
 
 def _print(comparison: Comparison, result: dict[str, Any]) -> None:
-    counts = ", ".join(f"{count} {mode.replace('_', ' ')}" for mode, count in result["readings"].items())
+    counts = ", ".join(f"{count} {mode.replace('_', ' ')}"
+                       for mode, count in result["readings"].items())
     print(f"{counts} readings; lowest criterion first, misfit in kPa; limits are 95 %")
     for fit in comparison.fits:
         print(f"{fit.family.name:<14} AICc {fit.criterion:9.2f}  misfit {fit.rmse / 1e3:8.4g}"
@@ -120,7 +126,8 @@ def _print(comparison: Comparison, result: dict[str, Any]) -> None:
 def _constants(fit: Fit) -> list[str]:
     """One line per constant with its limits."""
     lines = []
-    for index, (name, value, limits) in enumerate(zip(fit.family.constants, fit.values, fit.limits, strict=True)):
+    for index, (name, value, limits) in enumerate(zip(fit.family.constants, fit.values, fit.limits,
+                                                      strict=True)):
         unit, size = (" kPa", 1e3) if index < len(fit.family.linear) else ("", 1.0)
         low, high = ("none" if limit is None else f"{limit / size:.4g}" for limit in limits)
         lines.append(f"{name} = {value / size:.5g}{unit}  ({low} to {high})")

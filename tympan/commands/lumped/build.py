@@ -24,21 +24,25 @@ _MOST = 200
 
 def add(kinds: Any) -> None:
     """The subcommand."""
-    parser = command(kinds, "build", _run, "the lumped model of specimens from their field model alone")
+    parser = command(kinds, "build", _run,
+                     "the lumped model of specimens from their field model alone")
     parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
     parser.add_argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
                         help="on the plate; the first one is fitted, the others are tested (default: %(default)s)")
     parser.add_argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
                         help="the lowest, the middle and the highest are fitted, the others tested (default: "
                              "%(default)s)")
-    parser.add_argument("--count", type=int, default=11, metavar="N", help="of voltages (default: %(default)s)")
-    parser.add_argument("--circles", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=11, metavar="N",
+                        help="of voltages (default: %(default)s)")
+    parser.add_argument("--circles", type=int, default=2, metavar="N",
+                        help="how many (default: %(default)s)")
     parser.add_argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                         help="of the circles, as for `tympan alpha` (default: %(default)s)")
     parser.add_argument("--viscous", metavar="K1,ETA1,ETA2",
                         help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, '
                              "the paper's)")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, spring, amplifier and sensor")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="write NAME.lumped.toml for each, build.json, statics.csv and a figure")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -57,14 +61,16 @@ def _run(options: argparse.Namespace) -> None:
     except InputError as error:
         raise InputError(error.allowed, key=f"--{error.key}", given=error.given) from None
     masses = tuple(parse_quantity(text, "mass", "--mass") for text in options.mass.split(","))
-    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii, _viscous(options.viscous))
+    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii,
+                           _viscous(options.viscous))
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = [load_specimen(file) for file in options.specimens]
     check_distinct([specimen.name for specimen in specimens])
     with bar(4 * len(specimens)) as progress:
         found = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
     result = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
-              "fitted_masses_kg": list(chosen.fit.masses), "fitted_voltages_V": list(chosen.fit.voltages),
+              "fitted_masses_kg": list(chosen.fit.masses),
+              "fitted_voltages_V": list(chosen.fit.voltages),
               "built": [one.json() for one in found]}
     if options.output is not None:
         from tympan.reports.figures.lumped_model import draw_built
@@ -82,14 +88,16 @@ def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
 
     ends = options.voltages.split("..")
     if len(ends) != 2:
-        raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV", key="--voltages",
+        raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
+                         key="--voltages",
                          given=options.voltages)
     low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
     if not 2 <= options.count <= _MOST:
         raise InputError(f"must be from 2 to {_MOST}", key="--count", given=options.count)
     if not 0 <= low < high:
         raise InputError("must ascend, from 0 kV on", key="--voltages", given=options.voltages)
-    return tuple(low + (high - low) * number / (options.count - 1) for number in range(options.count))
+    return tuple(low + (high - low) * number / (options.count - 1)
+                 for number in range(options.count))
 
 
 def _viscous(text: str | None) -> Viscous:
@@ -100,10 +108,12 @@ def _viscous(text: str | None) -> Viscous:
         return Viscous()
     parts = text.split(",")
     if len(parts) != 3:
-        raise InputError("must be a stress and two viscosities with commas between them", key="--viscous", given=text)
+        raise InputError("must be a stress and two viscosities with commas between them",
+                         key="--viscous", given=text)
     try:
         return Viscous(*(parse_quantity(part, kind, "--viscous")
-                         for part, kind in zip(parts, ("stress", "viscosity", "viscosity"), strict=True)))
+                         for part, kind in zip(parts, ("stress", "viscosity", "viscosity"),
+                                               strict=True)))
     except InputError as error:
         raise InputError(error.allowed, key="--viscous", given=error.given) from None
 

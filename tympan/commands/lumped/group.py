@@ -21,7 +21,8 @@ from tympan.commands.lumped import (
 def add(commands: Any) -> None:
     """The command and its subcommands."""
     words = "the paper's lumped model: a mass on circles of film"
-    parser = commands.add_parser("lumped", help=words, description=words[0].upper() + words[1:] + ".")
+    parser = commands.add_parser("lumped", help=words,
+                                 description=words[0].upper() + words[1:] + ".")
     kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for part in (lumped_simulate, lumped_identify, lumped_build, lumped_paper):
         part.add(kinds)

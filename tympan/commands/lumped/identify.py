@@ -34,11 +34,14 @@ def add(kinds: Any) -> None:
                              "Eq. (11) (default: %(default)s)")
     parser.add_argument("--weights", metavar="A,B",
                         help="both α of all shapes, for --dynamic without static.csv (default: equal)")
-    parser.add_argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
+    parser.add_argument("--objective", choices=("deflection", "force", "printed"),
+                        default="deflection",
                         help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
                              "(default: %(default)s)")
-    parser.add_argument("--nelder-mead", action="store_true", help="also the paper's simplex, to compare")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write identify.json and figures")
+    parser.add_argument("--nelder-mead", action="store_true",
+                        help="also the paper's simplex, to compare")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
+                        help="write identify.json and figures")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -51,7 +54,8 @@ def _run(options: argparse.Namespace) -> None:
     result: dict[str, Any] = {"dataset": dataset.name}
     with bar((1 + options.dynamic) * (1 + options.nelder_mead)) as progress:
         static = _fit_static(dataset, options, result, progress)
-        dynamic = _fit_dynamic(dataset, static, options, result, progress) if options.dynamic else None
+        dynamic = _fit_dynamic(dataset, static, options, result,
+                               progress) if options.dynamic else None
     if options.output is not None:
         from tympan.reports.figures.identification import (
             draw_correlations,
@@ -77,7 +81,8 @@ def _run(options: argparse.Namespace) -> None:
             _show_fit(f"{dataset.name}, {kind}", result[kind], result.get(f"nelder_mead_{kind}"))
 
 
-def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str, Any], progress: Progress
+def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str, Any],
+                progress: Progress
                 ) -> StaticFit | None:
     from tympan.geometry.errors import InputError
     from tympan.studies.identify.static_fit import StaticProblem, readings_of
@@ -86,7 +91,8 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
     if options.dynamic and dataset.static is None:
         return None
     if options.weights is not None:
-        raise InputError("is for --dynamic without static.csv, whose readings tell α", key="--weights",
+        raise InputError("is for --dynamic without static.csv, whose readings tell α",
+                         key="--weights",
                          given=options.weights)
     problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
     progress("readings at rest")
@@ -98,7 +104,8 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
     return fit
 
 
-def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace, result: dict[str, Any],
+def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace,
+                 result: dict[str, Any],
                  progress: Progress) -> DynamicFit:
     from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
     from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic

@@ -12,19 +12,23 @@ from tympan.options import command, parse_quantity
 
 def add(kinds: Any) -> None:
     """The subcommand."""
-    parser = command(kinds, "paper", _run, "the paper's figures 7 to 14 and tables, its numbers beside ours")
+    parser = command(kinds, "paper", _run,
+                     "the paper's figures 7 to 14 and tables, its numbers beside ours")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)")
     parser.add_argument("--levels", type=int, default=20, metavar="N",
                         help="of figure 14, which the paper does not give (default: %(default)s)")
-    parser.add_argument("--seed", type=int, help="of these levels (default: the first one whose levels come within "
+    parser.add_argument("--seed", type=int,
+                        help="of these levels (default: the first one whose levels come within "
                                                  "100 V of 0 and of 7 kV)")
     parser.add_argument("--reading", choices=("rest", "levels"),
                         help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, or at the ends "
                              "of figure 14's levels (default: whichever fits it better)")
-    parser.add_argument("--period", help="of figure 13's sines, which the paper does not give (default: that at which "
+    parser.add_argument("--period",
+                        help="of figure 13's sines, which the paper does not give (default: that at which "
                                          "the circle lags most)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, which paper.json holds too")
+    parser.add_argument("--json", action="store_true",
+                        help="print one JSON object, which paper.json holds too")
 
 
 def _run(options: argparse.Namespace) -> None:

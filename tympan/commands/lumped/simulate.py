@@ -17,27 +17,36 @@ if TYPE_CHECKING:
 
 def add(kinds: Any) -> None:
     """The subcommand."""
-    parser = command(kinds, "simulate", _run, "response to a step, ramp, sine, random steps or a CSV file")
+    parser = command(kinds, "simulate", _run,
+                     "response to a step, ramp, sine, random steps or a CSV file")
     parser.add_argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml")
     parser.add_argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
                         help="models that `tympan lumped build` made, instead of specimens or beside them")
     parser.add_argument("--signal", default="step", metavar="KIND",
                         help="step, ramp (up and down), sine, random, or a CSV file with t_s, voltage_kV "
                              "(default: %(default)s)")
-    parser.add_argument("--low", default="0 kV", help="before the step; lower end of the others (default: %(default)s)")
-    parser.add_argument("--high", default="3.5 kV", help="after the step; upper end (default: %(default)s)")
-    parser.add_argument("--duration", default="30 s", help="of step and ramp; of each random level; period of a sine "
+    parser.add_argument("--low", default="0 kV",
+                        help="before the step; lower end of the others (default: %(default)s)")
+    parser.add_argument("--high", default="3.5 kV",
+                        help="after the step; upper end (default: %(default)s)")
+    parser.add_argument("--duration", default="30 s",
+                        help="of step and ramp; of each random level; period of a sine "
                                                            "(default: %(default)s)")
-    parser.add_argument("--count", type=int, metavar="N", help="random levels (default: 20); cycles of a sine (3)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random levels (default: %(default)s)")
-    parser.add_argument("--interval", default="1 ms", help="between samples written (default: %(default)s)")
+    parser.add_argument("--count", type=int, metavar="N",
+                        help="random levels (default: 20); cycles of a sine (3)")
+    parser.add_argument("--seed", type=int, default=0,
+                        help="of the random levels (default: %(default)s)")
+    parser.add_argument("--interval", default="1 ms",
+                        help="between samples written (default: %(default)s)")
     parser.add_argument("--mass", default="17.9 g", help="on the plate (default: %(default)s)")
-    parser.add_argument("--alpha", metavar="A,B", help="weights of the circles with the short and the long semi-axis, "
+    parser.add_argument("--alpha", metavar="A,B",
+                        help="weights of the circles with the short and the long semi-axis, "
                                                        "as `tympan alpha` finds them (default: equal)")
     parser.add_argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
                         help="the paper's Eq. (8) with Table 1's constants instead of the films' material; its ε_r, "
                              "lost in the paper, must be given")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml", help="gravity, spring, amplifier and sensor")
+    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
+                        help="gravity, spring, amplifier and sensor")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR",
                         help="write transient.csv, simulate.json and figures")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -59,7 +68,8 @@ def _run(options: argparse.Namespace) -> None:
     models = [read_model(file) for file in options.model]
     for model in models:
         model.check(rig.film_voltage(signal.peak))
-    actuators = [*(Actuator.of(specimen, mass, weights, rig=rig) for specimen in _specimens(options)),
+    actuators = [*(Actuator.of(specimen, mass, weights, rig=rig)
+                   for specimen in _specimens(options)),
                  *(model.actuator(mass, rig) for model in models)]
     if not actuators:
         raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
@@ -67,7 +77,8 @@ def _run(options: argparse.Namespace) -> None:
     with bar(len(actuators)) as progress:
         for number, actuator in enumerate(actuators):
             progress(actuator.specimen.name)
-            found.append(Simulated(simulate(actuator, signal), interval, period, options.signal == "step",
+            found.append(Simulated(simulate(actuator, signal), interval, period,
+                                   options.signal == "step",
                                    weights is None and number < len(actuators) - len(models)))
     result = simulated_json(found)
     if options.output is not None:
@@ -100,7 +111,8 @@ def _specimens(options: argparse.Namespace) -> list[Specimen]:
     if options.permittivity is None:
         return specimens
     if not 1 <= options.permittivity <= 1000:
-        raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1", given=options.permittivity)
+        raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1",
+                         given=options.permittivity)
     return [eq8(specimen, options.permittivity) for specimen in specimens]
 
 
@@ -121,9 +133,11 @@ def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
     if options.signal == "random":
         return signals.random_steps(low, high, duration, options.count or 20, options.seed), None
     if options.signal == "sine":
-        return signals.Sine((low + high) / 2, (high - low) / 2, duration, options.count or 3), duration
+        return signals.Sine((low + high) / 2, (high - low) / 2, duration,
+                            options.count or 3), duration
     if not options.signal.endswith(".csv"):
-        raise InputError("must be step, ramp, sine, random or the name of a .csv file", key="--signal",
+        raise InputError("must be step, ramp, sine, random or the name of a .csv file",
+                         key="--signal",
                          given=options.signal)
     return signals.read_signal(options.signal), None
 
