@@ -12,7 +12,7 @@ from tests.oracles.axisymmetric import (
     FloatArray,
     Material,
     Ogden,
-    _Ritz,
+    RitzExpansion,
     _State,
 )
 
@@ -56,7 +56,7 @@ def readings(design: Design, truth: Truth) -> FloatArray | None:
 
 def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -> FloatArray | None:
     """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past pull-in."""
-    ritz = _Ritz(film, _DEGREE)
+    ritz = RitzExpansion(film, _DEGREE)
     state = ritz.flat(0.0)
     found = []
     for voltage in voltages.tolist():
@@ -68,7 +68,7 @@ def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -
     return np.array(found)
 
 
-def _balanced(ritz: _Ritz, state: _State, load: float, spring: float, q: float) -> _State | None:
+def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float, q: float) -> _State | None:
     """Newton's method for the deflection, the film in equilibrium at each; steps of at most a tenth of the gap."""
     gap = 0.1 * (ritz.film.outer - ritz.film.inner)
     at = ritz.equilibrium(state.c, state.deflection, q)

@@ -4,8 +4,8 @@
     docs/robustness.md]
 
 Every case is solved in a process of its own with a limit on its time; an equilibrium's forces are
-summed again (tests/balance.py), and a sample of all statuses is reached from another direction
-(tests/other_direction.py).
+summed again (tests/oracles/balance.py), and a sample of all statuses is reached from another direction
+(other_direction.py).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from benchmarks.trials.other_direction import Verdict, along_heaves, oracle, voltage_first
 from benchmarks.trials.random_specimens import Drawn, design
 from tests.oracles.balance import Balance, balance
-from tests.oracles.other_direction import Verdict, along_heaves, oracle, voltage_first
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError

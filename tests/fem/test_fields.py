@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, ROOT5, circular, elliptical, model, skewed
 
 from tests.oracles import axisymmetric
+from tests.support.models import model
+from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, skewed
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.results.fields import Fields, cell_fields, edge_fields, whole

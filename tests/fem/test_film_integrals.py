@@ -6,8 +6,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, circular, elliptical, model
 
+from tests.support.models import model
+from tests.support.specimens import NEO_HOOKE, circular, elliptical
 from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.laws import Ogden

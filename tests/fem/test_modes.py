@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 import skfem
-from conftest import NEO_HOOKE, circular, elliptical, model, skewed
 from scipy.sparse import csc_matrix
 from skfem.helpers import dot
 
-from tests.fem.equilibrium.test_equilibrium import oracle, structured
 from tests.oracles import annulus_modes, axisymmetric
+from tests.support.models import model, structured_quarter
+from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film, skewed
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
@@ -64,7 +64,7 @@ def transverse(modes: Modes) -> np.ndarray:
 
 
 def hertz(wave_number: np.ndarray, voltage: float = 0.0) -> np.ndarray:
-    return wave_number * np.sqrt(oracle(NEO_HOOKE).resultant(voltage) / PER_AREA) / (2 * np.pi)
+    return wave_number * np.sqrt(reference_film(NEO_HOOKE).resultant(voltage) / PER_AREA) / (2 * np.pi)
 
 
 @pytest.mark.parametrize("voltage", [0.0, 3000.0, 6000.0])
@@ -85,9 +85,9 @@ def test_voltage_lowers_the_frequency_by_the_maxwell_tension() -> None:
     film = model(annulus())
     low, high = (transverse(vibrations(film, State.mounted(film, u**2), HELD, count=1))[0]
                  for u in (6000.0, 0.0))
-    assert 0.4 < oracle(NEO_HOOKE).resultant(6000.0) / oracle(NEO_HOOKE).resultant() < 0.85
-    assert (low / high) ** 2 == pytest.approx(oracle(NEO_HOOKE).resultant(6000.0)
-                                              / oracle(NEO_HOOKE).resultant(),
+    assert 0.4 < reference_film(NEO_HOOKE).resultant(6000.0) / reference_film(NEO_HOOKE).resultant() < 0.85
+    assert (low / high) ** 2 == pytest.approx(reference_film(NEO_HOOKE).resultant(6000.0)
+                                              / reference_film(NEO_HOOKE).resultant(),
                                               rel=1e-6)
 
 
@@ -97,7 +97,7 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
     exact = hertz(annulus_modes.held(0, 1, INNER, OUTER))[0]
     errors = []
     for size in sizes:
-        film = structured(order, size, size).with_specimen(annulus())
+        film = structured_quarter(order, size, size).with_specimen(annulus())
         errors.append(abs(transverse(vibrations(film, State.mounted(film), HELD, count=6))[0]
                           / exact - 1))
     assert np.log2(errors[0] / errors[1]) >= 2 * order - 0.2, errors
@@ -137,7 +137,7 @@ def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> N
     film = model(circular())
     state = held(film, heave, voltage).state
     step = 1e-5
-    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step,
+    above, below = (axisymmetric.solve_deflection(reference_film(NEO_HOOKE), heave + sign * step,
                                                   voltage).force
                     for sign in (1, -1))
     stiffness = (above - below) / (2 * step)
@@ -151,7 +151,7 @@ def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> N
 @pytest.mark.parametrize("push", [120.0, 300.0])
 def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> None:
     """A destabilising spring, stiffer than the film's own 2πN/ln(b/a)."""
-    pushed, tension = Loading((Spring(-push),)), oracle(NEO_HOOKE).resultant()
+    pushed, tension = Loading((Spring(-push),)), reference_film(NEO_HOOKE).resultant()
     film = model(annulus(), refine=2.0).with_loading(pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
     found = vibrations(film, State.mounted(film), plate_of(), count=3)
@@ -185,7 +185,7 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
 def test_film_s_mass_on_a_loaded_film_by_the_ode_s_motion(factor) -> None:
     """Rayleigh: a film much lighter than the plate moves as in statics, with an error of the next order in its mass."""
     heave, voltage, step = 8e-3, 3000.0, 1e-5
-    above, below = (axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave + sign * step, voltage)
+    above, below = (axisymmetric.solve_deflection(reference_film(NEO_HOOKE), heave + sign * step, voltage)
                     for sign in (1, -1))
     nodes, weights = np.polynomial.legendre.leggauss(200)
     radius = (INNER + OUTER) / 2 + (OUTER - INNER) / 2 * nodes

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, model, skewed
 
+from tests.support.models import model
+from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.derivatives.adjoint import Adjoint
 from tympan.fem.derivatives.parameters import LOADS, Parameters, film_names, numbers, shape_names
 from tympan.fem.derivatives.quantities import (

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ROOT5, circular, model, skewed
 
 from tests.oracles import axisymmetric
+from tests.support.models import model
+from tests.support.specimens import ROOT5, circular, skewed
 from tympan.fem.derivatives.parameters import Parameters, with_change
 from tympan.fem.derivatives.residual_derivative import Work
 from tympan.fem.derivatives.sensitivity import heave_gradient, limit_gradient, morphed

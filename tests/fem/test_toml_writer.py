@@ -6,11 +6,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, skewed
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
+from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.film.breakdown import REGISTRY as STRENGTHS
 from tympan.fem.film.breakdown import Constant, Power
 from tympan.fem.film.laws import REGISTRY as LAWS

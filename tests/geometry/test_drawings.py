@@ -11,8 +11,8 @@ import cadquery as cq
 import ezdxf
 import numpy as np
 import pytest
-from conftest import circular
 
+from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.commands.export import SIZES
 from tympan.geometry.cad import membrane as cad

@@ -12,8 +12,8 @@ import gmsh
 import numpy as np
 import pytest
 import skfem
-from conftest import circular, elliptical, skewed
 
+from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ROOT5
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.specimens import ROOT5
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.geometry.errors import InputError

@@ -238,7 +238,7 @@ class Film:
         ``N0 = (T / lp^2) lp Psi_1(lp, lp)``: true stress times mounted thickness.
         """
         lp = np.array([self.prestretch])
-        psi = _psi(self, lp, lp, voltage**2)
+        psi = energy_derivatives(self, lp, lp, voltage**2)
         return float(self.thickness / self.prestretch * psi.d1[0])
 
     def small_deflection_force(self, deflection: float, voltage: float = 0.0) -> float:
@@ -249,7 +249,7 @@ class Film:
         return 2.0 * math.pi * self.resultant(voltage) * deflection / self.log_ratio
 
 
-class _Psi(NamedTuple):
+class EnergyDerivatives(NamedTuple):
     """``Psi`` and its derivatives by the stretches; ``q*`` are derivatives by ``q = U^2`` [Pa, Pa/V^2]."""
 
     value: FloatArray
@@ -262,7 +262,8 @@ class _Psi(NamedTuple):
     q2: FloatArray
 
 
-def _psi(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> _Psi:
+def energy_derivatives(film: Film, l1: FloatArray, l2: FloatArray,
+                       squared_voltage: float) -> EnergyDerivatives:
     """Energy per virgin volume, elastic plus electrical, relaxed if the film is, at ``U^2`` [V^2]."""
     plain = _plain(film, l1, l2, squared_voltage)
     slack = plain.d2 < 0.0
@@ -276,10 +277,10 @@ def _psi(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> 
     at = _plain(film, l1, wide.reshape(np.shape(l2)), squared_voltage)
     ratio = at.d12 / at.d22  # minus the slope of the natural width
     zero = 0.0 * at.d2
-    wrinkled = _Psi(at.value, at.d1, zero, at.d11 - at.d12 * ratio, zero, zero,
-                    at.q1 - at.q2 * ratio, zero)
-    return _Psi(*(np.where(slack, there, here)
-                  for there, here in zip(wrinkled, plain, strict=True)))
+    wrinkled = EnergyDerivatives(at.value, at.d1, zero, at.d11 - at.d12 * ratio, zero, zero,
+                                 at.q1 - at.q2 * ratio, zero)
+    return EnergyDerivatives(*(np.where(slack, there, here)
+                               for there, here in zip(wrinkled, plain, strict=True)))
 
 
 def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
@@ -301,14 +302,14 @@ def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: f
         return np.where(residual < 1e-9 * np.abs(film.material.w1(l1, width)), width, np.nan)
 
 
-def _plain(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> _Psi:
+def _plain(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> EnergyDerivatives:
     """Energy per virgin volume without relaxation."""
     m = 2.0 - film.permittivity_exponent
     factor = 0.5 * film.eps0 * film.relative_permittivity / film.thickness**2
     unit = factor * film.prestretch ** (2.0 * film.permittivity_exponent) * (l1 * l2) ** m
     q1, q2 = -m * unit / l1, -m * unit / l2
     law = film.material
-    return _Psi(
+    return EnergyDerivatives(
         value=law.energy(l1, l2) - squared_voltage * unit,
         d1=law.w1(l1, l2) + squared_voltage * q1,
         d2=law.w2(l1, l2) + squared_voltage * q2,
@@ -392,12 +393,14 @@ class Solution:
     def total1(self, radius: ArrayLike) -> FloatArray:
         """Meridional true stress with the Maxwell part, ``l1 dPsi/dl1`` [Pa]."""
         at = self._at(radius)
-        return at.lambda1 * _psi(self.film, at.lambda1, at.lambda2, self.voltage**2).d1
+        psi = energy_derivatives(self.film, at.lambda1, at.lambda2, self.voltage**2)
+        return at.lambda1 * psi.d1
 
     def total2(self, radius: ArrayLike) -> FloatArray:
         """Circumferential true stress with the Maxwell part, ``l2 dPsi/dl2`` [Pa]."""
         at = self._at(radius)
-        return at.lambda2 * _psi(self.film, at.lambda1, at.lambda2, self.voltage**2).d2
+        psi = energy_derivatives(self.film, at.lambda1, at.lambda2, self.voltage**2)
+        return at.lambda2 * psi.d2
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,7 +428,7 @@ class _State:
         return self.held and self.stiffness > 0.0
 
 
-class _Ritz:
+class RitzExpansion:
     """Spectral Ritz discretisation of ``Pi`` in ``xi in [-1, 1]``, ``R = a exp((1 + xi) ln(b / a) / 2)``.
 
     ``r = R + sum c_k B_k`` and ``z = w (1 - xi) / 2 + sum d_k B_k`` with the integrated Legendre
@@ -439,7 +442,7 @@ class _Ritz:
         self.degree = degree
         self.half_log = 0.5 * film.log_ratio
         lp = np.array([film.prestretch])
-        psi = _psi(film, lp, lp, 0.0)
+        psi = energy_derivatives(film, lp, lp, 0.0)
         coupling = abs(float(psi.q1[0]))
         # q_unit [V^2]: the U^2 at which Maxwell stress and stiffness are comparable
         self.q_unit = film.prestretch * float(psi.d11[0]) / coupling if coupling > 0.0 else 1.0
@@ -497,7 +500,7 @@ class _Ritz:
             return None
         if max(l1.max(), l2.max()) > 1e3:
             return None
-        psi = _psi(self.film, l1, l2, q)
+        psi = energy_derivatives(self.film, l1, l2, q)
         if not np.all(np.isfinite(psi.value)):
             return None
         ratio = self.film.prestretch / self.radius
@@ -656,13 +659,13 @@ class _Ritz:
         )
 
 
-def _refine(film: Film, solve: Callable[[_Ritz], _State], sign: float) -> Solution:
+def _refine(film: Film, solve: Callable[[RitzExpansion], _State], sign: float) -> Solution:
     """Raise the polynomial degree until the expansion of the solution is resolved.
 
     That there is no equilibrium is believed only of the second degree tried.
     """
     for degree in _DEGREES:
-        ritz = _Ritz(film, degree)
+        ritz = RitzExpansion(film, degree)
         try:
             state = solve(ritz)
         except NoEquilibrium:
@@ -674,7 +677,7 @@ def _refine(film: Film, solve: Callable[[_Ritz], _State], sign: float) -> Soluti
     raise ArithmeticError(f"the solution is not resolved by polynomials of degree {_DEGREES[-1]}")
 
 
-def _march(ritz: _Ritz, state: _State, target: float) -> _State:
+def _march(ritz: RitzExpansion, state: _State, target: float) -> _State:
     """Continue in the deflection from ``state`` up to ``target`` [m] at constant voltage."""
     smallest = 1e-5 * (ritz.film.outer - ritz.film.inner)
     step = 5.0 * _CONTINUATION_STEP * (ritz.film.outer - ritz.film.inner)
@@ -705,7 +708,7 @@ def solve_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     """
     sign = -1.0 if deflection < 0.0 else 1.0
 
-    def solve(ritz: _Ritz) -> _State:
+    def solve(ritz: RitzExpansion) -> _State:
         return _march(ritz, ritz.flat(voltage**2), abs(deflection))
 
     return _refine(film, solve, sign)
@@ -727,13 +730,13 @@ def solve_load(
     load = abs(force)
     reach = 3.0 * (film.outer - film.inner) if max_deflection is None else max_deflection
 
-    def solve(ritz: _Ritz) -> _State:
+    def solve(ritz: RitzExpansion) -> _State:
         return _primary(ritz, load, voltage**2, reach)
 
     return _refine(film, solve, sign)
 
 
-def _primary(ritz: _Ritz, load: float, q: float, reach: float) -> _State:
+def _primary(ritz: RitzExpansion, load: float, q: float, reach: float) -> _State:
     """State under ``load`` [N] on the primary branch at ``q = U^2``."""
     state = ritz.flat(q)
     if not ritz.flat_is_stable(q):
@@ -776,7 +779,7 @@ def _primary(ritz: _Ritz, load: float, q: float, reach: float) -> _State:
         state = following
 
 
-def _limit_point(ritz: _Ritz, start: _State, end: float) -> _State:
+def _limit_point(ritz: RitzExpansion, start: _State, end: float) -> _State:
     """Bisect the loss of stability under load between ``start`` (stable) and the deflection ``end`` [m]."""
     low, high = start, end
     while high - low.deflection > 1e-9 * ritz.film.outer:
@@ -788,7 +791,7 @@ def _limit_point(ritz: _Ritz, start: _State, end: float) -> _State:
     return low
 
 
-def _at_load(ritz: _Ritz, low: _State, high: _State, load: float) -> _State:
+def _at_load(ritz: RitzExpansion, low: _State, high: _State, load: float) -> _State:
     """State with ``force = load`` between two states of the branch that bracket it."""
 
     def excess(deflection: float) -> float:
@@ -820,8 +823,8 @@ def pull_in(film: Film, force: float) -> Solution:
     sign = -1.0 if force < 0.0 else 1.0
     before = math.nan
     for degree in _DEGREES:
-        ritz = _Ritz(film, degree)
-        state = _fold(ritz, abs(force))
+        ritz = RitzExpansion(film, degree)
+        state = fold_point(ritz, abs(force))
         if ritz.resolved(state) or abs(state.q - before) < 1e-8 * state.q:
             return ritz.solution(state, sign)
         before = state.q
@@ -833,7 +836,7 @@ def pull_in_voltage(film: Film, force: float) -> float:
     return pull_in(film, force).voltage
 
 
-def _fold(ritz: _Ritz, load: float) -> _State:
+def fold_point(ritz: RitzExpansion, load: float) -> _State:
     """First maximum of ``q = U^2`` along the branch of constant ``load`` [N]."""
     state = _primary(ritz, load, 0.0, 10.0 * (ritz.film.outer - ritz.film.inner))
     arc = 0.5 * _CONTINUATION_STEP
@@ -881,7 +884,7 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
 
     def rate(x: float, y: FloatArray) -> list[Any]:
         l1, l2, angle = y[0], y[1], y[2]
-        psi = _psi(film, l1, l2, q)
+        psi = energy_derivatives(film, l1, l2, q)
         sine, cosine = math.sin(angle), math.cos(angle)
         l2_x = l1 * cosine - l2
         l1_x = (psi.d2 * cosine - psi.d1 - psi.d12 * l2_x) / psi.d11
@@ -921,10 +924,10 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     xi, weight = legendre.leggauss(80)
     radius = a * np.exp(0.5 * span * (1.0 + xi))
     at = profile(radius)
-    density = _psi(film, at.lambda1, at.lambda2, q).value
+    density = energy_derivatives(film, at.lambda1, at.lambda2, q).value
     area = math.pi * span * radius**2 * weight  # 2 pi R dR
     rim = np.array([start[0]])
-    force = 2.0 * math.pi * a * film.thickness / lp * _psi(film, rim, np.array([lp]), q).d1[0]
+    force = 2.0 * math.pi * a * film.thickness / lp * energy_derivatives(film, rim, np.array([lp]), q).d1[0]
     return Solution(
         film=film,
         force=float(force) * math.sin(float(start[1])),

@@ -29,7 +29,7 @@ from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
-from tests.oracles.axisymmetric import Film, FloatArray, _psi
+from tests.oracles.axisymmetric import Film, FloatArray, energy_derivatives
 
 _CENTRE = 1e-5  # where shooting starts in a disc, relative to its radius; the error is its square
 
@@ -73,7 +73,7 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
     def rate(x: float, y: FloatArray) -> list[float]:
         l1, l2, slope, _ = y
         rho = start_radius / lp * math.exp(x)
-        psi = _psi(film, l1, l2, q)
+        psi = energy_derivatives(film, l1, l2, q)
         sine, cosine = math.sin(slope), math.cos(slope)
         l2_x = l1 * cosine - l2
         l1_x = (psi.d2 * cosine + loads.weight * rho * sine / thickness - psi.d1 - psi.d12
@@ -88,7 +88,7 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
         if not film.inner:
             lifted = 0.5 * (loads.pressure * around**2 + loads.weight) * rho**2
         sine = lifted / (rho * thickness
-                         * float(_psi(film, np.float64(first), np.float64(around), q).d1))
+                         * float(energy_derivatives(film, np.float64(first), np.float64(around), q).d1))
         result = solve_ivp(rate, (0.0, span), [first, around, math.asin(sine), 0.0],
                            method="DOP853", rtol=1e-12,
                            atol=1e-13, dense_output=True)
@@ -159,7 +159,7 @@ class _Expansion:
     def start(self, loads: Loads) -> FloatArray:
         """The flat film, slightly domed: unstressed it has no stiffness across its plane."""
         one = np.array([self.film.prestretch])
-        modulus = 0.75 * float(_psi(self.film, one, one, 0.0).d11[0])
+        modulus = 0.75 * float(energy_derivatives(self.film, one, one, 0.0).d11[0])
         push = abs(0.1 * loads.pressure) + abs(0.1 * loads.weight)
         dome = 0.6 * self.film.outer * (push * self.film.outer
                                         / (modulus * self.film.thickness)) ** (1 / 3)
@@ -205,7 +205,7 @@ class _Expansion:
         ratio = film.prestretch
         r, r_by, z_by = radius + self.r @ c, 1 + self.r_by @ c, self.z_by @ d
         length = np.hypot(r_by, z_by)
-        psi = _psi(film, ratio * length, ratio * r / radius, loads.voltage**2)
+        psi = energy_derivatives(film, ratio * length, ratio * r / radius, loads.voltage**2)
         volume = 2 * math.pi * film.thickness / ratio**2 * radius * step
         along_r, along_z = r_by / length, z_by / length
         zero_r, zero_z = np.zeros_like(self.r), np.zeros_like(self.z)

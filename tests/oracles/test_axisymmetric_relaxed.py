@@ -13,10 +13,10 @@ from scipy.optimize import brentq
 from tests.oracles.axisymmetric import (
     Film,
     Ogden,
+    RitzExpansion,
     Solution,
     _plain,
-    _psi,
-    _Ritz,
+    energy_derivatives,
     neo_hooke,
     shoot_deflection,
     solve_deflection,
@@ -49,7 +49,7 @@ def ritz_force(solution: Solution) -> float:
 
     The kink between taut and wrinkled film keeps polynomials from being resolved to the last digit.
     """
-    ritz = _Ritz(solution.film, 64)
+    ritz = RitzExpansion(solution.film, 64)
     cone = 0.5 * solution.deflection * (1 - ritz.xi)
     fields = solution.r(ritz.radius) - ritz.radius, solution.z(ritz.radius) - cone
     start = 1.01 * np.concatenate([np.linalg.lstsq(ritz.bubble, field)[0] for field in fields])
@@ -82,14 +82,14 @@ def test_derivatives_of_the_relaxed_energy() -> None:
     film = Film(10e-3, 45e-3, 1e-3, math.sqrt(5), Ogden((18.4e3, 210.0), (2.0, 4.0)), 4.7, 0.2,
                 relaxed=True)
     l1, l2, q, h = np.array([2.7, 2.9, 1.5]), np.array([2.1, 2.2, 1.6]), 8600.0**2, 1e-5
-    psi = _psi(film, l1, l2, q)
+    psi = energy_derivatives(film, l1, l2, q)
     assert (_plain(film, l1, l2, q).d2 < 0).tolist() == [True, True, False]
     assert psi.d2[:2].tolist() == [0.0, 0.0]
     assert (psi.value <= _plain(film, l1, l2, q).value).all()
-    ahead, back = (_psi(film, l1 + step, l2, q) for step in (h, -h))
+    ahead, back = (energy_derivatives(film, l1 + step, l2, q) for step in (h, -h))
     np.testing.assert_allclose((ahead.value - back.value) / (2 * h), psi.d1, rtol=1e-7)
     np.testing.assert_allclose((ahead.d1 - back.d1) / (2 * h), psi.d11, rtol=1e-6)
-    ahead, back = (_psi(film, l1, l2, q * (1 + step)) for step in (h, -h))
+    ahead, back = (energy_derivatives(film, l1, l2, q * (1 + step)) for step in (h, -h))
     np.testing.assert_allclose((ahead.d1 - back.d1) / (2 * h * q), psi.q1, rtol=1e-6)
 
 

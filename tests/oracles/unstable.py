@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.oracles.axisymmetric import Film, FloatArray, NoEquilibrium, _fold, _Ritz, solve_load
+from tests.oracles.axisymmetric import Film, FloatArray, NoEquilibrium, RitzExpansion, fold_point, solve_load
 
 
 def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> float:
@@ -19,8 +19,8 @@ def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> 
     Followed from the fold in the heave, with shape and ``U^2`` unknown, so it may be unstable, held
     or not.
     """
-    ritz = _Ritz(film, degree)
-    fold = _fold(ritz, force)
+    ritz = RitzExpansion(film, degree)
+    fold = fold_point(ritz, force)
     if heave < fold.deflection:
         raise ValueError(f"the fold is at {fold.deflection:.6g} m")
     past, now = None, (fold.deflection, fold.c, fold.q)
@@ -29,11 +29,11 @@ def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> 
         share = 0.0 if past is None else (target - now[0]) / (now[0] - past[0])
         guess = now if past is None else tuple(b + share * (b - a)
                                                for a, b in zip(past, now, strict=True))
-        past, now = now, (target, *_at(ritz, guess[1], float(target), guess[2], force))
+        past, now = now, (target, *shape_at(ritz, guess[1], float(target), guess[2], force))
     return math.sqrt(now[2])
 
 
-def _at(ritz: _Ritz, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray,
+def shape_at(ritz: RitzExpansion, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray,
                                                                                    float]:
     """Shape and ``q = U^2`` at a heave and a force, by Newton's method."""
     unit = ritz.q_unit / ritz.film.outer

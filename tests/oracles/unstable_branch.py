@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tests.oracles.axisymmetric import Film as Reference
-from tests.oracles.axisymmetric import FloatArray, _Ritz
-from tests.oracles.unstable import _at
+from tests.oracles.axisymmetric import FloatArray, RitzExpansion
+from tests.oracles.unstable import shape_at
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.equilibrium.subspace import Motions
@@ -32,4 +32,4 @@ def voltage_at(reference: Reference, heave: float, force: float, near: tuple[Flo
                degree: int
                ) -> tuple[FloatArray, float]:
     """Shape and U² of the Ritz method at a heave and a force, by Newton's method from a shape and a U² near."""
-    return _at(_Ritz(reference, degree), near[0], heave, near[1], force)
+    return shape_at(RitzExpansion(reference, degree), near[0], heave, near[1], force)

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, elliptical
 from scipy.special import ellipe
 
+from tests.support.specimens import NEO_HOOKE, elliptical
 from tympan.cli import main
 from tympan.fem.film.library import load_specimen
 from tympan.geometry import outlines

@@ -9,10 +9,10 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from conftest import ROOT5, circular, elliptical
 
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import branch_voltage, slack_voltage
+from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.loading import Magnet

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import circular, model
 
+from benchmarks.trials.other_direction import oracle
 from benchmarks.trials.random_specimens import design
 from benchmarks.trials.robustness import MESH, SECONDS, STEEP, UNBALANCED, judged, study, table
 from tests.oracles import axisymmetric
 from tests.oracles.balance import balance, displaced, nodal_forces, slope
 from tests.oracles.laws import SAMPLES
-from tests.oracles.other_direction import oracle
+from tests.support.models import model
+from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
 from tympan.fem.equilibrium.ramp import PathSettings, equilibrium
 from tympan.fem.membrane.loading import Magnet

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import circular, skewed
 
+from tests.support.specimens import circular, skewed
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden

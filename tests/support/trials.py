@@ -1,4 +1,4 @@
-"""Datasets made by the reduced model itself: three shapes, two masses, voltages up to 6.5 kV, one minute a reading."""
+"""Datasets made by the reduced model: three shapes, two masses, up to 6.5 kV, one minute a reading."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES)
 
 def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: list[float],
          seed: int) -> Table:
-    """The table with readings, noise included, of films 5 % stiffer and 3 % less permittive than nominal."""
+    """The table with noisy readings of films 5 % stiffer and 3 % less permittive than nominal."""
     values = simulation.predict(hypothesis, np.array([0.05, -0.03, *sizes]), table)
     return table.with_values(values + table.sigma
                              * np.random.default_rng(seed).standard_normal(len(table)))

@@ -7,13 +7,13 @@ from itertools import islice, pairwise
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, model
 from scipy.optimize import brentq
 
-from tests.fem.equilibrium.test_equilibrium import oracle
 from tests.oracles import axisymmetric
-from tests.oracles.axisymmetric import _fold, _Ritz
+from tests.oracles.axisymmetric import RitzExpansion, fold_point
 from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_at
+from tests.support.models import model
+from tests.support.specimens import circular, elliptical, reference_film
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
@@ -48,7 +48,7 @@ def test_pull_in_voltage_is_the_ode_s(material: Ogden, mass: float) -> None:
     film = model(circular(material))
     outcome = equilibrium(film, force, 9000.0)
     assert outcome.status == "no_equilibrium"
-    exact = axisymmetric.pull_in(oracle(material), force)
+    exact = axisymmetric.pull_in(reference_film(material), force)
     assert np.sqrt(outcome.limit) == pytest.approx(exact.voltage, rel=1e-5)
     # At the maximum the heave is known only as well as the root of the voltage.
     assert outcome.critical.state.plate.heave == pytest.approx(exact.deflection, rel=2e-3)
@@ -57,13 +57,13 @@ def test_pull_in_voltage_is_the_ode_s(material: Ogden, mass: float) -> None:
 def test_unstable_branch_is_the_ode_s() -> None:
     film = model(circular(SOFT))
     points = branch_points(film, SmoothMotions.of(film, 0), longest=6e-3)
-    fold = _fold(_Ritz(oracle(SOFT), 40), WEIGHT)
+    fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     near, checked = (fold.c, fold.q), 0
     for point in points:
         heave = point.state.plate.heave
         if heave <= fold.deflection:
             continue
-        near = voltage_at(oracle(SOFT), heave, WEIGHT, near, 40)
+        near = voltage_at(reference_film(SOFT), heave, WEIGHT, near, 40)
         assert np.sqrt(point.state.voltage_squared) == pytest.approx(np.sqrt(near[1]), rel=1e-3)
         assert point.rate < 0
         assert point.solution.tangent.negative == 1
@@ -119,7 +119,7 @@ def test_a_limit_in_force() -> None:
     start = equilibrium(film, 0.05, voltage).state
     smooth = SmoothMotions.of(film, 0)
     limit = limits(Branch(film, "force", motions=smooth), start, 1)[0]
-    exact = axisymmetric.pull_in(oracle(SOFT), limit.state.force)
+    exact = axisymmetric.pull_in(reference_film(SOFT), limit.state.force)
     assert exact.voltage == pytest.approx(voltage, rel=1e-5)
 
 
@@ -158,7 +158,7 @@ MAGNET, STOP, LIGHT = Magnet(0.8, 6e-3, 5e-3), Stop(4e-3, 1e6), 0.07
 
 def total(heave: float, voltage: float) -> tuple[float, float]:
     """Force of film, magnet and stop at a heave and its slope: the ODE, and both mechanisms written out again."""
-    film = axisymmetric.solve_deflection(oracle(VHB), heave, voltage)
+    film = axisymmetric.solve_deflection(reference_film(VHB), heave, voltage)
     near, beyond = 1 + (6e-3 - heave) / 5e-3, max(heave - 4e-3, 0.0)
     return (film.force - 0.8 * near**-4 + 1e6 * beyond**2,
             film.stiffness - 0.8 * 4 / 5e-3 * near**-5 + 2e6 * beyond)

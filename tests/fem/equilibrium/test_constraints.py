@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import circular, model
 
-from tests.fem.equilibrium.test_equilibrium import oracle
-from tests.fem.equilibrium.test_loading import loaded
-from tests.oracles.axisymmetric import _fold, _Ritz
+from tests.oracles.axisymmetric import RitzExpansion, fold_point
 from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_at
+from tests.support.models import loaded, model
+from tests.support.specimens import circular, reference_film
 from tympan.fem.equilibrium.constraints import (
     Arc,
     Charge,
@@ -122,7 +121,7 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     known = points[last - 2].state
     voltage = np.sqrt(known.voltage_squared)
     charge = capacitance_of(film, known) * voltage
-    fold = _fold(_Ritz(oracle(SOFT), 40), WEIGHT)
+    fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     state, near, seen = known, (fold.c, fold.q), []
     for share in (1.0, 1.02, 1.04, 1.06, 1.075, 1.085):
         found = newton(film, state, ("voltage",), (Charge(share * charge),), motions=smooth)
@@ -145,8 +144,8 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
 def reference_counts(heave: float,
                      near: tuple[np.ndarray, float]) -> tuple[tuple[np.ndarray, float], int, int]:
     """State of the Ritz method at a heave; its negative eigenvalues at constant voltage and at constant charge."""
-    ritz = _Ritz(oracle(SOFT), 40)
-    c, q = near = voltage_at(oracle(SOFT), heave, WEIGHT, near, 40)
+    ritz = RitzExpansion(reference_film(SOFT), 40)
+    c, q = near = voltage_at(reference_film(SOFT), heave, WEIGHT, near, 40)
     value, _, hessian, mixed = ritz.derivatives(c, heave, q)
     capacitance = 2 * (ritz.derivatives(c, heave, 0.0)[0] - value) / q
     kept = hessian + q / capacitance * np.outer(2 * mixed, 2 * mixed)

@@ -9,9 +9,10 @@ import cadquery as cq
 import numpy as np
 import pytest
 import skfem
-from conftest import ROOT5, circular, model
 from scipy.constants import epsilon_0
 
+from tests.support.models import model
+from tests.support.specimens import PATCH_TOML, ROOT5, circular
 from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import load_specimen
@@ -204,31 +205,9 @@ def test_export_writes_the_electrode_for_a_mask(tmp_path: Path) -> None:
     assert sum(face.Area() for face in drawn.faces().vals()) == pytest.approx(area, rel=1e-5)
 
 
-TEXT = """
-name = "patch"
-[frame]
-shape = "circle"
-radius = "45 mm"
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.2, 2.2]
-relative_permittivity = 4.7
-material = "vhb-4910"
-[electrode]
-margin_plate = "1 mm"
-[electrode.outline]
-shape = "ellipse"
-semi_axes = ["3 cm", "20 mm"]
-offset = ["1 cm", "0 mm"]
-"""
-
-
 def test_outline_in_a_file(tmp_path: Path) -> None:
     file = tmp_path / "patch.toml"
-    file.write_text(TEXT)
+    file.write_text(PATCH_TOML)
     assert load_specimen(file).electrode == Electrode(0.0, 1e-3, 0.0,
                                                       Region(Ellipse((30e-3, 20e-3)), (10e-3, 0.0)))
 
@@ -243,8 +222,8 @@ def test_outline_in_a_file(tmp_path: Path) -> None:
 ])
 def test_bad_outlines_are_named(tmp_path: Path, old: str, new: str, key: str, words: str) -> None:
     file = tmp_path / "patch.toml"
-    assert old in TEXT
-    file.write_text(TEXT.replace(old, new))
+    assert old in PATCH_TOML
+    file.write_text(PATCH_TOML.replace(old, new))
     with pytest.raises(InputError, match=words) as caught:
         load_specimen(file)
     assert (caught.value.file, caught.value.key) == (file, key)

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, circular, elliptical, model
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from tests.fem.equilibrium.test_equilibrium import oracle
-from tests.fem.equilibrium.test_loading import loaded
-from tests.oracles.axisymmetric import _psi
+from tests.oracles.axisymmetric import energy_derivatives
+from tests.support.models import loaded, model
+from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.enclosed_volume import plate_volume
@@ -125,18 +124,18 @@ def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.
     With x = ln R, ρ = R/λ_p and the slope t: (ρ T Ψ₁)' = T Ψ₂ cos t along the meridian, and across
     it ρ T Ψ₁ t' = p r λ₁ρ' − T Ψ₂ sin t; at the plate 2π ρ T Ψ₁ sin t = F + p π a².
     """
-    film = oracle(material)
+    film = reference_film(material)
     lp, thickness = film.prestretch, film.thickness
 
     def rate(x: float, y: np.ndarray) -> list[float]:
         l1, l2, slope, _ = y
-        rho, psi = math.exp(x) / lp, _psi(film, l1, l2, voltage_squared)
+        rho, psi = math.exp(x) / lp, energy_derivatives(film, l1, l2, voltage_squared)
         l2_x = l1 * math.cos(slope) - l2
         return [(psi.d2 * math.cos(slope) - psi.d1 - psi.d12 * l2_x) / psi.d11, l2_x,
                 (pressure * rho * l1 * l2 / thickness - psi.d2 * math.sin(slope)) / psi.d1,
                 l1 * rho * math.sin(slope)]
 
-    edge = float(_psi(film, np.float64(rim), np.float64(lp), voltage_squared).d1)
+    edge = float(energy_derivatives(film, np.float64(rim), np.float64(lp), voltage_squared).d1)
     sine = (force + pressure * math.pi * INNER**2) / (2 * math.pi * INNER / lp * thickness * edge)
     start = [rim, lp, math.asin(sine), 0.0]
     path = solve_ivp(rate, (math.log(INNER), math.log(OUTER)), start, method="DOP853", rtol=1e-10,

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, ROOT5, circular, elliptical, model, skewed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.oracles import axisymmetric
+from tests.support.models import model, structured_quarter
+from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
 from tympan.fem.equilibrium.newton import NewtonSettings, newton
 from tympan.fem.equilibrium.ramp import equilibrium, held, voltage_path
 from tympan.fem.film.laws import Ogden
@@ -21,7 +22,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields, whole
 from tympan.fem.rig import Rig
-from tympan.geometry.mesh import ELEMENTS, curved_mesh, from_meshio
+from tympan.geometry.mesh import from_meshio
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.studies.case import Case, Settings, solve
 
@@ -45,13 +46,6 @@ HELD = [
     (STIFF, 15, 0, 4.01666125, 2.74422, 624.2382, 249.7469),
 ]
 FINEST = 4.0  #: refinement at which the tables must be met to 1e-6
-
-
-def oracle(material: Ogden, **film: float) -> axisymmetric.Film:
-    values = {"inner": 10e-3, "outer": 45e-3, "thickness": 1e-3, "prestretch": ROOT5,
-              "relative_permittivity": 4.7}
-    return axisymmetric.Film(material=axisymmetric.Ogden(material.mu, material.alpha),
-                             **(values | film))
 
 
 def rim_peak(film: Model, state: State) -> float:
@@ -92,7 +86,7 @@ def test_force_table_at_the_default_mesh(material, heave, kilovolt, force, stret
 @pytest.mark.parametrize(("material", "heave", "kilovolt", "force"), [row[:4] for row in HELD])
 def test_force_table_on_the_finest_mesh(material, heave, kilovolt, force) -> None:
     outcome = held(model(circular(material), refine=FINEST), heave * 1e-3, kilovolt * 1e3)
-    exact = axisymmetric.solve_deflection(oracle(material), heave * 1e-3, kilovolt * 1e3).force
+    exact = axisymmetric.solve_deflection(reference_film(material), heave * 1e-3, kilovolt * 1e3).force
     assert exact == pytest.approx(force, rel=2e-8)  # the table's digits
     assert outcome.state.force == pytest.approx(exact, rel=1e-6)
 
@@ -103,7 +97,7 @@ def test_force_table_on_the_finest_mesh(material, heave, kilovolt, force) -> Non
 def test_deflections_on_the_finest_mesh(modulus, mass, kilovolt) -> None:
     material = Ogden((modulus * 1e3,), (2.0,))
     outcome = equilibrium(model(circular(material), refine=FINEST), mass * 1e-3 * G, kilovolt * 1e3)
-    exact = axisymmetric.solve_load(oracle(material), mass * 1e-3 * G, kilovolt * 1e3).deflection
+    exact = axisymmetric.solve_load(reference_film(material), mass * 1e-3 * G, kilovolt * 1e3).deflection
     assert outcome.state.plate.heave == pytest.approx(exact, rel=1e-6)
 
 
@@ -122,7 +116,7 @@ def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, e
     specimen = circular(material, prestretch=(prestretch, prestretch),
                         permittivity_exponent=exponent)
     specimen = replace(specimen, plate=Plate(Circle(inner)))
-    reference = oracle(material, inner=inner, prestretch=prestretch, permittivity_exponent=exponent)
+    reference = reference_film(material, inner=inner, prestretch=prestretch, permittivity_exponent=exponent)
     force = load * 0.2 * 2 * np.pi * inner * reference.resultant()
     # Voltage as a share of the one at which the flat film goes slack.
     slack = np.sqrt(reference.resultant()
@@ -137,34 +131,6 @@ def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, e
     assert outcome.state.plate.heave == pytest.approx(exact.deflection, rel=3e-5)
 
 
-def structured(order: int, radial: int, around: int) -> Model:
-    """A quarter annulus cut evenly in log r and in angle: meshes of one family, for orders of convergence."""
-    specimen = circular()
-    s, t = np.meshgrid(np.linspace(0, 1, radial + 1), np.linspace(0, 1, around + 1), indexing="ij")
-    number = np.arange(s.size).reshape(s.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    triangles = np.sort(np.hstack([np.stack([a, b, c]).reshape(3, -1),
-                                   np.stack([a, c, d]).reshape(3, -1)]), axis=0)
-    unit = np.stack([s.ravel(), t.ravel()])
-
-    def place(points: np.ndarray) -> np.ndarray:
-        r, angle = 10e-3 * 4.5 ** points[0], np.pi / 2 * points[1]
-        return np.stack([r * np.cos(angle), r * np.sin(angle)])
-
-    xy = ELEMENTS[order].doflocs
-    weights = np.column_stack([1 - xy.sum(1), xy])
-    nodes = place(np.einsum("lv,kve->kle", weights, unit[:, triangles]))
-    mesh = curved_mesh(place(unit), triangles, order, nodes)
-
-    facets = mesh.boundary_facets()
-    x, y = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-    # An arc's chord has its middle inside the quarter, off both axes.
-    arc, near = (x > 1e-6) & (y > 1e-6), np.hypot(x, y) < 20e-3
-    tags = {"axis_x": facets[y <= 1e-6], "axis_y": facets[x <= 1e-6],
-            "plate": facets[arc & near], "frame": facets[arc & ~near]}
-    return Model(specimen, mesh.with_boundaries(tags), frozenset("xy"))
-
-
 @pytest.mark.parametrize(("order", "sizes", "force_rate", "stress_rate"),
                          [(1, (4, 8, 16), 1.8, 0.8), (2, (4, 8, 16), 3.5, 1.8),
                           (3, (2, 4, 8), 4.5, 2.3),
@@ -172,10 +138,10 @@ def structured(order: int, radial: int, around: int) -> Model:
 def test_convergence_orders(order, sizes, force_rate, stress_rate) -> None:
     """Plate force and peak rim stress; 15 mm, where the stress is hard. The theory says 2p and p."""
     heave = 15e-3
-    exact = axisymmetric.solve_deflection(oracle(NEO_HOOKE), heave)
+    exact = axisymmetric.solve_deflection(reference_film(NEO_HOOKE), heave)
     force_errors, stress_errors = [], []
     for size in sizes:
-        film = structured(order, size, size)
+        film = structured_quarter(order, size, size)
         outcome = held(film, heave)
         assert outcome.status == "equilibrium"
         force_errors.append(abs(outcome.state.force / exact.force - 1))
@@ -187,7 +153,7 @@ def test_convergence_orders(order, sizes, force_rate, stress_rate) -> None:
 
 def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
     """gmsh's graded meshes as users refine them: the force gains at least four digits from --refine 1 to 4."""
-    exact = axisymmetric.solve_deflection(oracle(NEO_HOOKE), 15e-3)
+    exact = axisymmetric.solve_deflection(reference_film(NEO_HOOKE), 15e-3)
     errors = []
     for refine in (1.0, 2.0, 4.0):
         film = model(circular(), refine=refine)
@@ -343,7 +309,7 @@ def test_pull_in_is_where_the_ode_has_it() -> None:
     material = Ogden((15e3,), (2.0,))
     outcome = equilibrium(model(circular(material)), 17.9e-3 * G, 7000.0)
     assert outcome.status == "no_equilibrium"
-    exact = axisymmetric.pull_in_voltage(oracle(material), 17.9e-3 * G)
+    exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-4)
     below = equilibrium(model(circular(material)), 17.9e-3 * G, 0.999 * exact)
     above = equilibrium(model(circular(material)), 17.9e-3 * G, 1.001 * exact)
@@ -375,7 +341,7 @@ def test_films_that_are_not_taut_when_flat(prestretch) -> None:
     """An unstressed flat membrane has no stiffness across its plane; its loaded shape is found all the same."""
     outcome = equilibrium(model(circular(prestretch=(prestretch, prestretch))), 0.1755, 0.0)
     assert outcome.status == "equilibrium"
-    exact = axisymmetric.solve_load(oracle(NEO_HOOKE, prestretch=prestretch), 0.1755)
+    exact = axisymmetric.solve_load(reference_film(NEO_HOOKE, prestretch=prestretch), 0.1755)
     assert outcome.state.plate.heave == pytest.approx(exact.deflection, rel=1e-4)
 
 
@@ -400,7 +366,7 @@ def test_voltages_far_beyond_pull_in_have_no_equilibrium(kilovolt) -> None:
     material = Ogden((15e3,), (2.0,))
     outcome = equilibrium(model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
     assert outcome.status == "no_equilibrium"
-    exact = axisymmetric.pull_in_voltage(oracle(material), 17.9e-3 * G)
+    exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-2)
 
 

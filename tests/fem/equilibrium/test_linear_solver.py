@@ -6,11 +6,11 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from conftest import circular, model, skewed
 from scipy.sparse import block_array, bmat, coo_matrix, csc_matrix, eye_array
 from scipy.sparse.linalg import splu
 
-from tests.fem.equilibrium.test_model import deformed
+from tests.support.models import deformed, model
+from tests.support.specimens import circular, skewed
 from tympan.fem.discretisation.pattern import Pattern
 from tympan.fem.linear_solver.direct import Analysis, analyse, analyses, factorise
 from tympan.fem.linear_solver.dissection import elimination_order

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, model
 
+from tests.support.models import loaded, model
+from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.loading import BIASES, GUIDES, Loading, Magnet, Spring
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
@@ -42,17 +42,6 @@ def half() -> Model:
     specimen = replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (6e-3, 0.0)))
     return model(replace(specimen, membrane=replace(specimen.membrane, density=960.0)), refine=0.7,
                  order=2)
-
-
-def loaded(film: Model, seed: int = 0) -> State:
-    """A state far from equilibrium under all loads, moved only as the model allows."""
-    rng = np.random.default_rng(seed)
-    start = State.mounted(film).under(force=0.3, voltage=2500.0**2, pressure=60.0)
-    size = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])[list(film.plate_freedoms)]
-    x = film.reference / film.size
-    waves = sum(rng.normal(size=3) * np.cos(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
-                for _ in range(4))
-    return moved(film, start, (1.5e-3 * waves[film.free], size))
 
 
 CASES = [f"skewed {guide}" for guide in GUIDES] + ["half free", "half level", "quarter free"]

@@ -6,8 +6,9 @@ import weakref
 from typing import Any
 
 import pytest
-from conftest import circular, model
 
+from tests.support.models import model
+from tests.support.specimens import circular
 from tympan.fem.derivatives.sensitivity import heave_gradient
 from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.ramp import equilibrium, held

@@ -5,28 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import skfem
-from conftest import NEO_HOOKE, circular, elliptical, model, skewed
 from scipy.spatial.transform import Rotation
 from skfem.helpers import ddot, grad
 
+from tests.support.models import deformed, model
+from tests.support.specimens import NEO_HOOKE, circular, elliptical, skewed
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE, PlateMotion
 from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import unfold
 
 VOLTAGE_SQUARED = 2500.0**2
-
-
-def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:
-    """A smooth, large, asymmetric deformation with the plate moved in all six freedoms."""
-    rng = np.random.default_rng(seed)
-    motion = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])
-    plate = PlateMotion.rest().moved(motion)
-    x = film.reference / film.size
-    waves = sum(rng.normal(size=3) * np.sin(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
-                for _ in range(4))
-    positions = film.reference + 1.5e-3 * waves * film.free
-    return film.place(positions, plate), plate
 
 
 def test_forces_are_the_energy_s_derivative_by_the_complex_step(skewed_model: Model) -> None:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import ROOT5, circular, elliptical
 
 from tests.oracles.laws import SAMPLES
+from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.laws import (
     Ogden,

@@ -8,9 +8,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, ROOT5, circular, model
 
-from tests.fem.equilibrium.test_electrode import TEXT
+from tests.support.models import model
+from tests.support.specimens import NEO_HOOKE, PATCH_TOML, ROOT5, circular
 from tympan.fem.film.breakdown import REGISTRY, STRENGTHS, Constant, Power, read_strength
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.state import State
@@ -107,13 +107,13 @@ def test_stored_fields(tmp_path: Path) -> None:
 
 def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
     file = tmp_path / "film.toml"
-    file.write_text(TEXT)
+    file.write_text(PATCH_TOML)
     assert load_specimen(file).membrane.strength == VHB
     for name in MATERIALS:
         assert (read_strength(Table("", {"material": name}), "breakdown")
                 == VHB) == name.startswith("vhb-49")
     own = 'material = { law = "neo_hooke", mu = "20 kPa" }'
-    file.write_text(TEXT.replace('material = "vhb-4910"', own))
+    file.write_text(PATCH_TOML.replace('material = "vhb-4910"', own))
     assert load_specimen(file).membrane.strength is None
 
 
@@ -126,7 +126,7 @@ def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
 ])
 def test_strength_in_a_file(tmp_path: Path, line: str, strength: Power | Constant) -> None:
     file = tmp_path / "film.toml"
-    file.write_text(TEXT.replace("thickness =", f"{line}\nthickness ="))
+    file.write_text(PATCH_TOML.replace("thickness =", f"{line}\nthickness ="))
     assert load_specimen(file).membrane.strength == strength
 
 
@@ -149,7 +149,7 @@ def test_strength_in_a_file(tmp_path: Path, line: str, strength: Power | Constan
 ])
 def test_bad_strengths_are_named(tmp_path: Path, line: str, key: str, words: str) -> None:
     file = tmp_path / "film.toml"
-    file.write_text(TEXT.replace("thickness =", f"{line}\nthickness ="))
+    file.write_text(PATCH_TOML.replace("thickness =", f"{line}\nthickness ="))
     with pytest.raises(InputError, match=words) as caught:
         load_specimen(file)
     assert (caught.value.file, caught.value.key) == (file, key)

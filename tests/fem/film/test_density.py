@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, ROOT5, circular, skewed
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
+from tests.support.specimens import NEO_HOOKE, ROOT5, circular, skewed
 from tympan.fem.film.density import (
     FilmDensity,
     Maxwell,

@@ -9,11 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from conftest import ROOT5, circular, model
 from scipy.optimize import brentq
 
 from tests.oracles import axisymmetric
 from tests.oracles.laws import SAMPLES, Sample, gent
+from tests.support.models import model
+from tests.support.specimens import ROOT5, circular
 from tympan.fem.derivatives.sensitivity import heave_gradient
 from tympan.fem.equilibrium.constraints import Heave
 from tympan.fem.equilibrium.newton import newton

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, circular, model
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import tympan.fem.film.density
-from tests.fem.equilibrium.test_equilibrium import oracle
-from tests.oracles.axisymmetric import _psi
+from tests.oracles.axisymmetric import energy_derivatives
 from tests.oracles.laws import SAMPLES
+from tests.support.models import model
+from tests.support.specimens import NEO_HOOKE, circular, reference_film
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.density import Maxwell
 from tympan.fem.film.tension_field import TensionField
@@ -123,13 +123,13 @@ def test_a_wrinkling_film_is_convex_and_in_tension(name: str) -> None:
 
 def wrinkled_force(prestretch: float, heave: float) -> float:
     """Force on the plate of a relaxed neo-Hookean film, its hoop tension never below zero; by shooting."""
-    film = oracle(NEO_HOOKE, prestretch=prestretch)
+    film = reference_film(NEO_HOOKE, prestretch=prestretch)
     mu, span = 25e3, film.log_ratio
 
     def parts(l1: float, l2: float) -> tuple[float, float, float, float]:
         width = l1**-0.5
         if l2 > width:
-            psi = _psi(film, np.float64(l1), np.float64(l2), 0.0)
+            psi = energy_derivatives(film, np.float64(l1), np.float64(l2), 0.0)
             return float(psi.d1), float(psi.d2), float(psi.d11), float(psi.d12)
         return mu * (l1 - l1**-2), 0.0, mu * (1 + 2 * l1**-3), 0.0
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from conftest import NEO_HOOKE, ROOT5, circular, model
 
 from tests.oracles import axisymmetric
+from tests.support.models import model
+from tests.support.specimens import NEO_HOOKE, ROOT5, circular
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.tension_state import Tension
 from tympan.fem.membrane.model import Model

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, model
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from tests.support.models import model
+from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig

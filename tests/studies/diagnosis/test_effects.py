@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT5, circular, elliptical, skewed
 from scipy.stats import kstest, truncnorm
 
+from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.cli import main
 from tympan.fem.derivatives.sensitivity import heave_gradient
 from tympan.fem.film.laws import NeoHooke, Stiffened

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.specimens import circular, elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.rig import DIRECTIONS, Rig

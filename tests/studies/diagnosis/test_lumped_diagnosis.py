@@ -7,9 +7,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical, model
 from scipy.optimize import brentq
 
+from tests.support.models import model
+from tests.support.specimens import circular, elliptical
 from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import held, voltage_path
 from tympan.fem.film.laws import NeoHooke

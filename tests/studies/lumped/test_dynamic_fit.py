@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.studies.lumped.test_static_fit import MASSES, NOISE, TRUTH, noisy
+from tests.support.lumped import MASSES, NOISE, TRUTH, noisy
 from tympan.cli import main
 from tympan.fem.film.laws import Separable
 from tympan.fem.rig import Rig

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical
 from scipy.optimize import minimize
 
+from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import NeoHooke
 from tympan.studies.case import Case, Settings, find
 from tympan.studies.circles.cone import ConeCircle

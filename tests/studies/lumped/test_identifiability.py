@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.studies.lumped.test_static_fit import clean
+from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.identification import draw_correlations, draw_profiles
 from tympan.studies.estimation.identifiability import judge, noise_of

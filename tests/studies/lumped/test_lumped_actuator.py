@@ -7,61 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical
-from scipy.constants import epsilon_0, g
 
-from tympan.fem.film.laws import Gent
-from tympan.fem.film.library import MATERIALS
+from tests.oracles.paper_equations import equations
+from tests.support.lumped import MODELS, OVAL
+from tests.support.specimens import circular
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
 from tympan.studies.circles.cone import Lumped
 from tympan.studies.lumped.actuator import (
     Actuator,
-    Correction,
     Viscous,
     flat_capacitance,
     stored_energy,
 )
 from tympan.studies.lumped.equilibria import pull_in, rest, roots
 from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.membrane import LumpedModel
 from tympan.studies.paper.table1 import TABLE_1, eq8, known, paper_actuators
 
-TAPE = MATERIALS["vhb-4910"].material
-OVAL = elliptical(75e-3, TAPE)
-RIG = Rig(gravity=9.81, unaccounted_mass=1e-3, spring=3.0, amplifier_gain=0.02, sag_voltage=40e3)
-MODELS = {
-    "paper": Actuator.of(paper_actuators(8.5)[2], 17.9e-3, (0.4, 0.6)),
-    "tape": Actuator.of(OVAL, 22.45e-3, (0.7, 0.3), rig=RIG),
-    "membrane profile": Actuator.of(OVAL, 17.9e-3, (0.7, 0.3), profile=1.0),
-    "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4),
-                                           17.9e-3),
-    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9,
-                                    5e3
-                                    ).actuator(17.9e-3, RIG),
-}
 EVERY = pytest.mark.parametrize("actuator", MODELS.values(), ids=MODELS.keys())
-
-
-def equations(state: np.ndarray, u: float, alpha: tuple[float, float], mass: float,
-              permittivity: float) -> np.ndarray:
-    """Eqs. (3)–(10) as printed, for the large ellipse, with Table 1's numbers typed again."""
-    y, speed, *strains = state
-    r, z0, total, creep = 1e-2, 200e-6, 0.0, []
-    for weight, outer, strain in zip(alpha, (4.5e-2, 7.5e-2), strains, strict=True):
-        width = outer - r
-        s = (width**2 + y**2) / width**2
-        stretch = np.sqrt(s)
-        hyper = (13.4e3 * stretch**2 + 34.8e3 * stretch**4 + 35.8e3 * stretch**6
-                 + 0.41e3 * stretch**-2 + 113e3 * stretch**-4 + 34.2e3 * stretch**-6)
-        viscous = -23.5e6 * strain + 23.5e6 * (stretch - 1)
-        damper = 62.4e3 * y / (width * np.sqrt(width**2 + y**2)) * speed
-        sine = y / np.sqrt(width**2 + y**2)
-        total += weight * 2 * np.pi * r * (z0 / stretch) / mass * sine * (
-            -epsilon_0 * permittivity / z0**2 * s * u**2 + hyper + viscous + damper)
-        creep.append(-23.5e6 / 177.2e6 * strain + 23.5e6 / 177.2e6 * (stretch - 1))
-    return np.array([speed, g - total, *creep])
 
 
 def test_rates_are_the_papers_equations() -> None:

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import circular, elliptical
 from scipy.constants import epsilon_0, g
 from scipy.integrate import quad
 
 from tests.oracles import axisymmetric
+from tests.support.specimens import circular, elliptical
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, NeoHooke, Ogden, Stiffened
 from tympan.fem.film.library import MATERIALS, load_specimen

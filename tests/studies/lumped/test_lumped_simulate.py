@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from tests.studies.lumped.test_lumped_actuator import MODELS, equations
+from tests.oracles.paper_equations import equations
+from tests.support.lumped import MODELS
 from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset

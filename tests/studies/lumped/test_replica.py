@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import circular
 
+from tests.support.specimens import circular
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.geometry.errors import InputError

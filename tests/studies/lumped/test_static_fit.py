@@ -4,47 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.lumped import NOISE, TRUTH, clean, noisy
 from tympan.cli import main
-from tympan.fem.film.laws import Separable
-from tympan.fem.rig import Rig
-from tympan.studies.identify.static_fit import Readings, Sharing, StaticProblem
+from tympan.studies.identify.static_fit import Sharing, StaticProblem
 from tympan.studies.identify.static_search import StaticFit, identify_static, nelder_mead
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
-from tympan.studies.paper.table1 import paper_actuators
-
-MASSES, VOLTAGES = (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 8)
-# Away from Table 1, where the search begins: what the data do not determine must not be right by
-# being held.
-TRUTH = np.array([20e3, 20e3, 45e3, -10e3, -80e3, -50e3, 8.5, 0.45])
-NOISE = 1e-6  # the paper's sensor
-
-
-@cache
-def clean() -> Readings:
-    """Rests of the paper's three actuators by :mod:`tympan.studies.lumped.equilibria`, with other constants, without
-    noise."""
-    law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
-    specimens = tuple(replace(one, membrane=replace(one.membrane, material=law))
-                      for one in paper_actuators(8.5))
-    rows = [(number, mass, u, rest(Actuator.of(one, mass, (0.45, 0.55)), float(u)).deflection)
-            for number, one in enumerate(specimens) for mass in MASSES for u in VOLTAGES]
-    which, mass, u, y = np.array(rows).T
-    unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
-                    for one in specimens)
-    return Readings(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
-
-
-def noisy(seed: int, noise: float | None = NOISE) -> StaticProblem:
-    base = clean()
-    read = base.displacement + NOISE * np.random.default_rng(seed).standard_normal(len(base.mass))
-    return StaticProblem(replace(base, displacement=read, noise=noise), alpha="shared")
 
 
 @pytest.mark.parametrize("sharing", ["each", "shared"])
