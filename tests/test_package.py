@@ -1,0 +1,107 @@
+"""What is installed: ``tympan`` alone, with its data, and undisturbed by a user's own modules."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+SOURCES = ("geometry", "fem", "studies", "reports", "tympan", "pyproject.toml", "README.md",
+           "LICENSE")
+#: Names of a user's own files that were import names of the project once, or are names of others.
+USERS = ("geometry", "fem", "studies", "reports", "tests", "units", "specimen")
+
+#: Run in a copy of the tree: the two wheels, straight and by way of the source distribution.
+BUILD = """
+import os, tarfile
+from setuptools import build_meta
+build_meta.build_wheel("straight")
+archive = build_meta.build_sdist("source")
+with tarfile.open(f"source/{archive}") as source:
+    assert not any(member.issym() or member.islnk() for member in source)
+    source.extractall("source", filter="data")
+wheels = os.path.abspath("by_source")
+os.chdir("source/" + archive.removesuffix(".tar.gz"))
+build_meta.build_wheel(wheels)
+"""
+
+
+def _python(*arguments: str, cwd: Path, path: Path | None = None
+            ) -> subprocess.CompletedProcess[str]:
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    if path is not None:
+        environment["PYTHONPATH"] = str(path)
+    return subprocess.run([sys.executable, *arguments], cwd=cwd, env=environment, text=True,
+                          capture_output=True, check=False)
+
+
+@pytest.fixture(scope="session")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The wheel built from the tree and the one built from its source distribution."""
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (folder / "wheels.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        tree = folder / "wheels"
+        if not tree.exists():
+            for name in SOURCES:
+                if (ROOT / name).is_dir():
+                    shutil.copytree(ROOT / name, tree / name, symlinks=True,
+                                    ignore=shutil.ignore_patterns("__pycache__"))
+                else:
+                    shutil.copy(ROOT / name, tree / name)
+            built = _python("-c", BUILD, cwd=tree)
+            assert built.returncode == 0, built.stdout + built.stderr
+    straight, = (tree / "straight").glob("*.whl")
+    by_source, = (tree / "by_source").glob("*.whl")
+    return straight, by_source
+
+
+@pytest.fixture(scope="session")
+def installed(wheels: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which the wheel is unpacked, as installing does."""
+    folder = tmp_path_factory.mktemp("installed")
+    zipfile.ZipFile(wheels[0]).extractall(folder)
+    return folder
+
+
+def test_the_wheel_holds_tympan_whole_and_nothing_else(wheels: tuple[Path, Path]) -> None:
+    straight, by_source = ({name for name in zipfile.ZipFile(wheel).namelist()
+                            if not name.endswith("/")} for wheel in wheels)
+    assert straight == by_source
+    ours = {name for name in straight if name.startswith("tympan/")}
+    assert {name.split("/")[0] for name in straight - ours} == {f"tympan-{VERSION}.dist-info"}
+    sources = {str(Path(folder, name).relative_to(ROOT))
+               for folder, _, names in os.walk(ROOT / "tympan", followlinks=True)
+               if "__pycache__" not in folder for name in names}
+    assert ours == sources
+    assert {Path(name).suffix for name in ours} >= {".py", ".typed", ".html", ".css", ".toml",
+                                                    ".csv"}
+
+
+def test_a_user_s_own_modules_disturb_nothing(installed: Path, tmp_path: Path) -> None:
+    for name in USERS:
+        (tmp_path / f"{name}.py").write_text(f"MINE = {name!r}\n")
+    imports = "\n".join(f"import {name}\nassert {name}.MINE == {name!r}" for name in USERS)
+    (tmp_path / "script.py").write_text(
+        f"import tympan\n{imports}\n"
+        "from tympan.reports.study import page\n"
+        "from tympan.studies.paper.actuators import actuators\n"
+        "print(tympan.__version__, tympan.__file__, len(actuators()))\n")
+    script = _python("script.py", cwd=tmp_path, path=installed)
+    assert script.returncode == 0, script.stderr
+    assert script.stdout.split() == [VERSION, str(installed / "tympan" / "__init__.py"), "3"]
+    version = _python("-m", "tympan", "--version", cwd=tmp_path, path=installed)
+    assert (version.returncode, version.stdout) == (0, f"tympan {VERSION}\n")
+    materials = _python("-m", "tympan", "materials", cwd=tmp_path, path=installed)
+    assert materials.returncode == 0, materials.stderr
+    assert "vhb-4910" in materials.stdout
