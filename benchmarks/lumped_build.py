@@ -30,7 +30,7 @@ def main() -> None:
     found = [build(specimen, Settings()) for specimen in _paper()]
     others = [(words, build(specimen, Settings(), chosen)) for words, specimen, chosen in _others()]
     with tempfile.TemporaryDirectory() as folder:
-        (picture,) = draw_built(found, Path(folder), ("png",))
+        picture, _ = draw_built(found, Path(folder))
         shutil.copy(picture, _DOCS / "lumped-build.png")
     write_text(_DOCS / "lumped-build.md", page(found, others))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tympan.reports.figures.optimum import draw
+from tympan.reports.figures.optimum import draw_optimum
 from tympan.studies.case import Settings
 from tympan.studies.files import write_text
 from tympan.studies.optimise.design import Bench
@@ -29,7 +29,7 @@ def main() -> None:
     took = time.perf_counter() - began
     parts = {name: optimise(_only(problem, name)) for name in ("frame", "plate")}
     with tempfile.TemporaryDirectory() as folder:
-        (picture,) = draw(whole, Path(folder))
+        picture, _ = draw_optimum(whole, Path(folder))
         shutil.copy(picture, _DOCS / "optimum.png")
     write_text(_DOCS / "optimum.md", page(whole, parts, took))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.reports.paper.figures import read
+from tympan.reports.paper.figures import read_paper
 from tympan.reports.paper.page import CAPTIONS, shown
 from tympan.studies.files import write_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
@@ -29,7 +29,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     for figure, file in _FIGURES.items():
         shutil.copy(folder / f"{figure}.png", _DOCS / file)
-    write_text(_DOCS / "paper.md", page(read(folder), other_seeds()))
+    write_text(_DOCS / "paper.md", page(read_paper(folder), other_seeds()))
 
 
 def other_seeds() -> list[str]:

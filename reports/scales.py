@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 
 @dataclass(frozen=True)
-class Scale:
+class AxisScale:
     """A linear axis or colour scale from ``low`` to ``high`` with round ticks ``step`` apart, in one unit."""
 
     low: float
@@ -43,7 +43,7 @@ class Scale:
         return f"{value:.{self.decimals + more}f}".replace("-", "\N{MINUS SIGN}")
 
 
-def scale(low: float, high: float, intervals: int = 5) -> Scale:
+def round_scale(low: float, high: float, intervals: int = 5) -> AxisScale:
     """A scale that just covers the values from ``low`` to ``high``, ending on half ticks.
 
     It starts at zero if the smallest value is less than a quarter of the largest. Equal values get
@@ -51,9 +51,9 @@ def scale(low: float, high: float, intervals: int = 5) -> Scale:
 
     Examples
     --------
-    >>> scale(96.53, 98.68)
-    Scale(low=96.5, high=98.75, ticks=(96.5, 97.0, 97.5, 98.0, 98.5))
-    >>> scale(3.0, 41.0).low
+    >>> round_scale(96.53, 98.68)
+    AxisScale(low=96.5, high=98.75, ticks=(96.5, 97.0, 97.5, 98.0, 98.5))
+    >>> round_scale(3.0, 41.0).low
     0.0
     """
     if 0 <= low < high / 4:
@@ -67,7 +67,7 @@ def scale(low: float, high: float, intervals: int = 5) -> Scale:
     # A value on a half tick up to rounding needs no further one.
     first, last = floor(low / half + 1e-9), -floor(-high / half + 1e-9)
     ticks = tuple(round(index * step, 12) for index in range(-(-first // 2), last // 2 + 1))
-    return Scale(round(first * half, 12), round(last * half, 12), ticks)
+    return AxisScale(round(first * half, 12), round(last * half, 12), ticks)
 
 
 def rows_of(count: int, most: int = 3) -> list[range]:

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
 from tympan.geometry.system import MissingLibrary
-from tympan.reports.scales import Scale
+from tympan.reports.scales import AxisScale
 from tympan.reports.study.load import Array, Film, Stored
 
 _MOUNTED = ("across", "back")
@@ -32,7 +32,7 @@ class View:
     resolution: float
     line: float
     colours: str
-    scale: Scale
+    scale: AxisScale
     net: float
     short: str
     long: str
@@ -79,14 +79,14 @@ def picture(specimen: Stored, view: View) -> Picture:
 def film_picture(film: Film, view: View, turned: bool) -> Picture:
     """The same of any film with a number at its points, with y across the picture where it is ``turned``."""
     surface = film_surface(film, view, turned)
-    extent, size = frame(view.project(np.asarray(surface.points)), view.resolution)
+    extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
     with _plotter(size) as plotter:
         plotter.add_mesh(surface, scalars="stress", cmap=view.colours,
                          clim=(view.scale.low, view.scale.high),
                          lighting=False, show_scalar_bar=False, n_colors=1024)
         _add_hatches(plotter, surface, view)
         _add_lines(plotter, surface, view)
-        for rim in outlines(surface)[1:]:
+        for rim in film_rims(surface)[1:]:
             _add_plate(plotter, rim, view)
         _aim(plotter, extent, view)
         pixels = plotter.screenshot(return_img=True)
@@ -110,7 +110,7 @@ def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
     return joined
 
 
-def outlines(surface: pv.PolyData) -> list[Array]:
+def film_rims(surface: pv.PolyData) -> list[Array]:
     """Closed boundaries of the film as ordered points, shape (n, 3), the longest first: the frame, then the plate."""
     edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False,
                                           manifold_edges=False,
@@ -120,7 +120,7 @@ def outlines(surface: pv.PolyData) -> list[Array]:
     return sorted(loops, key=_length, reverse=True)
 
 
-def frame(projected: Array, resolution: float, margin: float = 0.01
+def picture_frame(projected: Array, resolution: float, margin: float = 0.01
           ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
     """Extent [mm] and pixels of a picture that holds the points, with whole pixels of exactly 1/resolution mm."""
     low, high = projected.min(0), projected.max(0)
@@ -132,7 +132,7 @@ def frame(projected: Array, resolution: float, margin: float = 0.01
 
 def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
     """A square net drawn on the film, the two axes through the plate, and the frame's and the plate's edge."""
-    edges = outlines(surface)
+    edges = film_rims(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
         net = surface.contour(_net(surface, _MOUNTED[coordinate], view.net),

@@ -244,7 +244,7 @@ def _charge_rate(model: Model, point: Point) -> float:
 def store(folder: Path, result: BranchResult, limits: list[tuple[Model, Point]]) -> None:
     """Write the stations as CSV, the numbers as JSON, and at each limit point fields and critical mode as VTU."""
     name = f"{result.specimen}-path"
-    remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png")))
+    remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
     for number, (model, point) in enumerate(limits, start=1):
         full, state = whole(model, point.state)
         mode = moved(model, point.state,

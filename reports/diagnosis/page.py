@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
-from tympan.reports.study.page import embedded, template, text
+from tympan.reports.template import embedded_picture, page_template, sentence_list
 from tympan.studies.effects import REGISTRY
 from tympan.studies.files import write_text
 
@@ -31,7 +31,7 @@ HEADLINES = {
 }
 
 
-def build(folder: Path) -> Path:
+def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file.
 
     Raises
@@ -40,36 +40,36 @@ def build(folder: Path) -> Path:
         When diagnosis.json or readings.csv is missing or damaged.
     """
     content, table = _read(folder)
-    residuals.draw(table, folder)
+    residuals.draw_residuals(table, folder)
     file = folder / "diagnosis.html"
-    write_text(file, page(content, embedded(folder / "residuals.svg")))
+    write_text(file, render_diagnosis(content, embedded_picture(folder / "residuals.svg")))
     return file
 
 
-def page(content: Content, figure: str) -> str:
+def render_diagnosis(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
-    filled = template("diagnosis/diagnosis.html", number=number, percent=percent, chance=chance,
-                      error=error)
-    return filled.render(
-        css=text("page.css"), found=content, headline=HEADLINES[content["verdict"]],
-        sentence=sentence(content),
+    template = page_template("diagnosis/diagnosis.html", number=number, percent=probability_text,
+                             chance=chance, error=error)
+    return template.render(
+        found=content, headline=HEADLINES[content["verdict"]],
+        sentence=verdict_sentence(content),
         figure=figure, causes=[told(one) for one in content["causes"]],
         attempts=[told(one) for one in content["attempts"]])
 
 
 def told(cause: Content) -> Content:
     """A cause with its words."""
-    return {**cause, "label": label(cause), "values": values(cause),
+    return {**cause, "label": cause_label(cause), "values": values(cause),
             "explanation": REGISTRY[cause["effect"]].explanation}
 
 
-def sentence(content: Content) -> str:
+def verdict_sentence(content: Content) -> str:
     """The verdict in one or two sentences.
 
     Examples
     --------
     >>> misfit = {"baseline_rmse_um": 21.0, "noise_um": 20.0, "where": "nowhere"}
-    >>> sentence({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})
+    >>> verdict_sentence({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})
     'With stiffness and permittivity fitted, it misses the readings by 21 µm; the noise alone is 20 µm.'
     """
     misfit, causes = content["misfit"], content["causes"]
@@ -82,12 +82,12 @@ def sentence(content: Content) -> str:
         return (f"{missed}{ratio_words(misfit)} Something is at work that tympan does not know, or the dataset states "
                 "something wrongly.")
     if content["verdict"] == "named":
-        named = [one for one in causes if label(one) in content["after"]["effects"]]
+        named = [one for one in causes if cause_label(one) in content["after"]["effects"]]
         told = " ".join(f"{REGISTRY[one['effect']].explanation} Found: {values(one)}."
                         for one in named)
         return f"{missed} {told} With that it misses them by {number(content['after']['rmse_um'])} µm."
-    several = [label(one) for one in causes if one["probability"] >= 0.05][:4]
-    return f"{missed} These readings cannot decide between {listed(several, 'and')}."
+    several = [cause_label(one) for one in causes if one["probability"] >= 0.05][:4]
+    return f"{missed} These readings cannot decide between {sentence_list(several)}."
 
 
 def ratio_words(misfit: Content) -> str:
@@ -99,10 +99,10 @@ def ratio_words(misfit: Content) -> str:
                     key=lambda one: abs(one["off_by_noise"]), default=None)
         if worst:
             found.append(f"{worst['what']} is {worst['read']:.2f} as read, {worst['simulated']:.2f} as simulated")
-    return f" The ratio of strokes {listed(found, 'and')}." if found else ""
+    return f" The ratio of strokes {sentence_list(found)}." if found else ""
 
 
-def label(cause: Content) -> str:
+def cause_label(cause: Content) -> str:
     """An effect, with the specimen it happens to."""
     return cause["effect"] if cause["which"] is None else f"{cause['effect']} of {cause['which']}"
 
@@ -112,17 +112,6 @@ def values(cause: Content) -> str:
     return ", ".join(
         f"{name} = {number(one['value'])} {one['unit']} (95 %: {number(one['low'])} to {number(one['high'])})"
         .replace("  ", " ") for name, one in cause["parameters"].items())
-
-
-def listed(words: Sequence[str], last: str) -> str:
-    """Words as in a sentence.
-
-    Examples
-    --------
-    >>> listed(["a", "b", "c"], "and")
-    'a, b and c'
-    """
-    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def number(value: float | None) -> str:
@@ -135,7 +124,7 @@ def error(value: float | None) -> str:
     return "–" if value is None else number(value)
 
 
-def percent(share: float) -> str:
+def probability_text(share: float) -> str:
     """A probability, never rounded to certainty."""
     return "above 99 %" if share > 0.99 else "below 1 %" if share < 0.01 else f"{100 * share:.0f} %"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,6 @@ Array = NDArray[np.float64]
 
 _TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
 _LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
-_MARKERS = "os^Dv*"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,27 +35,24 @@ class Residuals:
         return list(dict.fromkeys(self.specimen.tolist()))
 
 
-def draw(residuals: Residuals, folder: Path, formats: Sequence[str] = ("svg",)) -> list[Path]:
+def draw_residuals(residuals: Residuals, folder: Path) -> list[Path]:
     """Draw folder/residuals.svg; answers the files."""
-    style.check(formats)
-    with style.look():
-        return style.save(compose(residuals), folder, "residuals", formats)
+    return style.save_figure(folder, "residuals", lambda: _compose(residuals), ("svg",))
 
 
-def compose(residuals: Residuals) -> Figure:
+def _compose(residuals: Residuals) -> Figure:
     """All panels with one scale."""
     names = residuals.specimens
     height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
-    figure = style.page(height)
+    figure = style.new_figure(height)
     width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
     changed = not np.array_equal(residuals.before, residuals.after)
     reach = 1.15 * max(float(np.abs(residuals.before).max()), 2.5 * float(residuals.noise.max()))
     for row, name in enumerate(names):
         for column, (words, values) in enumerate((("nominal model", residuals.before),
                                                   ("extended model", residuals.after))):
-            axes = style.place(figure, _LEFT + column * (width + _BETWEEN),
-                               _TITLE + row * (_PANEL + _GAP), width,
-                               _PANEL)
+            axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
+                                    _TITLE + row * (_PANEL + _GAP), width, _PANEL)
             _panel(axes, residuals, name, values if column == 0 or changed else None)
             axes.set_ylim(-reach, reach)
             title = f"{words}, stiffness and permittivity fitted" if column == 0 else words
@@ -71,13 +66,12 @@ def compose(residuals: Residuals) -> Figure:
 
 
 def _panel(axes: Axes, residuals: Residuals, name: str, values: Array | None) -> None:
-    own = residuals.specimen == name
-    voltage = residuals.voltage[own]
+    of_specimen = residuals.specimen == name
+    voltage, noise = residuals.voltage[of_specimen], residuals.noise[of_specimen]
     order = np.argsort(voltage)
-    noise = residuals.noise[own][order]
-    edges = voltage[order] if np.ptp(voltage) > 0 else np.array([voltage[0] - 0.5,
-                                                                 voltage[0] + 0.5])
-    band = noise if np.ptp(voltage) > 0 else np.full(2, noise.max())
+    edges, band = voltage[order], noise[order]
+    if np.ptp(voltage) == 0:
+        edges, band = np.array([voltage[0] - 0.5, voltage[0] + 0.5]), np.full(2, noise.max())
     axes.fill_between(edges, -2 * band, 2 * band, color="#e4e6ea", linewidth=0,
                       label="95 % of the noise")
     axes.axhline(0.0, color="#5a6475", linewidth=0.6)
@@ -86,8 +80,7 @@ def _panel(axes: Axes, residuals: Residuals, name: str, values: Array | None) ->
                   color="#5a6475")
         return
     for number, mass in enumerate(np.unique(residuals.mass).tolist()):
-        rows = own & (residuals.mass == mass)
-        colour = style.PALETTE[number % len(style.PALETTE)]
-        axes.plot(residuals.voltage[rows], values[rows], _MARKERS[number % len(_MARKERS)],
-                  color=colour, markersize=3.2,
-                  markeredgewidth=0, alpha=0.9, label=f"{mass:.4g} g")
+        rows = of_specimen & (residuals.mass == mass)
+        axes.plot(residuals.voltage[rows], values[rows], style.marker_of(number),
+                  color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
+                  label=f"{mass:.4g} g")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,24 +15,22 @@ from tympan.studies.material.fit import Comparison, Fit
 
 _TITLE, _PANEL, _AXIS, _LEGEND = 7.0, 52.0, 11.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 14.0, 3.0, 11.0
-_MARKERS = "os^Dv*"
 
 
-def draw(comparison: Comparison, folder: Path,
-         formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw readings and fits as folder/fit.png and .svg; answers the files."""
-    style.check(formats)
-    with style.look():
-        return style.save(compose(comparison), folder, "fit", formats)
+def draw_fit(comparison: Comparison, folder: Path) -> list[Path]:
+    """Draw readings and fits as folder/fit.png and .svg; answers the files.
+
+    A panel for each mode; those without readings show what the fits foretell.
+    """
+    return style.save_figure(folder, "fit", lambda: _compose(comparison))
 
 
-def compose(comparison: Comparison) -> Figure:
-    """A panel for each mode; those without readings show what the fits foretell."""
-    figure = style.page(_TITLE + _PANEL + _AXIS + _LEGEND)
+def _compose(comparison: Comparison) -> Figure:
+    figure = style.new_figure(_TITLE + _PANEL + _AXIS + _LEGEND)
     entries: dict[str, Artist] = {}
     width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
     for number, mode in enumerate(MODES):
-        axes = style.place(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
+        axes = style.place_axes(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
         _panel(axes, comparison, mode)
         axes.set_ylabel("nominal stress (kPa)" if number == 0 else "")
         handles, words = axes.get_legend_handles_labels()
@@ -48,22 +45,20 @@ def _panel(axes: Axes, comparison: Comparison, mode: str) -> None:
     reach = coupons.stretch if tested else comparison.coupons.stretch
     stretch = np.linspace(min(1.0, float(reach.min())), float(reach.max()), 201)
     for index, name in enumerate(dict.fromkeys(coupons.specimen)):
-        own = coupons[coupons.specimen == name]
-        axes.plot(own.stretch, own.stress / 1e3, _MARKERS[index % len(_MARKERS)], color="black",
-                  markersize=3,
+        read = coupons[coupons.specimen == name]
+        axes.plot(read.stretch, read.stress / 1e3, style.marker_of(index), color="black", markersize=3,
                   markerfacecolor="none", markeredgewidth=0.7, label=name or "readings", zorder=4)
     best = comparison.best or comparison.fits[0]
     for index, fit in enumerate([best,
                                  *(other for other in comparison.fits if other is not best)][:6]):
-        _curve(axes, fit, mode, stretch, style.PALETTE[index % len(style.PALETTE)], fit is best)
+        _curve(axes, fit, mode, stretch, style.colour_of(index), fit is best)
     highest = max((float(coupons.stress.max()) / 1e3 if tested else 0.0), _top(best, mode, stretch))
     lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
     axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
     axes.set_title(mode.replace("_", " ") + ("" if tested else ", not tested"), weight="bold",
                    loc="left")
     axes.set_xlabel("stretch")
-    axes.grid(color="#e4e6ea", linewidth=0.5)
-    axes.set_axisbelow(True)
+    style.faint_grid(axes)
 
 
 def _top(fit: Fit, mode: str, stretch: np.ndarray) -> float:

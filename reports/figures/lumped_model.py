@@ -18,32 +18,31 @@ _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α
           "cone": ("--", "cones, dashes in turn")}
 
 
-def draw_built(found: Sequence[Built], folder: Path,
-               formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw folder/build: a column for each mass; all models above, the errors of those with membrane circles below."""
-    style.check(formats)
-    with style.look():
-        return style.save(_build(found), folder, "build", formats)
+def draw_built(models: Sequence[Built], folder: Path) -> list[Path]:
+    """Draw folder/build.png and .svg, a column for each mass; answers the files.
+
+    All models above; below, the errors of those with membrane circles.
+    """
+    return style.save_figure(folder, "build", lambda: _compose(models))
 
 
-def _build(found: Sequence[Built]) -> Figure:
-    masses = found[0].settings.masses
+def _compose(models: Sequence[Built]) -> Figure:
+    masses = models[0].settings.masses
     columns: list[tuple[Axes, Axes]] = []
-    figure = style.page(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
+    figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
     for column, mass in enumerate(masses):
         start = _LEFT + column * (width + _LEFT)
-        above = style.place(figure, start, _TITLE, width, _ABOVE)
-        below = style.place(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
-        for number, one in enumerate(found):
-            _draw(one, column, number, len(found), above, below)
+        above = style.place_axes(figure, start, _TITLE, width, _ABOVE)
+        below = style.place_axes(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
+        for number, built in enumerate(models):
+            _draw(built, column, number, len(models), above, below)
         columns.append((above, below))
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.tick_params(labelbottom=False)
         below.set_xlabel("voltage (kV)")
         for axes in (above, below):
-            axes.grid(color="#e4e6ea", linewidth=0.5)
-            axes.set_axisbelow(True)
+            style.faint_grid(axes)
         if column == 0:
             above.set_ylabel("deflection (mm)")
             below.set_ylabel("lumped/field − 1 (%)")
@@ -57,7 +56,7 @@ def _build(found: Sequence[Built]) -> Figure:
 
 
 def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
-    colour = style.PALETTE[number % len(style.PALETTE)]
+    colour = style.colour_of(number)
     voltage, fitted = 1e-3 * np.array(built.settings.voltages), built.settings.fitted[row]
     for kind, (line, _) in _SHOWN.items():
         # Cones of several shapes may coincide: their dashes take turns.
@@ -70,8 +69,7 @@ def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes
             if kind == "corrected":
                 below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
     above.plot(voltage, 1e3 * built.field.deflection[row], "o", color=colour, markersize=3,
-               markerfacecolor="none",
-               label=built.model.specimen.name)
+               markerfacecolor="none", label=built.model.specimen.name)
 
 
 def _key(axes: Axes) -> None:

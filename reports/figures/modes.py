@@ -12,20 +12,20 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.reports.scales import Scale, bar_length, rows_of
+from tympan.reports.scales import AxisScale, bar_length, rows_of
 from tympan.reports.scene import Picture, View, film_picture
 from tympan.reports.study.load import Film
 from tympan.studies.modes import Mode, Vibration, surface
 
 _SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
-_TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one would swell it
+_TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one swells it
 _MARGIN, _GAP, _TITLE, _BAR = 3.0, 4.0, 9.0, 15.0  # [mm]
 _MOST = 12  #: modes drawn
 _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
-def draw(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mode]) -> list[Path]:
-    """Draw the first modes as folder/name.png; answers the files, none where there are no modes.
+def draw_modes(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mode]) -> list[Path]:
+    """Draw the first modes as folder/name.png and .svg; answers the files, none where there are no modes.
 
     Raises
     ------
@@ -40,18 +40,19 @@ def draw(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mode]) -
     rows = rows_of(len(shown))
     width = (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
     dots = 1.4 * style.DPI  # more than the print's: their average makes smooth edges
-    view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS, Scale(-1, 1, (-1, 0, 1)),
-                bar_length(wide) / 2, _AXES, _AXES, elevation=38.0, ink=_INK)
+    view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS,
+                AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _AXES, _AXES, elevation=38.0,
+                ink=_INK)
     films = swung(vibration)[: len(shown)]
     pictures = [film_picture(film, view, frame[1] > frame[0]) for film in films]
-    with style.look():
-        return style.save(_compose(pictures, shown, rows, width), folder, name, ("png",))
+    return style.save_figure(folder, name, lambda: _compose(pictures, shown, rows, width))
 
 
 def swung(vibration: Vibration) -> list[Film]:
-    """The film along each mode [mm], its number the motion along the load relative to the mode's largest motion.
+    """The film swung out along each mode [mm], coloured by the motion along the load.
 
-    Of the two directions a mode swings, the one in which it goes furthest along the load.
+    The colour is relative to the mode's largest motion. Of the two directions a mode swings, the
+    one in which it goes furthest along the load.
     """
     film = surface(vibration)
     largest = _SWING * min(vibration.model.specimen.frame.semi_axes)
@@ -71,12 +72,12 @@ def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[
     left, right, bottom, top = (pick(item.extent[side] for item in pictures)
                                 for side, pick in enumerate((min, max, min, max)))
     height = width * (top - bottom) / (right - left)
-    figure = style.page(len(rows) * (_TITLE + height) + _BAR)
+    figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):
         spare = style.WIDTH - len(row) * width - (len(row) - 1) * _GAP
         for column, index in enumerate(row):
             place = spare / 2 + column * (width + _GAP), _TITLE + number * (_TITLE + height)
-            axes = style.place(figure, *place, width, height)
+            axes = style.place_axes(figure, *place, width, height)
             _show(axes, pictures[index], f"{index + 1}  {modes[index].name}", modes[index].speed)
             axes.set(xlim=(left, right), ylim=(bottom, top))
     _colour_bar(figure, len(rows) * (_TITLE + height) + 2.0)
@@ -93,10 +94,9 @@ def _show(axes: Axes, image: Picture, name: str, speed: str) -> None:
 
 def _colour_bar(figure: Figure, top: float) -> None:
     wide = 70.0
-    cax = style.place(figure, (style.WIDTH - wide) / 2, top, wide, 2.4)
+    cax = style.place_axes(figure, (style.WIDTH - wide) / 2, top, wide, 2.4)
     bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax,
-                          orientation="horizontal",
-                          ticks=(-1, 0, 1))
+                          orientation="horizontal", ticks=(-1, 0, 1))
     bar.outline.set_linewidth(0.5)
-    bar.set_label("motion along the load over the mode's largest motion; the size of the swing is arbitrary",
-                  labelpad=2)
+    bar.set_label("motion along the load over the mode's largest motion; "
+                  "the size of the swing is arbitrary", labelpad=2)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from tympan.geometry.specimen import Specimen
 from tympan.reports import look as style
@@ -16,17 +17,19 @@ from tympan.studies.optimise.optimise import Optimised, Optimum
 _PANEL = 52.0  #: width of the outlines' panel [mm]
 
 
-def draw(result: Optimised, folder: Path) -> list[Path]:
-    """Write ``optimum.png``: one row for each optimum."""
-    rows = max(1, len(result.optima))
-    with style.look():
-        figure = style.page(6 + 62 * rows)
-        for number, optimum in enumerate(result.optima):
-            top = 10 + 62 * number
-            _outlines(style.place(figure, 16, top, _PANEL, 44), result, optimum)
-            _strokes(style.place(figure, 84, top, 38, 44), result, optimum)
-            _limits(style.place(figure, 138, top, 38, 44), result, optimum)
-        return style.save(figure, folder, "optimum", ["png"])
+def draw_optimum(result: Optimised, folder: Path) -> list[Path]:
+    """Draw folder/optimum.png and .svg, one row for each optimum; answers the files."""
+    return style.save_figure(folder, "optimum", lambda: _compose(result))
+
+
+def _compose(result: Optimised) -> Figure:
+    figure = style.new_figure(6 + 62 * max(1, len(result.optima)))
+    for number, optimum in enumerate(result.optima):
+        top = 10 + 62 * number
+        _outlines(style.place_axes(figure, 16, top, _PANEL, 44), result, optimum)
+        _strokes(style.place_axes(figure, 84, top, 38, 44), result, optimum)
+        _limits(style.place_axes(figure, 138, top, 38, 44), result, optimum)
+    return figure
 
 
 def _outlines(axes: Axes, result: Optimised, optimum: Optimum) -> None:
@@ -41,8 +44,8 @@ def _outlines(axes: Axes, result: Optimised, optimum: Optimum) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
-    axes.set_title(f"Equal frame {optimum.held}: from light to dark;\nreference {result.problem.reference.name} dashed",
-                   loc="left")
+    axes.set_title(f"Equal frame {optimum.held}: from light to dark;\n"
+                   f"reference {result.problem.reference.name} dashed", loc="left")
 
 
 def _curves(axes: Axes, specimen: Specimen, **look: Any) -> None:
@@ -72,8 +75,7 @@ def _limits(axes: Axes, result: Optimised, optimum: Optimum) -> None:
     for limit, colour in zip(result.problem.limits, style.PALETTE, strict=False):
         upper = limit.unit in ("Pa", "V/m")
         used = [design.limited[limit.name] / limit.bound if upper
-                else limit.bound / design.limited[limit.name]
-                for _, design in kept]
+                else limit.bound / design.limited[limit.name] for _, design in kept]
         axes.plot([number for number, _ in kept], used, "o-", color=colour, markersize=2.5,
                   label=limit.name.replace("_", " "))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":")

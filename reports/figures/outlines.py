@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from tympan.reports import look as style
@@ -14,16 +15,17 @@ from tympan.studies.alpha.table import Row
 _COLUMNS = 4
 
 
-def draw(rows: Sequence[Row], folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """``outlines`` in each format; answers the files."""
-    style.check(formats)
-    lines = -(-len(rows) // _COLUMNS)
-    with style.look():
-        figure = style.page(60.0 * lines)
-        for number, row in enumerate(rows):
-            line, column = divmod(number, _COLUMNS)
-            _frame(style.place(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row)
-        return style.save(figure, folder, "outlines", formats)
+def draw_outlines(rows: Sequence[Row], folder: Path) -> list[Path]:
+    """Draw folder/outlines.png and .svg; answers the files."""
+    return style.save_figure(folder, "outlines", lambda: _compose(rows))
+
+
+def _compose(rows: Sequence[Row]) -> Figure:
+    figure = style.new_figure(60.0 * -(-len(rows) // _COLUMNS))
+    for number, row in enumerate(rows):
+        line, column = divmod(number, _COLUMNS)
+        _frame(style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row)
+    return figure
 
 
 def _frame(axes: Axes, row: Row) -> None:
@@ -37,8 +39,8 @@ def _frame(axes: Axes, row: Row) -> None:
                           ls=":"))
     weights = row.two.by_basis["membrane"]
     alpha = ", ".join(f"{weight:.3f}" for weight in weights.alpha)
-    held = "" if weights.held_out_error is None else f"held-out error {weights.held_out_error:.1e}"
-    axes.set_title(f"{row.outline.shape.replace('_', ' ')}\nα {alpha}\n{held}", fontsize=6.5,
+    error = "" if weights.held_out_error is None else f"held-out error {weights.held_out_error:.1e}"
+    axes.set_title(f"{row.outline.shape.replace('_', ' ')}\nα {alpha}\n{error}", fontsize=6.5,
                    linespacing=1.3)
     axes.set(aspect="equal", xlim=(-80, 80), ylim=(-80, 80), xticks=[], yticks=[])
     axes.spines[:].set_visible(False)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.studies.path import Along, BranchResult, Event, Station
@@ -20,20 +21,23 @@ _NAMES: dict[Along, tuple[str, str, float]] = {
     "mass": ("load (N)", "force_N", 1.0), "pressure": ("gas pressure (Pa)", "pressure_Pa", 1.0)}
 
 
-def draw(folder: Path, name: str, result: BranchResult) -> list[Path]:
-    """Draw folder/name.png; answers the files."""
-    with style.look():
-        panels = 2 if result.along in ("voltage", "charge") else 1
-        figure = style.page(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
-        first = style.place(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
-        _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3))
-        first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV",
-                        loc="left", weight="bold")
-        first.legend(loc="best")
-        if panels == 2:
-            second = style.place(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
-            _panel(second, result, _NAMES["charge"], _NAMES["voltage"])
-        return style.save(figure, folder, name, ("png",))
+def draw_path(folder: Path, name: str, result: BranchResult) -> list[Path]:
+    """Draw folder/name.png and .svg; answers the files."""
+    return style.save_figure(folder, name, lambda: _compose(result))
+
+
+def _compose(result: BranchResult) -> Figure:
+    panels = 2 if result.along in ("voltage", "charge") else 1
+    figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
+    first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
+    _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3))
+    first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g "
+                    f"and {result.voltage_V / 1e3:g} kV", loc="left", weight="bold")
+    first.legend(loc="best")
+    if panels == 2:
+        second = style.place_axes(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
+        _panel(second, result, _NAMES["charge"], _NAMES["voltage"])
+    return figure
 
 
 def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float],
@@ -42,8 +46,7 @@ def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float],
     stable = np.array([station.stable for station in result.stations])
     tense = np.array([station.tense for station in result.stations])
     axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round",
-              zorder=1,
-              label="part of the film without tension")
+              zorder=1, label="part of the film without tension")
     for kind, colour, line, label in ((stable, _STABLE, "-", "stable"),
                                       (~stable, _UNSTABLE, "--", "unstable")):
         _pieces(axes, x, y, kind, colour, line, label)
@@ -51,8 +54,7 @@ def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float],
         _mark(axes, event, across, up)
     axes.set_xlabel(across[0])
     axes.set_ylabel(up[0])
-    axes.grid(color="#e4e6ea", linewidth=0.5)
-    axes.set_axisbelow(True)
+    style.faint_grid(axes)
 
 
 def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str,
@@ -69,11 +71,10 @@ def _mark(axes: Axes, event: Event, across: tuple[str, str, float],
           up: tuple[str, str, float]) -> None:
     marker, label = _MARKS[event.what]
     x, y = (float(_values([event.station], *quantity[1:])[0]) for quantity in (across, up))
-    known = axes.get_legend_handles_labels()[1]
+    shown_labels = axes.get_legend_handles_labels()[1]
     words = f"{label}: {event.value_text}"
     axes.plot(x, y, marker, color="#303030", markersize=4.5, markerfacecolor="white", zorder=4,
-              linestyle="none",
-              label=None if words in known else words)
+              linestyle="none", label=None if words in shown_labels else words)
 
 
 def _values(stations: Sequence[Station], name: str, factor: float) -> np.ndarray:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ class Curves:
     @cached_property
     def content(self) -> dict[str, Any]:
         """What paper.json holds."""
-        return read(self.folder)
+        return read_paper(self.folder)
 
     def row(self, mass: float, name: str) -> dict[str, Any]:
         """Ranges under a mass [kg] of an actuator, ours and the paper's."""
@@ -72,7 +72,7 @@ class Curves:
         return self.read("step", 2)
 
 
-def read(folder: Path) -> dict[str, Any]:
+def read_paper(folder: Path) -> dict[str, Any]:
     """What paper.json holds."""
     file = folder / "paper.json"
     try:
@@ -85,13 +85,11 @@ def read(folder: Path) -> dict[str, Any]:
     return dict(content)
 
 
-def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+def draw_paper(folder: Path) -> list[Path]:
     """Draw folder/fig7 … fig14 and folder/misfit; answers the files."""
-    style.check(formats)
     curves = Curves(folder)
-    with style.look():
-        return [file for name, make in FIGURES.items() for file in style.save(make(curves), folder,
-                                                                              name, formats)]
+    return [file for name, compose in FIGURES.items()
+            for file in style.save_figure(folder, name, partial(compose, curves))]
 
 
 def _static(mass: float) -> Callable[[Curves], Figure]:
@@ -134,18 +132,18 @@ def _step(mass: float, zoom: bool) -> Callable[[Curves], Figure]:
 def _loops(curves: Curves) -> Figure:
     loops = curves.read("hysteresis", 3)
     height, gap, left = 42.0, 11.0, 16.0
-    figure = style.page(_TOP + 3 * (height + gap))
+    figure = style.new_figure(_TOP + 3 * (height + gap))
     width = style.WIDTH / 2 - left - _RIGHT
     for row, name in enumerate(NAMES):
         for column, (offset, amplitude) in enumerate(SINES):
-            axes = style.place(figure, left + column * style.WIDTH / 2, _TOP + row * (height + gap),
+            axes = style.place_axes(figure, left + column * style.WIDTH / 2, _TOP + row * (height + gap),
                                width, height)
             volts, y = loops[f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             letter = "abcdef"[2 * row + column]
             axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, u₁ = {amplitude / 1e3:g} kV", loc="left")
             axes.locator_params(axis="x", nbins=8)
-            _grid(axes)
+            style.faint_grid(axes)
             axes.set_xlabel("voltage (kV)" if row == 2 else "")
             axes.set_ylabel("distance (mm)" if column == 0 else "")
     return figure
@@ -154,10 +152,10 @@ def _loops(curves: Curves) -> Figure:
 def _random(curves: Curves) -> Figure:
     traces, ((time, volts),) = curves.read("random", 2), curves.read("signal", 0).values()
     heights = (26.0, 48.0, 48.0)
-    figure = style.page(sum(heights) + 3 * (_TOP + 2) + _AXIS - 2)
+    figure = style.new_figure(sum(heights) + 3 * (_TOP + 2) + _AXIS - 2)
     top = _TOP
     for number, height in enumerate(heights):
-        axes = style.place(figure, _LEFT, top, style.WIDTH - _LEFT - _RIGHT, height)
+        axes = style.place_axes(figure, _LEFT, top, style.WIDTH - _LEFT - _RIGHT, height)
         top += height + _TOP + 2
         if number == 0:
             axes.plot(time, volts, color="black", linewidth=0.8)
@@ -176,7 +174,7 @@ def _random(curves: Curves) -> Figure:
             axes.legend(loc="upper right", ncols=3, handlelength=1.2, columnspacing=1.0)
         axes.set_xlim(0, time[-1])
         axes.tick_params(labelbottom=number == 2)
-        _grid(axes)
+        style.faint_grid(axes)
     axes.set_xlabel("time (s)")
     return figure
 
@@ -194,8 +192,9 @@ def _misfit(curves: Curves) -> Figure:
                            extend="max")
     axes.contour(permittivity, alpha, worst.T, levels=[2 * least["worst_mm"]], colors="white",
                  linewidths=1.2)
-    for one, marker, words in ((least, "o", "smallest worst misfit"), (rest, "x", "least squares")):
-        axes.plot(one["relative_permittivity"], one["alpha_1"][0], marker, color="white",
+    for point, marker, words in ((least, "o", "smallest worst misfit"),
+                                 (rest, "x", "least squares")):
+        axes.plot(point["relative_permittivity"], point["alpha_1"][0], marker, color="white",
                   markersize=4.5, label=words)
     axes.legend(loc="upper left", labelcolor="black")
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
@@ -222,18 +221,13 @@ def _three(found: dict[Key, tuple[Array, Array]],
 
 
 def _single(share: float = 0.75) -> tuple[Figure, Axes]:
-    figure = style.page(_TOP + _HEIGHT + _AXIS, share * style.WIDTH)
-    return figure, style.place(figure, _LEFT, _TOP, share * style.WIDTH - _LEFT - _RIGHT, _HEIGHT)
+    figure = style.new_figure(_TOP + _HEIGHT + _AXIS, share * style.WIDTH)
+    return figure, style.place_axes(figure, _LEFT, _TOP, share * style.WIDTH - _LEFT - _RIGHT, _HEIGHT)
 
 
 def _finish(figure: Figure, axes: Axes, across: str) -> Figure:
     axes.set_xlabel(across)
     axes.set_ylabel("distance (mm)")
     axes.legend(loc="upper left" if "voltage" in across else "upper right")
-    _grid(axes)
+    style.faint_grid(axes)
     return figure
-
-
-def _grid(axes: Axes) -> None:
-    axes.grid(color="#e4e6ea", linewidth=0.5)
-    axes.set_axisbelow(True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tympan.reports.paper import figures as lumped_paper
-from tympan.reports.study.page import embedded, template, text
+from tympan.reports.template import embedded_picture, page_template
 from tympan.studies.files import write_text
 from tympan.studies.paper.published import MASSES, NAMES, SETTLING
 
@@ -27,7 +27,7 @@ CAPTIONS = {
 }
 
 
-def build(folder: Path) -> Path:
+def build_paper_page(folder: Path) -> Path:
     """Draw the figures of the folder and write folder/paper.html; answers that file.
 
     Raises
@@ -35,19 +35,19 @@ def build(folder: Path) -> Path:
     InputError
         When something that ``tympan lumped paper`` stores is missing or damaged.
     """
-    content = lumped_paper.read(folder)
-    lumped_paper.draw(folder)
+    content = lumped_paper.read_paper(folder)
+    lumped_paper.draw_paper(folder)
     file = folder / "paper.html"
-    pictures = {name: embedded(folder / f"{name}.svg") for name in CAPTIONS}
-    write_text(file, page(content, pictures))
+    pictures = {name: embedded_picture(folder / f"{name}.svg") for name in CAPTIONS}
+    write_text(file, render_paper(content, pictures))
     return file
 
 
-def page(content: Content, pictures: Mapping[str, str]) -> str:
+def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
     """The page as text; the figures as data URIs."""
     columns = [f"{name}_{1e3 * mass:g}g_s" for mass in MASSES for name in NAMES]
-    return template("paper/paper.html", shown=shown).render(
-        css=text("page.css"), found=content, captions=CAPTIONS, pictures=pictures, columns=columns,
+    return page_template("paper/paper.html", shown=shown).render(
+        found=content, captions=CAPTIONS, pictures=pictures, columns=columns,
         paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES],
         names=NAMES)
 

@@ -11,31 +11,18 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.scales import rows_of
-from tympan.reports.study.load import Curve, Run, read_run
+from tympan.reports.study.load import Curve, Run
 
-_MARKERS = "os^Dv*"
 _TITLE, _PANEL, _AXIS = 7.0, 56.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 13.0, 3.0, 6.0
 
 
-def draw(folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Draw the curves stored in ``folder`` as folder/curves.png and .svg; answers the files."""
-    return draw_run(read_run(folder), folder, formats)
+def draw_curves(run: Run, folder: Path) -> list[Path]:
+    """Draw folder/curves.png and .svg; answers the files."""
+    return style.save_figure(folder, "curves", lambda: compose_curves(run))
 
 
-def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """The same for a study already read."""
-    style.check(formats)
-    with style.look():
-        return style.save(compose(run), folder, "curves", formats)
-
-
-def masses(run: Run) -> list[float]:
-    """All masses of the curves [g], in order."""
-    return sorted({curve.mass for specimen in run.specimens for curve in specimen.curves})
-
-
-def label(name: str, curve: Curve) -> str:
+def curve_label(name: str, curve: Curve) -> str:
     """A curve's name in the legend, with the voltages the pull-in lies between."""
     if curve.pull_in is None:
         return name
@@ -45,17 +32,17 @@ def label(name: str, curve: Curve) -> str:
     return f"{name}: pull-in {below:g}\N{EN DASH}{above:g} kV"
 
 
-def compose(run: Run) -> Figure:
+def compose_curves(run: Run) -> Figure:
     """One panel per mass, all with the same axes."""
-    loads = masses(run)
+    loads = sorted({curve.mass for specimen in run.specimens for curve in specimen.curves})
     rows = rows_of(len(loads), most=2)
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
     spare = style.WIDTH - _LEFT - _RIGHT - len(rows[0]) * width - (len(rows[0]) - 1) * _GAP
-    figure = style.page(len(rows) * (_TITLE + _PANEL + _AXIS))
+    figure = style.new_figure(len(rows) * (_TITLE + _PANEL + _AXIS))
     panels = []
     for number, row in enumerate(rows):
         for column, index in enumerate(row):
-            axes = style.place(figure, _LEFT + spare / 2 + column * (width + _GAP),
+            axes = style.place_axes(figure, _LEFT + spare / 2 + column * (width + _GAP),
                                number * (_TITLE + _PANEL + _AXIS) + _TITLE, width, _PANEL)
             _panel(axes, run, loads[index])
             axes.tick_params(labelleft=column == 0)
@@ -68,14 +55,13 @@ def compose(run: Run) -> Figure:
 def _panel(axes: Axes, run: Run, mass: float) -> None:
     for index, specimen in enumerate(run.specimens):
         for curve in (item for item in specimen.curves if item.mass == mass):
-            colour = style.PALETTE[index % len(style.PALETTE)]
-            marker = _MARKERS[index % len(_MARKERS)]
+            colour, marker = style.colour_of(index), style.marker_of(index)
             axes.plot(curve.voltage, curve.deflection, marker=marker, markersize=3.2, color=colour,
-                      label=label(specimen.name, curve))
+                      label=curve_label(specimen.name, curve))
             # Hollow: part of the film has lost tension.
             axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker,
-                      markersize=3.2,
-                      color=colour, markerfacecolor="white", linestyle="none", zorder=5)
+                      markersize=3.2, color=colour, markerfacecolor="white", linestyle="none",
+                      zorder=5)
             _mark_pull_in(axes, curve, colour)
     axes.set_title(f"{mass:g} g", weight="bold", loc="left")
     axes.set_xlabel("voltage (kV)")
@@ -101,5 +87,4 @@ def _share(panels: Sequence[Axes], run: Run) -> None:
     for axes in panels:
         axes.set_xlim(-0.02 * highest, 1.03 * highest)
         axes.set_ylim(0, 1.12 * deepest)
-        axes.grid(color="#e4e6ea", linewidth=0.5)
-        axes.set_axisbelow(True)
+        style.faint_grid(axes)

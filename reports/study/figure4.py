@@ -16,16 +16,16 @@ from matplotlib.patches import Rectangle
 
 from tympan.reports import look as style
 from tympan.reports.scales import (
-    Scale,
+    AxisScale,
     bar_length,
     column_widths,
     digits,
     paper_scale,
+    round_scale,
     rows_of,
-    scale,
 )
 from tympan.reports.scene import Picture, View, picture
-from tympan.reports.study.load import Run, Stored, read_run
+from tympan.reports.study.load import Run, Stored
 
 _LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
 _TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
@@ -33,7 +33,7 @@ _LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02  # narrowest column and widest film [mm]
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Layout:
     """Everything of the figure that is a number: one scale of paper, colours and view for all membranes.
 
     ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on
@@ -47,29 +47,23 @@ class Plan:
     view: View
 
 
-def draw(folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
-    """Draw the study stored in ``folder`` as folder/fig4.png, .pdf and .svg; answers the files.
+def draw_figure4(run: Run, folder: Path,
+                 formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
+    """Draw folder/fig4.png, .pdf and .svg; answers the files.
 
     Raises
     ------
-    InputError
-        When something the study stores is missing or damaged.
     MissingLibrary
         When this computer cannot draw in three dimensions.
     """
-    return draw_run(read_run(folder), folder, formats)
-
-
-def draw_run(run: Run, folder: Path, formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
-    """The same for a study already read."""
-    style.check(formats)
-    design = plan(run.specimens, run.stress_range)
+    style.check_formats(formats)
+    design = lay_out(run.specimens, run.stress_range)
     pictures = [picture(specimen, design.view) for specimen in run.specimens]
-    with style.look():
-        return style.save(compose(run, design, pictures), folder, "fig4", formats)
+    return style.save_figure(folder, "fig4", lambda: compose_figure4(run, design, pictures),
+                             formats)
 
 
-def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
+def lay_out(specimens: Sequence[Stored], stress: tuple[float, float]) -> Layout:
     """Lay the figure out for films whose stress lies between two values [kPa]."""
     widths = [2 * max(item.semi_axes) for item in specimens]
     rows = rows_of(len(specimens))
@@ -80,28 +74,27 @@ def plan(specimens: Sequence[Stored], stress: tuple[float, float]) -> Plan:
     reach = max(_farthest(item) / width for item, width in zip(specimens, flat, strict=True))
     # Twice the pixels of the print: the average of four makes smooth edges.
     view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS,
-                scale(*stress),
-                bar_length(max(widths)) / 2, style.SHORT, style.LONG)
-    return Plan(tuple(rows), columns, paper, 1.03 * reach, view)
+                round_scale(*stress), bar_length(max(widths)) / 2, style.SHORT, style.LONG)
+    return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
-def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
+def compose_figure4(run: Run, design: Layout, pictures: Sequence[Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
-    figure = style.page(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
+    figure = style.new_figure(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
                         + (len(heights) - 1) * _SPACE)
     top = 0.0
     for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
         lefts = _lefts(columns)
         for left, width, index in zip(lefts, columns, row, strict=True):
-            axes = style.place(figure, left, top + _TITLE, width, height)
+            axes = style.place_axes(figure, left, top + _TITLE, width, height)
             _show(axes, pictures[index], run.specimens[index], design.paper, (width, height))
         top += _TITLE + height
         if row[0] == 0:
             _explain(figure, run, design, top)
         top += _BAR if row[0] == 0 else _SPACE
         for left, width, index in zip(lefts, columns, row, strict=True):
-            axes = style.place(figure, left, top, width, _PANEL)
+            axes = style.place_axes(figure, left, top, width, _PANEL)
             _panel(axes, run.specimens[index], design, width * design.reach)
             if index == row[0]:
                 axes.set_ylabel("largest true stress (kPa)")
@@ -114,7 +107,7 @@ def compose(run: Run, design: Plan, pictures: Sequence[Picture]) -> Figure:
     return figure
 
 
-def end_values(specimen: Stored, scale: Scale) -> list[tuple[str, float, str]]:
+def end_values(specimen: Stored, scale: AxisScale) -> list[tuple[str, float, str]]:
     """What is written at the plate: text, stress [kPa] and colour; one entry where the axes do not differ."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
@@ -126,12 +119,12 @@ def end_values(specimen: Stored, scale: Scale) -> list[tuple[str, float, str]]:
     return [(f"{text} on the {axis} axis", value, colour) for text, axis, value, colour in ends]
 
 
-def spread(positions: Sequence[float], least: float) -> list[float]:
+def _spread(positions: Sequence[float], least: float) -> list[float]:
     """Positions moved apart, in order and around their middle, so that neighbours are ``least`` apart.
 
     Examples
     --------
-    >>> spread([5.0, 4.9], 1.0), spread([5.0, 1.0], 1.0)
+    >>> _spread([5.0, 4.9], 1.0), _spread([5.0, 1.0], 1.0)
     ([5.45, 4.45], [5.0, 1.0])
     """
     if len(positions) < 2 or abs(positions[0] - positions[1]) >= least:
@@ -163,10 +156,10 @@ def _show(axes: Axes, image: Picture, specimen: Stored, paper: float,
                       fontsize=points)
 
 
-def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
+def _explain(figure: Figure, run: Run, design: Layout, top: float) -> None:
     """The row between pictures and curves: scale bar, colour bar, load and what the lines are."""
     view, length = design.view, 2 * design.view.net
-    bar = style.place(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
+    bar = style.place_axes(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
     bar.set_axis_off()
     bar.fill_between([0, 1], 0, 1, color="black", linewidth=0)
     bar.set(xlim=(0, 1), ylim=(0, 1))
@@ -176,7 +169,7 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     wide = 70.0
     left = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
     colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
-    shown = figure.colorbar(colours, cax=style.place(figure, left, top + 3.0, wide, 2.6),
+    shown = figure.colorbar(colours, cax=style.place_axes(figure, left, top + 3.0, wide, 2.6),
                             orientation="horizontal",
                             ticks=view.scale.ticks)
     shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])
@@ -188,7 +181,7 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
     for row, (name, colour, dashes) in enumerate(zip(names, (style.SHORT, style.LONG), ("-", "--"),
                                                      strict=True)):
         down = top + 8.3 + 3.6 * row
-        sample = style.place(figure, right, down - 0.5, 8.0, 1.0)
+        sample = style.place_axes(figure, right, down - 0.5, 8.0, 1.0)
         sample.set_axis_off()
         sample.plot([0, 1], [0, 0], dashes, color=colour, clip_on=False)
         _write(figure, right + 9.5, down, f"{name} axis", va="center")
@@ -198,20 +191,20 @@ def _explain(figure: Figure, run: Run, design: Plan, top: float) -> None:
 
 def _explain_hatches(figure: Figure, left: float, top: float) -> None:
     """What a hatched zone is."""
-    sample = style.place(figure, left, top, 8.0, 2.8)
+    sample = style.place_axes(figure, left, top, 8.0, 2.8)
     sample.set_axis_off()
     sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////",
                                linewidth=0.6))
     _write(figure, left + 9.5, top + 1.4, "tension lost", va="center")
 
 
-def stress_label(scale: Scale) -> str:
+def stress_label(scale: AxisScale) -> str:
     """What the colours and the curves show, and where they start."""
     start = "" if scale.from_zero else f"; scales start at {scale.start}, not 0"
     return f"largest principal true stress (kPa{start})"
 
 
-def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
+def _panel(axes: Axes, specimen: Stored, design: Layout, reach: float) -> None:
     """Stress along both axes up to a distance ``reach`` [mm], with the values at the plate."""
     limits = design.view.scale
     for line, colour, dashes in ((specimen.short, style.SHORT, "-"),
@@ -222,7 +215,7 @@ def _panel(axes: Axes, specimen: Stored, design: Plan, reach: float) -> None:
     axes.set(xlim=(-0.02 * reach, reach), ylim=(limits.low, limits.high))
     axes.set_yticks(limits.ticks, [limits.text(tick) for tick in limits.ticks])
     values = end_values(specimen, limits)
-    places = spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
+    places = _spread([value for _, value, _ in values], (limits.high - limits.low) * 3.4 / _PANEL)
     for (text, _, colour), place in zip(values, places, strict=True):
         axes.annotate(text, (0, place), (11, 0), textcoords="offset points", va="center",
                       color=colour,

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
-
-import jinja2
 
 from tympan.reports.scales import digits, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
 from tympan.reports.study.load import Run, Stored, read_run
+from tympan.reports.template import embedded_picture, page_template
 from tympan.studies.alpha import AlphaResult, Weights
 from tympan.studies.files import write_text
 
@@ -55,8 +52,8 @@ class Setting:
     value: str
 
 
-def build(folder: Path) -> Path:
-    """Draw the figures of the study stored in ``folder`` and write folder/report.html; answers that file.
+def build_study_page(folder: Path) -> Path:
+    """Draw the figures of a stored study and write folder/report.html; answers that file.
 
     Raises
     ------
@@ -66,46 +63,26 @@ def build(folder: Path) -> Path:
         When this computer cannot draw in three dimensions.
     """
     run = read_run(folder)
-    figure4.draw_run(run, folder)
-    curves.draw_run(run, folder)
+    figure4.draw_figure4(run, folder)
+    curves.draw_curves(run, folder)
     file = folder / "report.html"
-    write_text(file, page(run, embedded(folder / "fig4.png"), embedded(folder / "curves.svg")))
+    write_text(file, render_study(run, embedded_picture(folder / "fig4.png"),
+                                  embedded_picture(folder / "curves.svg")))
     return file
 
 
-def page(run: Run, fig4: str, curves_: str) -> str:
+def render_study(run: Run, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
-    return template("study/report.html").render(
-        css=text("page.css"), run=run, summary=words.summary(run), warnings=words.warnings(run),
-        fig4=fig4,
-        curves=curves_,
+    return page_template("study/report.html").render(
+        run=run, summary=words.study_summary(run), warnings=words.study_warnings(run),
+        fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
-        design=figure4.plan(run.specimens, run.stress_range),
+        design=figure4.lay_out(run.specimens, run.stress_range),
         results=[(item, result_row(item)) for item in run.specimens],
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
         circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
                  for item in run.alphas if len(item.circles) == 1],
                  settings=list(settings(run.record)))
-
-
-def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
-    """A page's template, with filters of its own."""
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
-                                     trim_blocks=True,
-                                     lstrip_blocks=True)
-    environment.filters |= filters
-    return environment.from_string(text(name))
-
-
-def text(name: str) -> str:
-    """A file beside this one."""
-    return resources.files("tympan.reports").joinpath(name).read_text(encoding="utf-8")
-
-
-def embedded(file: Path) -> str:
-    """A picture's file as a data URI."""
-    kind = {".png": "image/png", ".svg": "image/svg+xml"}[file.suffix]
-    return f"data:{kind};base64,{b64encode(file.read_bytes()).decode()}"
 
 
 def result_row(specimen: Stored) -> tuple[str, ...]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from tympan.reports.scales import digits, percent
 from tympan.reports.study.load import Curve, Run, Stored
+from tympan.reports.template import sentence_list
 from tympan.studies.alpha import AlphaResult
 
 
-def summary(run: Run) -> str:
+def study_summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
     stress = stress_at_plate(run.specimens, run.stress_range[0])
     said = (deflections(run), stress, tension(run), breakdown(run), strokes(run),
@@ -34,12 +35,12 @@ def tied(text: str) -> str:
 def deflections(run: Run) -> str:
     """How far each plate sinks, and how much farther than that of the reference."""
     first = reference(run.specimens)
-    each = listed([f"{digits(item.deflection)} mm ({item.name})" for item in run.specimens])
+    each = sentence_list([f"{digits(item.deflection)} mm ({item.name})" for item in run.specimens])
     sentence = f"Under {run.mass:g} g at {run.voltage:g} kV the plate sinks {each}."
     others = [item for item in run.specimens if item is not first]
     if not others or not first.deflection:
         return sentence
-    ratios = listed([f"{item.name} {more(item.deflection / first.deflection)}" for item in others])
+    ratios = sentence_list([f"{item.name} {more(item.deflection / first.deflection)}" for item in others])
     return f"{sentence} At this equal load, compared with {first.name}, {ratios}."
 
 
@@ -65,7 +66,7 @@ def tension(run: Run) -> str:
     """Which films of the picture have lost tension, and over how much of their area."""
     lost = [f"{percent(item.result.slack_share)} of {item.name}" for item in run.specimens
             if item.loose]
-    return f"Tension is lost in {listed(lost)}: the film wrinkles there (hatched)." if lost else ""
+    return f"Tension is lost in {sentence_list(lost)}: the film wrinkles there (hatched)." if lost else ""
 
 
 def breakdown(run: Run) -> str:
@@ -74,7 +75,7 @@ def breakdown(run: Run) -> str:
              if item.result.breakdown_margin is not None]
     if not known:
         return ""
-    each = listed([f"{digits(margin)} ({item.name})" for item, margin in known])
+    each = sentence_list([f"{digits(margin)} ({item.name})" for item, margin in known])
     return f"The film's electric strength is at least {each} times its field."
 
 
@@ -83,12 +84,12 @@ def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
     parts, where = [], "The largest principal true stress at the plate"
     for axis in dict.fromkeys(_larger(item) for item in specimens if not item.alike):
         chosen = [item for item in specimens if not item.alike and _larger(item) == axis]
-        parts.append(f"{where} is higher on the {axis} axis {listed([_difference(item) for item in chosen])}. "
+        parts.append(f"{where} is higher on the {axis} axis {sentence_list([_difference(item) for item in chosen])}. "
                      f"{_above(chosen, least)}".strip())
     alike = [f"{item.name} ({digits(item.long.at_plate, 4)} kPa)" for item in specimens
              if item.alike]
     if alike:
-        parts.append(f"{'It' if parts else where} is the same on both axes in {listed(alike)}.")
+        parts.append(f"{'It' if parts else where} is the same on both axes in {sentence_list(alike)}.")
     return " ".join(parts)
 
 
@@ -106,7 +107,7 @@ def _above(specimens: Sequence[Stored], least: float) -> str:
     ends = [_ends(item) for item in specimens]
     if least < max(high for high, _ in ends) / 2 or min(low for _, low in ends) <= least:
         return ""
-    shares = listed([percent((high - least) / (low - least) - 1) for high, low in ends])
+    shares = sentence_list([percent((high - least) / (low - least) - 1) for high, low in ends])
     return (f"The prestretch alone makes most of this stress; counted from the smallest in these films, "
             f"{digits(least, 4)} kPa, the difference is {shares}.")
 
@@ -128,7 +129,7 @@ def strokes(run: Run) -> str:
     low = min(float(curve.voltage[0]) for _, curve in pairs)
     high = max(float(curve.voltage[-1]) for _, curve in pairs)
     return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by up to another "
-            f"{listed([stroke(name, curve) for name, curve in pairs])}.")
+            f"{sentence_list([stroke(name, curve) for name, curve in pairs])}.")
 
 
 def stroke(name: str, curve: Curve) -> str:
@@ -159,7 +160,7 @@ def _mixture(item: AlphaResult) -> str:
     return f"{item.specimen} is {mixed}"
 
 
-def warnings(run: Run) -> list[str]:
+def study_warnings(run: Run) -> list[str]:
     """Every warning stored, and every point of the curves without a result, each with its specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for text in _gaps(item)),
@@ -188,14 +189,3 @@ def _gaps(specimen: Stored) -> Iterator[str]:
             then = f"; there is one again from {again[0]:g} kV" if len(again) else ""
             yield (f"{specimen.name}: under {curve.mass:g} g there is an equilibrium {first}; beyond, the film "
                    f"pulls in{then}")
-
-
-def listed(parts: Sequence[str]) -> str:
-    """Parts with commas and a final "and".
-
-    Examples
-    --------
-    >>> listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])
-    ('a', 'a and b', 'a, b and c')
-    """
-    return " and ".join([", ".join(parts[:-1]), parts[-1]]) if len(parts) > 1 else "".join(parts)

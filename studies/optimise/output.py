@@ -22,7 +22,7 @@ ACTIVE = 1e-3
 
 def write(result: Optimised, folder: Path) -> None:
     """Write ``path.csv``, the optimal specimens, and last ``optimum.json``: where it is, the rest is complete."""
-    store.remove(folder, "optimum.json", "optimum.png", "path.csv", "optimum.toml",
+    store.remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
                  *(f"optimum-{held}.toml" for held in MEASURES))
     store.write_csv(folder / "path.csv", _header(result.problem), _rows(result))
     for optimum in result.optima:

@@ -21,7 +21,7 @@ from tympan.geometry.outlines import Ellipse
 from tympan.geometry.system import MissingLibrary
 from tympan.reports import look as style
 from tympan.reports import scene
-from tympan.reports.scales import Scale, column_widths, paper_scale, percent, scale
+from tympan.reports.scales import AxisScale, column_widths, paper_scale, percent, round_scale
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import page as html
 from tympan.reports.study import text as words
@@ -56,7 +56,7 @@ def stored(study_folder: Path) -> Run:
 @pytest.fixture(scope="module")
 def report(study_folder: Path) -> Path:
     """The study's report, with its figures beside it."""
-    return html.build(study_folder)
+    return html.build_study_page(study_folder)
 
 
 @pytest.fixture
@@ -119,14 +119,14 @@ def test_vector_figures_keep_text_and_curves_as_such(report: Path) -> None:
 
 
 def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
-    curves.draw(copy)
-    figure4.draw(copy, ("pdf",))
+    curves.draw_curves(read_run(copy), copy)
+    figure4.draw_figure4(read_run(copy), copy, ("pdf",))
     for name in ("curves.svg", "fig4.pdf"):
         assert copy.joinpath(name).read_bytes() == report.with_name(name).read_bytes()
 
 
 def test_membranes_have_one_scale_and_their_true_width(stored: Run) -> None:
-    view = figure4.plan(stored.specimens, stored.stress_range).view
+    view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
         picture = scene.picture(specimen, view)
         left, right, bottom, top = picture.extent
@@ -140,10 +140,10 @@ def test_membranes_have_one_scale_and_their_true_width(stored: Run) -> None:
 
 
 def test_plate_sinks_in_the_picture(stored: Run) -> None:
-    view = figure4.plan(stored.specimens, stored.stress_range).view
+    view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
         surface = scene.film_surface(specimen.film, view, turned=False)
-        frame, plate = scene.outlines(surface)
+        frame, plate = scene.film_rims(surface)
         assert frame[:, 2] == pytest.approx(0, abs=1e-9)
         assert plate[:, 2] == pytest.approx(-specimen.deflection, rel=1e-6)
         # The last point is the first one again and would count twice.
@@ -155,7 +155,7 @@ def test_plate_sinks_in_the_picture(stored: Run) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_colours_are_exactly_those_of_the_bar(stored: Run, share: float) -> None:
     specimen = stored.specimens[0]
-    view = figure4.plan(stored.specimens, stored.stress_range).view
+    view = figure4.lay_out(stored.specimens, stored.stress_range).view
     stress = view.scale.low + share * (view.scale.high - view.scale.low)
     uniform = replace(specimen, film=replace(specimen.film,
                                              stress=np.full_like(specimen.film.stress, stress)))
@@ -181,7 +181,7 @@ def loosened(run: Run, state: int) -> Run:
 
 
 def test_zones_without_tension_are_hatched(stored: Run) -> None:
-    view = figure4.plan(stored.specimens, stored.stress_range).view
+    view = figure4.lay_out(stored.specimens, stored.stress_range).view
     plain, wrinkled, slack = (scene.picture(run.specimens[0], view).pixels.astype(int)
                               for run in (stored, loosened(stored, 1), loosened(stored, 2)))
     middle = plain.shape[1] // 2
@@ -195,12 +195,12 @@ def test_zones_without_tension_are_hatched(stored: Run) -> None:
 
 def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None:
     loose = loosened(stored, 1)
-    design = figure4.plan(loose.specimens, loose.stress_range)
+    design = figure4.lay_out(loose.specimens, loose.stress_range)
     pictures = [scene.picture(item, design.view) for item in loose.specimens]
-    legends = [[text.get_text() for text in figure4.compose(run, design, pictures).texts]
+    legends = [[text.get_text() for text in figure4.compose_figure4(run, design, pictures).texts]
                for run in (stored, loose)]
     assert ["tension lost" in texts for texts in legends] == [False, True]
-    text = Page(html.page(loose, "", "")).shown
+    text = Page(html.render_study(loose, "", "")).shown
     for words_ in ("Hatched", "Hollow"):
         assert words_ not in page.shown
         assert words_ in text
@@ -208,7 +208,7 @@ def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None
     assert "strength is at least 1.50 (circular) and 1.50 (standing) times its field" in text
     assert "circular: under 22.45 g the film loses tension from 3 kV on, over up to 25\u202f% of it" in text
     assert "standing: under 22.45 g the film would break down from 3 kV on" in text
-    hollow = [line for axes in curves.compose(loose).axes for line in axes.lines
+    hollow = [line for axes in curves.compose_curves(loose).axes for line in axes.lines
               if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
     assert [line.get_xdata().tolist() for line in hollow] == [[3.0], [3.0]]
 
@@ -221,7 +221,7 @@ def test_pictures_leave_no_plotter_open(stored: Run, monkeypatch: pytest.MonkeyP
         return opened[-1]
 
     monkeypatch.setattr(pv, "Plotter", recorded)
-    view = figure4.plan(stored.specimens, stored.stress_range).view
+    view = figure4.lay_out(stored.specimens, stored.stress_range).view
     scene.picture(stored.specimens[0], view)
     with pytest.raises(ValueError, match="nocolour"):
         scene.picture(stored.specimens[0], replace(view, colours="nocolour"))
@@ -236,7 +236,7 @@ def test_no_opengl_is_one_clear_message(stored: Run, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(scene, "vtkRenderWindow", Blind)
     with pytest.raises(MissingLibrary, match="libegl1"):
-        scene.picture(stored.specimens[0], figure4.plan(stored.specimens, stored.stress_range).view)
+        scene.picture(stored.specimens[0], figure4.lay_out(stored.specimens, stored.stress_range).view)
 
 
 def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None:
@@ -282,7 +282,7 @@ def test_page_has_results_and_settings(page: Page, study_folder: Path) -> None:
 def test_pull_in_is_told_and_marked(stored: Run, page: Page) -> None:
     curve = stored.specimens[0].curves[0]
     assert curve.pull_in == (3.0, 40.0)
-    assert curves.label("circular", curve) == "circular: pull-in 3–40 kV"
+    assert curves.curve_label("circular", curve) == "circular: pull-in 3–40 kV"
     assert "pulls in" in words.strokes(stored)
     assert "under 17.9 g there is an equilibrium only up to between 3 and 40 kV" in page.shown
 
@@ -291,9 +291,9 @@ def test_summary_compares_at_equal_load(stored: Run) -> None:
     circle, ellipse = stored.specimens
     ratio = ellipse.deflection / circle.deflection
     assert words.reference(stored.specimens) is circle
-    assert f"standing sinks {percent(ratio - 1)} more" in words.summary(stored)
-    assert "higher on the short axis by" in words.summary(stored)
-    assert "same on both axes in circular" in words.summary(stored)
+    assert f"standing sinks {percent(ratio - 1)} more" in words.study_summary(stored)
+    assert "higher on the short axis by" in words.study_summary(stored)
+    assert "same on both axes in circular" in words.study_summary(stored)
 
 
 def test_short_axis_is_told_by_the_frame(stored: Run) -> None:
@@ -304,7 +304,7 @@ def test_short_axis_is_told_by_the_frame(stored: Run) -> None:
     assert standing.long.sides[0].distance[-1] == pytest.approx(65)
     assert circle.alike
     assert not standing.alike
-    scales = figure4.plan(stored.specimens, stored.stress_range).view.scale
+    scales = figure4.lay_out(stored.specimens, stored.stress_range).view.scale
     assert [text.split(" ", 1)[1] for text, _, _ in figure4.end_values(standing, scales)] == [
         "on the short axis", "on the long axis"]
     assert len(figure4.end_values(circle, scales)) == 1
@@ -339,7 +339,7 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 
 def test_curve_without_any_equilibrium() -> None:
     curve = Curve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
-    assert curves.label("a", curve) == "a: no equilibrium"
+    assert curves.curve_label("a", curve) == "a: no equilibrium"
     assert words.stroke("a", curve) == "unknown distance (a: no equilibrium)"
 
 
@@ -349,7 +349,7 @@ def test_curve_without_any_equilibrium() -> None:
     (1e-3, 1.1e-3), (99.98, 100.02), (5.0, 433.0),
 ])
 def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -> None:
-    made = scale(low, high)
+    made = round_scale(low, high)
     assert made.low <= low <= high <= made.high
     assert made.high > made.low
     assert 3 <= len(made.ticks) <= 7
@@ -363,8 +363,8 @@ def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -
 
 
 def test_label_tells_where_the_scale_starts() -> None:
-    assert figure4.stress_label(scale(0, 41)) == "largest principal true stress (kPa)"
-    assert "scales start at 96.5, not 0" in figure4.stress_label(Scale(96.5, 98.0, (97.0, 98.0)))
+    assert figure4.stress_label(round_scale(0, 41)) == "largest principal true stress (kPa)"
+    assert "scales start at 96.5, not 0" in figure4.stress_label(AxisScale(96.5, 98.0, (97.0, 98.0)))
 
 
 @pytest.mark.parametrize("films", [[90.0], [90, 120, 150], [20, 150, 30], [300, 10, 10]])
@@ -384,7 +384,7 @@ def test_columns_fit_the_page(films: list[float]) -> None:
 def test_missing_file_is_named(copy: Path, name: str) -> None:
     copy.joinpath(name).unlink()
     with pytest.raises(InputError, match="is missing") as caught:
-        html.build(copy)
+        html.build_study_page(copy)
     assert caught.value.file == copy / name
     assert not copy.joinpath("report.html").exists()
 
@@ -426,4 +426,4 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
 
 def test_unknown_format_is_refused(study_folder: Path) -> None:
     with pytest.raises(InputError, match="png, pdf, svg"):
-        figure4.draw(study_folder, ("gif",))
+        figure4.draw_figure4(read_run(study_folder), study_folder, ("gif",))

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import Any
 
-from tympan.options import command, mesh_argument, parse_quantity, read_settings, specimen_argument
+from tympan.options import (
+    Subcommands,
+    command,
+    mesh_argument,
+    output_argument,
+    parse_quantity,
+    read_settings,
+    specimen_argument,
+)
 
-#: Sizes of the parts by the field of :class:`tympan.geometry.cad.parts.PartOptions`: default, and
-#: what it is.
+#: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, what it is.
 SIZES = {
     "width": ("10 mm", "of frame and clamp ring around the film"),
     "frame_height": ("4 mm", "of the frame"),
@@ -20,12 +25,12 @@ SIZES = {
 }
 
 
-def add(commands: Any) -> None:
-    """The subcommand."""
+def add(commands: Subcommands) -> None:
+    """The command's options."""
     parser = command(commands, "export", _run,
                      "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
     specimen_argument(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    output_argument(parser, required=True)
     for name, (default, words) in SIZES.items():
         parser.add_argument(_option(name), default=default, metavar="LENGTH",
                             help=f"{words} (default: %(default)s)")

@@ -3,42 +3,48 @@
 from __future__ import annotations
 
 import argparse
-import json
-from pathlib import Path
 from typing import Any
 
-from tympan.options import command, mesh_argument, read_settings
+from tympan.options import (
+    Subcommands,
+    command,
+    json_argument,
+    mesh_argument,
+    output_argument,
+    print_json,
+    read_settings,
+)
 
 
-def add(commands: Any) -> None:
-    """The subcommand."""
+def add(commands: Subcommands) -> None:
+    """The command's options."""
     parser = command(commands, "outlines", _run,
                      "α of every registered outline with its held-out error")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    output_argument(parser, required=True)
+    json_argument(parser)
     mesh_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
-    from tympan.reports.figures.outlines import draw
+    from tympan.reports.figures.outlines import draw_outlines
     from tympan.studies.alpha.table import HEADER, outline_table, write
 
     with bar(len(examples())) as progress:
         rows = list(outline_table(read_settings(options), progress=progress))
     write(rows, options.output)
-    draw(rows, options.output)
+    draw_outlines(rows, options.output)
     table = [dict(zip(HEADER, row.cells(), strict=True)) for row in rows]
     if options.json:
-        print(json.dumps({"outlines": table}, ensure_ascii=False, allow_nan=False))
+        print_json({"outlines": table})
         return
     names = HEADER[:-1]
     widths = [max(9 if number else 17, len(name)) for number, name in enumerate(names)]
-    for cells in ([*names], *([_cell(line[name]) for name in names] for line in table)):
+    for cells in ([*names], *([_cell_text(line[name]) for name in names] for line in table)):
         print("  ".join(f"{cell:<{width}}"
                         for cell, width in zip(cells, widths, strict=True)).rstrip())
 
 
-def _cell(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     return value if isinstance(value, str) else "-" if value is None else f"{value:.4g}"

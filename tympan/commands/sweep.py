@@ -6,25 +6,32 @@ import argparse
 import os
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from tympan.options import command, mesh_argument, read_settings, show
+from tympan.options import (
+    Subcommands,
+    command,
+    json_argument,
+    mesh_argument,
+    output_argument,
+    read_settings,
+    show,
+)
 
 
-def add(commands: Any) -> None:
+def add(commands: Subcommands) -> None:
     """The command's options."""
     parser = command(commands, "sweep", _run,
                      "solve grids, lists or samples of specimens; goes on where it was ended")
     parser.add_argument("file", type=Path, metavar="SWEEP.toml",
                         help="which specimens, masses and voltages")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
-                        help="tables as netCDF, Parquet and CSV; finished cases, which are not solved again")
+    output_argument(parser, "tables as netCDF, Parquet and CSV; finished cases, which are not "
+                            "solved again", required=True)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=int, metavar="N",
                        help="processes on this machine (default: its processors)")
     where.add_argument("--scheduler", metavar="ADDRESS",
                        help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    json_argument(parser)
     mesh_argument(parser)
 
 
@@ -36,12 +43,12 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.studies.sweep.plan import read_sweep
     from tympan.studies.sweep.run import run
 
-    workers = options.workers if options.workers is not None else len(os.sched_getaffinity(0))
+    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     if not 1 <= workers <= 1024:
         raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
     sweep = read_sweep(options.file, read_settings(options))
-    solve = partial(cluster, address=options.scheduler) if options.scheduler else partial(processes,
-                                                                                          workers=workers)
+    solve = (partial(cluster, address=options.scheduler) if options.scheduler
+             else partial(processes, workers=workers))
     done = 0
     try:
         with cases(sweep.cases) as progress:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from tympan.reports.figures.map import draw
+from tympan.reports.figures.map import draw_map
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.formula import Formula
 from tympan.studies.alpha.map import Chart, chart
@@ -87,4 +87,5 @@ def test_the_map_is_stored_and_drawn(made: Chart, tmp_path) -> None:
     record = json.loads((tmp_path / "alpha-map.json").read_text(encoding="utf-8"))
     assert record["places"] == {"grid": 12, "inside": 6, "outside": 4}
     assert len((tmp_path / "alpha-map.csv").read_text(encoding="utf-8").splitlines()) == 23
-    assert draw(made, tmp_path) == [tmp_path / "alpha-map.png"]
+    files = draw_map(made, tmp_path)
+    assert files == [tmp_path / "alpha-map.png", tmp_path / "alpha-map.svg"]

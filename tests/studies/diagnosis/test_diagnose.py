@@ -112,14 +112,14 @@ def _diagnosis(simulation: Simulation, table: Table, tmp_path: Path) -> Diagnosi
 def written(three_shapes: Simulation,
             tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A diagnosis of a margin of 4 mm at 5 µm noise, in a folder, as JSON."""
-    from tympan.reports.diagnosis.page import build
+    from tympan.reports.diagnosis.page import build_diagnosis_page
 
     folder = tmp_path_factory.mktemp("diagnosis")
     table = read(three_shapes, design(5e-6), (Cause("electrode_margin"),), [4e-3], seed=2)
     found = _diagnosis(three_shapes, table, folder)
     content = record.as_json(found)
     record.write(found, content, folder)
-    build(folder)
+    build_diagnosis_page(folder)
     return folder, content
 
 
@@ -176,11 +176,11 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(written: tuple[Path, di
 
 
 def test_a_damaged_folder_gets_one_message(tmp_path: Path) -> None:
-    from tympan.reports.diagnosis.page import build
+    from tympan.reports.diagnosis.page import build_diagnosis_page
 
     (tmp_path / "diagnosis.json").write_text("{", encoding="utf-8")
     with pytest.raises(InputError, match="run tympan diagnose again"):
-        build(tmp_path)
+        build_diagnosis_page(tmp_path)
 
 
 @pytest.fixture(scope="module")

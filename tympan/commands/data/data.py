@@ -3,54 +3,54 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
-from tympan.options import command
+from tympan.options import Subcommands, command, json_argument, print_json
 
 
-def add(commands: Any) -> None:
+def add(commands: Subcommands) -> None:
     """The command's options."""
     parser = command(commands, "data", _run,
                      "check a dataset of measurements and say what is in it")
     parser.add_argument("dataset", type=Path, metavar="DATASET",
-                        help="folder with dataset.toml and static.csv, range.csv, transient.csv or coupon.csv")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+                        help="folder with dataset.toml and static.csv, range.csv, transient.csv "
+                             "or coupon.csv")
+    json_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
 
-    found = summary(read_dataset(options.dataset))
+    contents = summary(read_dataset(options.dataset))
     if options.json:
-        print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+        print_json(contents)
     else:
-        _print(found)
+        _show(contents)
 
 
-def _print(found: dict[str, Any]) -> None:
-    print(f"{found['dataset']} (source: {found['source']})")
-    for file in found["files"]:
+def _show(contents: dict[str, Any]) -> None:
+    print(f"{contents['dataset']} (source: {contents['source']})")
+    for file in contents["files"]:
         count = "" if file["readings"] is None else f"{file['readings']} readings, "
         print(f"  {file['name']:<14} {count}SHA-256 {file['sha256'][:12]}…")
-    print(f"specimens  {', '.join(found['specimens'])}")
-    if found["masses_kg"]:
-        print(f"masses     {_listed([1e3 * mass for mass in found['masses_kg']], 'g')}")
-    if found["voltages_V"]:
-        print(f"voltages   {_listed([volts / 1e3 for volts in found['voltages_V']], 'kV')}")
-    if found["runs"]:
-        print(f"transients {found['runs']} runs")
-    if found["channels"]:
-        print(f"channels   {', '.join(found['channels'])}")
-        print(f"repeats    {found['repeated_states']} states were read more than once")
-        print(f"noise      {_noise(found['noise'])}")
-    for words in found["warnings"]:
-        print(f"warning: {words}")
+    print(f"specimens  {', '.join(contents['specimens'])}")
+    if contents["masses_kg"]:
+        print(f"masses     {_few_or_ends([1e3 * mass for mass in contents['masses_kg']], 'g')}")
+    if contents["voltages_V"]:
+        print(f"voltages   {_few_or_ends([volts / 1e3 for volts in contents['voltages_V']], 'kV')}")
+    if contents["runs"]:
+        print(f"transients {contents['runs']} runs")
+    if contents["channels"]:
+        print(f"channels   {', '.join(contents['channels'])}")
+        print(f"repeats    {contents['repeated_states']} states were read more than once")
+        print(f"noise      {_noise(contents['noise'])}")
+    for warning in contents["warnings"]:
+        print(f"warning: {warning}")
 
 
-def _listed(values: list[float], unit: str) -> str:
+def _few_or_ends(values: list[float], unit: str) -> str:
     """A few values, or how many there are and between which."""
     if len(values) <= 8:
         return f"{', '.join(f'{value:.6g}' for value in values)} {unit}"

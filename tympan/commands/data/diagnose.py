@@ -1,34 +1,38 @@
-"""``tympan diagnose``: what measured data say the simulation gets wrong, and which effect explains it."""
+"""``tympan diagnose``: what data say the simulation gets wrong, and which effect explains it."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from tympan.options import command
+from tympan.options import (
+    Subcommands,
+    command,
+    json_argument,
+    output_argument,
+    print_json,
+    workers_argument,
+)
 from tympan.progress import shares
 
 if TYPE_CHECKING:
     from tympan.studies.data.dataset import Dataset
 
 
-def add(commands: Any) -> None:
+def add(commands: Subcommands) -> None:
     """The command's options."""
     parser = command(commands, "diagnose", _run,
                      "say what the simulation gets wrong about measured data, and why")
     parser.add_argument("dataset", type=Path, metavar="DATASET",
                         help="folder with dataset.toml and static.csv or range.csv")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
-                        help="folder for the report and the extended model")
-    parser.add_argument("--workers", type=int, default=2, metavar="N",
-                        help="processes (default: %(default)s)")
+    output_argument(parser, "folder for the report and the extended model")
+    workers_argument(parser)
     parser.add_argument("--seed", type=int, default=0,
                         help="of random draws (default: %(default)s)")
     parser.add_argument("--plan", action="store_true",
                         help="say what such readings can tell; what is read may be missing from the files")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    json_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -41,25 +45,30 @@ def _run(options: argparse.Namespace) -> None:
         _plan(dataset, options)
         return
     with shares("films") as progress:
-        found = diagnose(dataset, options.workers, options.seed, progress)
-    content = as_json(found)
+        diagnosis = diagnose(dataset, options.workers, options.seed, progress)
+    content = as_json(diagnosis)
     if options.output is not None:
-        from tympan.reports.diagnosis.page import build
+        from tympan.reports.diagnosis.page import build_diagnosis_page
 
-        write(found, content, options.output)
-        report = build(options.output)
+        write(diagnosis, content, options.output)
+        page = build_diagnosis_page(options.output)
     if options.json:
-        print(json.dumps(content, ensure_ascii=False, allow_nan=False))
+        print_json(content)
         return
-    from tympan.reports.diagnosis.page import HEADLINES, label, percent, sentence
+    from tympan.reports.diagnosis.page import (
+        HEADLINES,
+        cause_label,
+        probability_text,
+        verdict_sentence,
+    )
 
-    print(f"{HEADLINES[content['verdict']]} {sentence(content)}")
-    for one in content["causes"]:
-        print(f"  {percent(one['probability']):>10}  {label(one)}")
-    for words in content["warnings"]:
-        print(f"warning: {words}")
+    print(f"{HEADLINES[content['verdict']]} {verdict_sentence(content)}")
+    for cause in content["causes"]:
+        print(f"  {probability_text(cause['probability']):>10}  {cause_label(cause)}")
+    for warning in content["warnings"]:
+        print(f"warning: {warning}")
     if options.output is not None:
-        print(report)
+        print(page)
 
 
 def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
@@ -67,21 +76,24 @@ def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
     from tympan.studies.files import write_json
 
     with shares("films") as progress:
-        found = plan(dataset, options.workers, progress).record()
+        record = plan(dataset, options.workers, progress).record()
     if options.output is not None:
-        write_json(options.output / "plan.json", found)
+        write_json(options.output / "plan.json", record)
     if options.json:
-        print(json.dumps(found, ensure_ascii=False, allow_nan=False))
+        print_json(record)
         return
-    print(f"{found['readings']} readings of {found['dataset']}, noise {found['noise_um']:.3g} um")
-    print(f"{'effect':<40}{'parameter':<16}{'usual':>8}{'seen from':>11}{'told from':>11}  nearest rival")
-    for one in found["effects"]:
-        unit = f" [{one['unit']}]" if one["unit"] else ""
-        sizes = f"{one['prior_width']:>8.3g}{_reached(one['seen_from']):>11}{_reached(one['told_from']):>11}"
-        print(f"{one['effect']:<40}{one['parameter'] + unit:<16}{sizes}  {one['rival'] or 'none'}")
-    if found["not_visible"]:
-        print(f"not visible, taken up by stiffness and permittivity: {', '.join(found['not_visible'])}")
-    for group in found["indistinguishable"]:
+    print(f"{record['readings']} readings of {record['dataset']}, noise {record['noise_um']:.3g} um")
+    print(f"{'effect':<40}{'parameter':<16}{'usual':>8}{'seen from':>11}{'told from':>11}"
+          "  nearest rival")
+    for effect in record["effects"]:
+        unit = f" [{effect['unit']}]" if effect["unit"] else ""
+        print(f"{effect['effect']:<40}{effect['parameter'] + unit:<16}"
+              f"{effect['prior_width']:>8.3g}{_reached(effect['seen_from']):>11}"
+              f"{_reached(effect['told_from']):>11}  {effect['rival'] or 'none'}")
+    if record["not_visible"]:
+        print("not visible, taken up by stiffness and permittivity: "
+              f"{', '.join(record['not_visible'])}")
+    for group in record["indistinguishable"]:
         print(f"not to be told apart: {', '.join(group)}")
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-from typing import Any
 
-from tympan.options import command
+from tympan.options import Subcommands, command, print_json
 
 
-def add(commands: Any) -> None:
-    """The command."""
+def add(commands: Subcommands) -> None:
+    """The command's options."""
     parser = command(commands, "effects", _run,
                      "list the effects a model may leave out, with units and priors")
     kind = parser.add_mutually_exclusive_group()
@@ -22,7 +20,7 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.studies.effects import listing
 
     if options.json:
-        print(json.dumps(listing.listing(), ensure_ascii=False, allow_nan=False))
+        print_json(listing.listing())
     else:
         print(listing.markdown() if options.markdown else listing.text(),
               end="" if options.markdown else "\n")

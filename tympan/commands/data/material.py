@@ -3,33 +3,40 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import command, parse_quantity
+from tympan.options import (
+    Subcommands,
+    command,
+    command_group,
+    json_argument,
+    output_argument,
+    parse_quantity,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from tympan.studies.material.fit import Comparison, Fit
 
 
-def add(commands: Any) -> None:
+def add(commands: Subcommands) -> None:
     """The command and its two subcommands."""
-    parser = commands.add_parser("material", help="look at a material, or fit one to coupon tests",
-                                 description="Look at a material, or fit one to coupon tests.")
-    kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    kinds = command_group(commands, "material", "look at a material, or fit one to coupon tests")
     _show(kinds)
     _fit(kinds)
 
 
-def _show(kinds: Any) -> None:
+def _show(kinds: Subcommands) -> None:
     parser = command(kinds, "show", _run_show,
                      "true stress against stretch, and where the law fails")
     parser.add_argument("material", metavar="NAME|SPECIMEN.toml",
-                        help="of the library, also a refused one; or the material of a specimen file")
+                        help="of the library, also a refused one; or the material of a specimen "
+                             "file")
     parser.add_argument("--held", type=float, metavar="X",
-                        help="stretch held across in the second column (default: as mounted, else 1)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+                        help="stretch held across in the second column (default: as mounted, "
+                             "else 1)")
+    json_argument(parser)
 
 
 def _run_show(options: argparse.Namespace) -> None:
@@ -37,12 +44,12 @@ def _run_show(options: argparse.Namespace) -> None:
 
     shown = examine(*subject(options.material, options.held))
     if options.json:
-        print(json.dumps(shown.json(), ensure_ascii=False, allow_nan=False))
+        print_json(shown.json())
         return
     print(shown)
 
 
-def _fit(kinds: Any) -> None:
+def _fit(kinds: Subcommands) -> None:
     parser = command(kinds, "fit", _run_fit,
                      "fit laws to uniaxial, equibiaxial and pure-shear tests")
     parser.add_argument("coupons", type=Path, metavar="COUPON.csv",
@@ -51,10 +58,10 @@ def _fit(kinds: Any) -> None:
                         help="may be given several times; all (default) compares every law")
     parser.add_argument("--noise", metavar="STRESS",
                         help='standard deviation of one reading, such as "2 kPa"; '
-                        "without it, estimated from the residuals")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
-                        help="also store the fits (JSON), a figure, and the best law for specimen files (TOML)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+                             "without it, estimated from the residuals")
+    output_argument(parser, "also store the fits (JSON), a figure, and the best law for specimen "
+                            "files (TOML)")
+    json_argument(parser)
 
 
 def _run_fit(options: argparse.Namespace) -> None:
@@ -75,7 +82,7 @@ def _run_fit(options: argparse.Namespace) -> None:
     if options.output is not None:
         _store(options.output, comparison, result)
     if options.json:
-        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        print_json(result)
     else:
         _print(comparison, result)
 
@@ -95,14 +102,14 @@ def _result(file: Path, comparison: Comparison) -> dict[str, Any]:
 
 
 def _store(folder: Path, comparison: Comparison, result: dict[str, Any]) -> None:
-    from tympan.reports.figures.coupon import draw
+    from tympan.reports.figures.coupon import draw_fit
     from tympan.studies import files as store
 
     store.remove(folder, "material.toml")
     store.write_json(folder / "fit.json", result)
     if result["material_toml"]:
         store.write_text(folder / "material.toml", result["material_toml"])
-    draw(comparison, folder)
+    draw_fit(comparison, folder)
 
 
 def _print(comparison: Comparison, result: dict[str, Any]) -> None:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tympan.options import (
+    Subcommands,
     check_distinct,
     command,
+    json_argument,
     mesh_argument,
+    output_argument,
     parse_quantity,
+    print_json,
     read_rig,
     read_settings,
+    rig_argument,
 )
 
 if TYPE_CHECKING:
@@ -22,16 +26,17 @@ if TYPE_CHECKING:
 _MOST = 200
 
 
-def add(kinds: Any) -> None:
-    """The subcommand."""
+def add(kinds: Subcommands) -> None:
+    """The command's options."""
     parser = command(kinds, "build", _run,
                      "the lumped model of specimens from their field model alone")
     parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
     parser.add_argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
-                        help="on the plate; the first one is fitted, the others are tested (default: %(default)s)")
+                        help="on the plate; the first one is fitted, the others are tested "
+                             "(default: %(default)s)")
     parser.add_argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
-                        help="the lowest, the middle and the highest are fitted, the others tested (default: "
-                             "%(default)s)")
+                        help="the lowest, the middle and the highest are fitted, the others "
+                             "tested (default: %(default)s)")
     parser.add_argument("--count", type=int, default=11, metavar="N",
                         help="of voltages (default: %(default)s)")
     parser.add_argument("--circles", type=int, default=2, metavar="N",
@@ -39,13 +44,12 @@ def add(kinds: Any) -> None:
     parser.add_argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                         help="of the circles, as for `tympan alpha` (default: %(default)s)")
     parser.add_argument("--viscous", metavar="K1,ETA1,ETA2",
-                        help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" (default: these, '
-                             "the paper's)")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
-                        help="gravity, spring, amplifier and sensor")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
-                        help="write NAME.lumped.toml for each, build.json, statics.csv and a figure")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+                        help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 '
+                             'kPa s" (default: these, the paper\'s)')
+    rig_argument(parser)
+    output_argument(parser,
+                    "write NAME.lumped.toml for each, build.json, statics.csv and a figure")
+    json_argument(parser)
     mesh_argument(parser)
 
 
@@ -67,18 +71,18 @@ def _run(options: argparse.Namespace) -> None:
     specimens = [load_specimen(file) for file in options.specimens]
     check_distinct([specimen.name for specimen in specimens])
     with bar(4 * len(specimens)) as progress:
-        found = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
+        models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
     result = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
               "fitted_masses_kg": list(chosen.fit.masses),
               "fitted_voltages_V": list(chosen.fit.voltages),
-              "built": [one.json() for one in found]}
+              "built": [model.json() for model in models]}
     if options.output is not None:
         from tympan.reports.figures.lumped_model import draw_built
 
-        write_built(found, result, options.output)
-        draw_built(found, options.output)
+        write_built(models, result, options.output)
+        draw_built(models, options.output)
     if options.json:
-        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        print_json(result)
     else:
         _show(result)
 

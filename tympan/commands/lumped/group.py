@@ -1,28 +1,13 @@
-"""``tympan lumped``: the paper's lumped model, simulated, identified, built from the field model, and its figures."""
+"""``tympan lumped``: the paper's lumped model in its subcommands."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from tympan.commands.lumped import (
-    build as lumped_build,
-)
-from tympan.commands.lumped import (
-    identify as lumped_identify,
-)
-from tympan.commands.lumped import (
-    paper as lumped_paper,
-)
-from tympan.commands.lumped import (
-    simulate as lumped_simulate,
-)
+from tympan.commands.lumped import build, identify, paper, simulate
+from tympan.options import Subcommands, command_group
 
 
-def add(commands: Any) -> None:
+def add(commands: Subcommands) -> None:
     """The command and its subcommands."""
-    words = "the paper's lumped model: a mass on circles of film"
-    parser = commands.add_parser("lumped", help=words,
-                                 description=words[0].upper() + words[1:] + ".")
-    kinds = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for part in (lumped_simulate, lumped_identify, lumped_build, lumped_paper):
-        part.add(kinds)
+    kinds = command_group(commands, "lumped", "the paper's lumped model: a mass on circles of film")
+    for subcommand in (simulate, identify, build, paper):
+        subcommand.add(kinds)

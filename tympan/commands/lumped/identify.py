@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import command, parse_numbers
+from tympan.options import (
+    Subcommands,
+    command,
+    json_argument,
+    output_argument,
+    parse_numbers,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,8 +25,8 @@ if TYPE_CHECKING:
     Progress = Callable[[str], None]
 
 
-def add(kinds: Any) -> None:
-    """The subcommand."""
+def add(kinds: Subcommands) -> None:
+    """The command's options."""
     parser = command(kinds, "identify", _run, "the constants behind a dataset's readings")
     parser.add_argument("dataset", type=Path, metavar="DATASET",
                         help="folder with dataset.toml and static.csv, transient.csv or both")
@@ -40,9 +46,8 @@ def add(kinds: Any) -> None:
                              "(default: %(default)s)")
     parser.add_argument("--nelder-mead", action="store_true",
                         help="also the paper's simplex, to compare")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
-                        help="write identify.json and figures")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    output_argument(parser, "write identify.json and figures")
+    json_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -74,7 +79,7 @@ def _run(options: argparse.Namespace) -> None:
                 draw_profiles(fit.judgement, options.output, f"profiles{name}")
                 draw_correlations(fit.judgement, options.output, f"correlations{name}")
     if options.json:
-        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        print_json(result)
         return
     for kind in ("static", "dynamic"):
         if kind in result:

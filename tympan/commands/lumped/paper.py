@@ -3,39 +3,44 @@
 from __future__ import annotations
 
 import argparse
-import json
-from pathlib import Path
 from typing import Any
 
-from tympan.options import command, parse_quantity
+from tympan.options import (
+    Subcommands,
+    command,
+    json_argument,
+    output_argument,
+    parse_quantity,
+    print_json,
+)
 
 
-def add(kinds: Any) -> None:
-    """The subcommand."""
+def add(kinds: Subcommands) -> None:
+    """The command's options."""
     parser = command(kinds, "paper", _run,
                      "the paper's figures 7 to 14 and tables, its numbers beside ours")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
-                        help="paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)")
+    output_argument(parser, "paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
+                    required=True)
     parser.add_argument("--levels", type=int, default=20, metavar="N",
                         help="of figure 14, which the paper does not give (default: %(default)s)")
     parser.add_argument("--seed", type=int,
                         help="of these levels (default: the first one whose levels come within "
-                                                 "100 V of 0 and of 7 kV)")
+                             "100 V of 0 and of 7 kV)")
     parser.add_argument("--reading", choices=("rest", "levels"),
-                        help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, or at the ends "
-                             "of figure 14's levels (default: whichever fits it better)")
+                        help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at "
+                             "rest, or at the ends of figure 14's levels (default: whichever fits "
+                             "it better)")
     parser.add_argument("--period",
-                        help="of figure 13's sines, which the paper does not give (default: that at which "
-                                         "the circle lags most)")
-    parser.add_argument("--json", action="store_true",
-                        help="print one JSON object, which paper.json holds too")
+                        help="of figure 13's sines, which the paper does not give (default: that "
+                             "at which the circle lags most)")
+    json_argument(parser, "print one JSON object, which paper.json holds too")
 
 
 def _run(options: argparse.Namespace) -> None:
     import time
 
     from tympan.progress import bar
-    from tympan.reports.paper.page import build
+    from tympan.reports.paper.page import build_paper_page
     from tympan.studies.replica.figures import STEPS_OF_RUN, Choices, run
     from tympan.studies.replica.output import store
 
@@ -43,13 +48,13 @@ def _run(options: argparse.Namespace) -> None:
     choices = Choices(options.levels, options.seed, period, reading=options.reading)
     began = time.perf_counter()
     with bar(STEPS_OF_RUN + 2) as progress:
-        found = run(choices, progress)
+        replica = run(choices, progress)
         progress("findings")
-        content = store(found, choices, time.perf_counter() - began, options.output)
+        content = store(replica, choices, time.perf_counter() - began, options.output)
         progress("figures")
-        page = build(options.output)
+        page = build_paper_page(options.output)
     if options.json:
-        print(json.dumps(content, ensure_ascii=False, allow_nan=False))
+        print_json(content)
         return
     _show(content)
     print(page)
@@ -58,8 +63,9 @@ def _run(options: argparse.Namespace) -> None:
 def _show(content: dict[str, Any]) -> None:
     print("Table 2, ranges in mm:       paper  ends of levels   at rest  all samples")
     for row in content["table_2"]["rows"]:
-        print(f"  {row['specimen']:<17}{row['mass_g']:>6g} g {row['paper_mm']:>7.2f} {row['at_levels_mm']:>15.3f} "
-              f"{row['at_rest_mm']:>9.3f} {row['all_samples_mm']:>12.3f}")
+        print(f"  {row['specimen']:<17}{row['mass_g']:>6g} g {row['paper_mm']:>7.2f} "
+              f"{row['at_levels_mm']:>15.3f} {row['at_rest_mm']:>9.3f} "
+              f"{row['all_samples_mm']:>12.3f}")
     for key in ("table_2", "settling"):
         for words in content[key]["why"]:
             print(words)

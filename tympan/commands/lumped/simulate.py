@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import check_distinct, command, parse_numbers, parse_quantity, read_rig
+from tympan.options import (
+    Subcommands,
+    check_distinct,
+    command,
+    json_argument,
+    output_argument,
+    parse_numbers,
+    parse_quantity,
+    print_json,
+    read_rig,
+    rig_argument,
+)
 
 if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
@@ -15,23 +25,24 @@ if TYPE_CHECKING:
     from tympan.studies.lumped.signals import Signal
 
 
-def add(kinds: Any) -> None:
-    """The subcommand."""
+def add(kinds: Subcommands) -> None:
+    """The command's options."""
     parser = command(kinds, "simulate", _run,
                      "response to a step, ramp, sine, random steps or a CSV file")
     parser.add_argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml")
     parser.add_argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
-                        help="models that `tympan lumped build` made, instead of specimens or beside them")
+                        help="models that `tympan lumped build` made, instead of specimens or "
+                             "beside them")
     parser.add_argument("--signal", default="step", metavar="KIND",
-                        help="step, ramp (up and down), sine, random, or a CSV file with t_s, voltage_kV "
-                             "(default: %(default)s)")
+                        help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
+                             "voltage_kV (default: %(default)s)")
     parser.add_argument("--low", default="0 kV",
                         help="before the step; lower end of the others (default: %(default)s)")
     parser.add_argument("--high", default="3.5 kV",
                         help="after the step; upper end (default: %(default)s)")
     parser.add_argument("--duration", default="30 s",
                         help="of step and ramp; of each random level; period of a sine "
-                                                           "(default: %(default)s)")
+                             "(default: %(default)s)")
     parser.add_argument("--count", type=int, metavar="N",
                         help="random levels (default: 20); cycles of a sine (3)")
     parser.add_argument("--seed", type=int, default=0,
@@ -41,15 +52,13 @@ def add(kinds: Any) -> None:
     parser.add_argument("--mass", default="17.9 g", help="on the plate (default: %(default)s)")
     parser.add_argument("--alpha", metavar="A,B",
                         help="weights of the circles with the short and the long semi-axis, "
-                                                       "as `tympan alpha` finds them (default: equal)")
+                             "as `tympan alpha` finds them (default: equal)")
     parser.add_argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
-                        help="the paper's Eq. (8) with Table 1's constants instead of the films' material; its ε_r, "
-                             "lost in the paper, must be given")
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
-                        help="gravity, spring, amplifier and sensor")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR",
-                        help="write transient.csv, simulate.json and figures")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+                        help="the paper's Eq. (8) with Table 1's constants instead of the films' "
+                             "material; its ε_r, lost in the paper, must be given")
+    rig_argument(parser)
+    output_argument(parser, "write transient.csv, simulate.json and figures")
+    json_argument(parser)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -64,7 +73,7 @@ def _run(options: argparse.Namespace) -> None:
     interval = _positive(options.interval, "--interval")
     signal, period = _signal(options)
     rig, weights = read_rig(options.rig), parse_numbers(options.alpha, "--alpha")
-    found: list[Simulated] = []
+    responses: list[Simulated] = []
     models = [read_model(file) for file in options.model]
     for model in models:
         model.check(rig.film_voltage(signal.peak))
@@ -77,29 +86,30 @@ def _run(options: argparse.Namespace) -> None:
     with bar(len(actuators)) as progress:
         for number, actuator in enumerate(actuators):
             progress(actuator.specimen.name)
-            found.append(Simulated(simulate(actuator, signal), interval, period,
+            responses.append(Simulated(simulate(actuator, signal), interval, period,
                                    options.signal == "step",
                                    weights is None and number < len(actuators) - len(models)))
-    result = simulated_json(found)
+    result = simulated_json(responses)
     if options.output is not None:
         from tympan.reports.figures.response import draw_simulated
 
-        write_simulated(found, result, options.output)
-        draw_simulated(found, options.output)
+        write_simulated(responses, result, options.output)
+        draw_simulated(responses, options.output)
     if options.json:
-        print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+        print_json(result)
     else:
         _show(result)
 
 
 def _show(result: dict[str, Any]) -> None:
-    for one in result["responses"]:
-        settled = one["settling_time_s"]
-        print(f"{one['specimen']}, {1e3 * one['mass_kg']:g} g: {1e3 * one['first_m']:.4f} to "
-              f"{1e3 * one['last_m']:.4f} mm, range {1e3 * one['range_m']:.4f} mm"
-              + ("" if settled is None else f", oscillation gone after {settled:.2f} s"))
-        for words in one["warnings"]:
-            print(f"warning: {words}")
+    for response in result["responses"]:
+        first, last, reach = (1e3 * response[key] for key in ("first_m", "last_m", "range_m"))
+        settled = response["settling_time_s"]
+        end = "" if settled is None else f", oscillation gone after {settled:.2f} s"
+        print(f"{response['specimen']}, {1e3 * response['mass_kg']:g} g: {first:.4f} to "
+              f"{last:.4f} mm, range {reach:.4f} mm{end}")
+        for warning in response["warnings"]:
+            print(f"warning: {warning}")
 
 
 def _specimens(options: argparse.Namespace) -> list[Specimen]:

@@ -1,0 +1,66 @@
+"""Every kind of folder a command writes with figures in it, and how these are drawn again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tympan.geometry.errors import InputError
+from tympan.reports.template import sentence_list
+
+
+@dataclass(frozen=True)
+class FolderKind:
+    """What one command leaves behind.
+
+    ``marker`` is a pattern of the file that the command writes last; ``draw`` takes that file and
+    answers what a person looks at first: the page where there is one, otherwise the figures.
+    """
+
+    command: str
+    marker: str
+    draw: Callable[[Path], list[Path]]
+
+
+def _study(marker: Path) -> list[Path]:
+    from tympan.reports.study.page import build_study_page
+
+    return [build_study_page(marker.parent)]
+
+
+def _diagnosis(marker: Path) -> list[Path]:
+    from tympan.reports.diagnosis.page import build_diagnosis_page
+
+    return [build_diagnosis_page(marker.parent)]
+
+
+def _paper(marker: Path) -> list[Path]:
+    from tympan.reports.paper.page import build_paper_page
+
+    return [build_paper_page(marker.parent)]
+
+
+KINDS = (
+    FolderKind("study", "study.json", _study),
+    FolderKind("diagnose", "diagnosis.json", _diagnosis),
+    FolderKind("lumped paper", "paper.json", _paper),
+)
+
+
+def rebuild(folder: Path) -> list[Path]:
+    """Draw the figures and pages of everything stored in a folder; answers what to look at.
+
+    Raises
+    ------
+    InputError
+        When the folder holds nothing that can be drawn, or something in it is damaged.
+    """
+    files = [file for kind in KINDS for marker in sorted(folder.glob(kind.marker))
+             for file in kind.draw(marker)]
+    if not files:
+        markers = ", ".join(kind.marker for kind in KINDS)
+        commands = sentence_list([f"tympan {kind.command}" for kind in KINDS])
+        raise InputError(f"holds none of {markers}: only what {commands} wrote is rebuilt",
+                         file=folder)
+    return files
