@@ -12,17 +12,17 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from benchmarks.tympan_rows import specimen
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import Ogden
-from tympan.fem.linear_solver.direct import analyses, factorise
-from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.fem.linear_solver import direct
+from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import from_meshio
 from tympan.geometry.mesher import MeshSettings, mesh_film
 
@@ -84,8 +84,8 @@ def film_model(order: int, unknowns: int) -> Model:
     case = replace(plain, membrane=replace(plain.membrane, material=Ogden((20e3,), (2.0,))))
     # Fine meshes of order 4 have 1800 unknowns times the square of their refinement.
     factor = math.sqrt(unknowns / 1800) * 4 / order
-    return Model(case,
-                 from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset())))
+    mesh = from_meshio(mesh_film(case, MeshSettings(order).refined(factor), frozenset()))
+    return Model(Discretisation.of(mesh), case)
 
 
 def copy_bandwidth() -> float:
@@ -101,32 +101,30 @@ def copy_bandwidth() -> float:
 
 def least_bytes(model: Model, entries: int) -> int:
     """Bytes assembly cannot avoid: gradients read, element tangents written and read, the sparse one written."""
-    elements, local = model.connectivity.shape
-    return 8 * (model.gradients.size + 2 * elements * (3 * local) ** 2 + entries)
+    mesh = model.discretisation
+    elements, local = mesh.connectivity.shape
+    return 8 * (mesh.gradients.size + 2 * elements * (3 * local) ** 2 + entries)
 
 
-def prepare(model: Model, solver: str) -> Any:
+def prepare(model: Model, solver: str) -> None:
     """Choose the solver of this name for the model."""
-    nodes = elimination_order(model.connectivity, model.reference[:, :2])
-    number = (np.cumsum(model.free) - 1).reshape(model.free.shape)
-    pattern = model._pattern
-    choices = analyses(pattern.indices, pattern.indptr, number[nodes][model.free[nodes]])
-    vars(model)["analysis"] = next(choice for choice in choices if type(choice).__name__ == solver)
+    direct.PARDISO_PAYS = 0 if solver == "Pardiso" else 2**62
+    assert type(model.discretisation.analysis).__name__ == solver
 
 
 def assembled(model: Model, base: float) -> Stage:
     """Forces and tangent of a state, the faster of two."""
-    rest = State.mounted(model, 1e6)
+    rest = model.mounted(1e6)
     stages = [timed(lambda: bool(model.linearised(rest)), base)[1] for _ in range(2)]
     return min(stages, key=lambda stage: stage.seconds)
 
 
 def factorised(model: Model, solver: str, base: float) -> tuple[Stage, Stage, int]:
     """The analysis with what it adds to the first factorisation; a second one; and the tangent's entries."""
-    inner = model.linearised(State.mounted(model, 1e6)).inner
+    inner = model.linearised(model.mounted(1e6)).inner
     _, order = timed(lambda: prepare(model, solver), base)
-    _, first = timed(lambda: bool(factorise(inner, model.analysis)), base)
-    _, again = timed(lambda: bool(factorise(inner, model.analysis)), base)
+    _, first = timed(lambda: bool(factorise(inner, model.discretisation.analysis)), base)
+    _, again = timed(lambda: bool(factorise(inner, model.discretisation.analysis)), base)
     return Stage(order.seconds + max(0.0, first.seconds - again.seconds),
                  first.peak_MB), again, int(inner.nnz)
 
@@ -136,8 +134,7 @@ def measure(order: int, unknowns: int, solver: str) -> Case:
     equilibrium(film_model(order, 500), FORCE, VOLTAGE)  # lazy imports are not the subject
     base = peak_mb()
     model, meshing = timed(lambda: film_model(order, unknowns), base)
-    _, setup = timed(lambda: (model.gradients, model.volumes, model._pattern,
-                              model._plate_elements), base)
+    _, setup = timed(lambda: (model.volumes, model.discretisation.pattern), base)
     assembly = assembled(model, base)
     analysis, factorisation, entries = factorised(model, solver, base)
     outcome, path = timed(lambda: equilibrium(model, FORCE, VOLTAGE), base)

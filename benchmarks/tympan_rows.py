@@ -10,6 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from benchmarks.peers.harness import PROBLEM, Peer, Row, Solution, measure
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
@@ -58,10 +59,10 @@ def _place(points: np.ndarray) -> np.ndarray:
 
 def cold(mesh: CurvedTriangles, planes: frozenset[str] = frozenset()) -> Solution:
     """From a mesh in memory to the force on the plate."""
-    model = Model(specimen(), mesh, planes)
+    model = Model(Discretisation.of(mesh, planes), specimen())
     outcome = held(model, HEAVE)
     assert outcome.status == "equilibrium", outcome.advice
-    return Solution(int(model.free.sum()), outcome.state.force)
+    return Solution(model.discretisation.free_count, outcome.state.force)
 
 
 def rows(repeat: int) -> list[Row]:
@@ -96,7 +97,7 @@ def _gmsh(repeat: int, planes: frozenset[str], words: str) -> Iterator[Row]:
 
 def _warm(repeat: int) -> Row:
     """One more step of a path, 5 mm to 5.25 mm, on the mesh that has 1e-6: what a sweep pays per state."""
-    model = Model(specimen(), annulus(4, 2, 8))
+    model = Model(Discretisation.of(annulus(4, 2, 8)), specimen())
     start = held(model, HEAVE).solution
     seconds = []
     for _ in range(max(5, repeat)):
@@ -104,9 +105,9 @@ def _warm(repeat: int) -> Row:
         outcome = held(model, 1.05 * HEAVE, start=start)
         seconds.append(time.perf_counter() - began)
     force = outcome.state.force
-    fine = held(Model(specimen(), annulus(4, 4, 24)), 1.05 * HEAVE).state.force
+    fine = held(Model(Discretisation.of(annulus(4, 4, 24)), specimen()), 1.05 * HEAVE).state.force
     peer = _peer("one warm step of a path")
-    return Row(peer.name, peer.version, peer.method, int(model.free.sum()), force,
+    return Row(peer.name, peer.version, peer.method, model.discretisation.free_count, force,
                abs(force / fine - 1), min(seconds),
                "the warm step's error is against a finer mesh")
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_state import Tension
@@ -25,7 +26,7 @@ from tympan.fem.results.fields import (
     lost_tension,
     lost_tension_of,
 )
-from tympan.fem.results.film_integrals import totals
+from tympan.fem.results.film_integrals import film_integrals
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
@@ -130,7 +131,7 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
     """
     planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                        if arm}
-    return meshed(specimen, settings, planes).with_loading(loading)
+    return replace(meshed(specimen, settings, planes), loading=loading)
 
 
 @lru_cache(maxsize=32)
@@ -139,9 +140,9 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
-            return Model(specimen, part, planes) if settings.symmetry else Model(specimen,
-                                                                                 unfold(part,
-                                                                                        planes).mesh)
+            if not settings.symmetry:
+                part, planes = unfold(part, planes).mesh, frozenset()
+            return Model(Discretisation.of(part, planes), specimen)
     raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is too little room",
                      key="frame, plate, electrode", given=specimen.name)
 
@@ -173,7 +174,7 @@ def summaries(cases: Iterable[Case], model: Model,
     pairs = zip(cases, outcomes, strict=True)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
-    while batch := list(islice(pairs, max(1, _TOGETHER // model.mesh.nelements))):
+    while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
         seen = iter(_seen(model, [outcome.state for _, outcome in batch
                                   if outcome.status == "equilibrium"]))
         for case, outcome in batch:
@@ -203,8 +204,8 @@ class _Seen:
 def _seen(model: Model, states: Sequence[State]) -> list[_Seen]:
     if not states:
         return []
-    sums = totals(model, states)
-    fields = cell_fields_of(model, states, ELEMENTS[model.mesh.order].doflocs.T)
+    sums = film_integrals(model, states)
+    fields = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
     lost = lost_tension_of(model, states)
     material = model.specimen.membrane.material
     return [_Seen(found, without, float(sums.reaction[number]), float(sums.capacitance[number]),
@@ -236,7 +237,7 @@ def _of_equilibrium(result: CaseResult, case: Case, state: State, seen: _Seen) -
 
 def node_fields(model: Model, state: State) -> Fields:
     """Fields at the nodes of every element of the model's mesh."""
-    return cell_fields(model, state, ELEMENTS[model.mesh.order].doflocs.T)
+    return cell_fields(model, state, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
 
 
 def state_warnings(model: Model, state: State) -> list[str]:

@@ -93,7 +93,7 @@ def write_fields(file: Path, model: Model, state: State, parts: int = 6,
     """
     points, triangles = lattice(parts)
     fields = cell_fields(model, state, points)
-    offsets = len(points.T) * np.arange(model.mesh.nelements)[:, None, None]
+    offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
     cells = (offsets + triangles).reshape(-1, 3)
     mesh = meshio.Mesh(
         fields.position + fields.displacement, [("triangle", cells)],
@@ -104,8 +104,8 @@ def write_fields(file: Path, model: Model, state: State, parts: int = 6,
 
 def interpolated(model: Model, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
     """A nodal vector field, shape (nodes, 3), at the same reference points of every element; element-major."""
-    shapes = tabulated(model.mesh.order, points)[0]
-    return np.asarray(np.matmul(shapes.T, nodal[model.connectivity]).reshape(-1, 3))
+    shapes = tabulated(model.discretisation.mesh.order, points)[0]
+    return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
 
 
 def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:

@@ -110,7 +110,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     inertia = plate.inertia
     return replace(
         result, deflection_m=state.plate.heave,
-        film_mass_kg=float(film_mass(model).sum()) * model.mirrored,
+        film_mass_kg=float(film_mass(model).sum()) * model.discretisation.mirrored,
         plate_mass_kg=plate.mass, plate_inertia_kg_m2=tuple(map(float, inertia.diagonal())),
         unstable=found.unstable,
         modes=listed, wall_s=time.perf_counter() - began, warnings=tuple(warnings),
@@ -131,9 +131,9 @@ def surface(vibration: Vibration, parts: int = 6) -> Surface:
     """The deformed film with each curved element as ``parts``² triangles; elements share no points."""
     model = vibration.model
     points, triangles = lattice(parts)
-    cells = len(points.T) * np.arange(model.mesh.nelements)[:, None, None] + triangles
+    cells = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None] + triangles
     return Surface(interpolated(model, vibration.state.positions, points),
-                   interpolated(model, model.reference, points),
+                   interpolated(model, model.discretisation.reference, points),
                    cells.reshape(-1, 3),
                    np.stack([interpolated(model, shape, points)
                              for shape in vibration.modes.shapes]))

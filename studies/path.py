@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import Branch, Point
-from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.ramp import Outcome, PathSettings, branch_points, equilibrium
 from tympan.fem.film.tension_state import Tension
@@ -184,7 +183,7 @@ def _station(model: Model, point: Point) -> Station:
     tangent = point.solution.tangent
     assert tangent is not None
     voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
-    capacitance = capacitance_of(model, state)
+    capacitance = model.capacitance(state)
     return Station(
         deflection_m=state.plate.heave, force_N=state.force, voltage_V=voltage,
         pressure_Pa=state.pressure,
@@ -237,8 +236,8 @@ def _charge_rate(model: Model, point: Point) -> float:
     """d(C U)/ds along the branch."""
     voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
     inner, plate = model.by_load(point.state, "voltage")
-    growth = -2 * model.mirrored * float(inner @ point.direction[0] + plate @ point.direction[1])
-    return growth * voltage + capacitance_of(model, point.state) * point.rate / (2 * voltage)
+    growth = -2 * model.discretisation.mirrored * float(inner @ point.direction[0] + plate @ point.direction[1])
+    return growth * voltage + model.capacitance(point.state) * point.rate / (2 * voltage)
 
 
 def store(folder: Path, result: BranchResult, limits: list[tuple[Model, Point]]) -> None:

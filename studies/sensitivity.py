@@ -80,7 +80,7 @@ class CaseNumber:
         loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
                  "voltage": rig.film_voltage(voltage, self.case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != self.limited}
-        return model.with_loading(rig.loading), state.under(**loads)
+        return replace(model, loading=rig.loading), state.under(**loads)
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None) -> di
 def _immovable(model: Model) -> list[str]:
     """Why the mesh cannot follow the lengths of the specimen, if it cannot."""
     try:
-        velocities(model).check()
+        velocities(model.discretisation, model.specimen).check()
     except InputError as error:
         return [f"no derivatives by lengths: {error}"]
     return []

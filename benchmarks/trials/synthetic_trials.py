@@ -277,7 +277,7 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     number = int(states.specimen[ramp[0]])
     specimen, rig = setup.specimens[number], setup.rig
     blank = replace(specimen, membrane=design.setup.specimens[number].membrane)
-    model = build_model(blank, MESHES[truth.mesh], rig.loading).with_specimen(specimen)
+    model = replace(build_model(blank, MESHES[truth.mesh], rig.loading), specimen=specimen)
     force = rig.force(truth.stranger.mass(float(states.mass[ramp[0]])), model.plate_area)
     voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
                 for nominal, direction in

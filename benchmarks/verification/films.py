@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.oracles import axisymmetric
 from tests.oracles.inflation import Disc
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.constraints import Heave
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import NeoHooke
@@ -55,7 +56,8 @@ def quarter_annulus(order: int, count: int) -> Model:
         return radius * np.stack([np.cos(angle), np.sin(angle)])
 
     mesh = _curved(order, np.stack([s.ravel(), t.ravel()]), triangles, place)
-    return Model(annulus(NeoHooke(MU)), _tagged(mesh, math.sqrt(A * B)), frozenset("xy"))
+    tagged = _tagged(mesh, math.sqrt(A * B))
+    return Model(Discretisation.of(tagged, frozenset("xy")), annulus(NeoHooke(MU)))
 
 
 def quarter_disc(order: int, count: int, radius: float, film: Film) -> Model:
@@ -73,16 +75,16 @@ def quarter_disc(order: int, count: int, radius: float, film: Film) -> Model:
         return radius * ((1 - s**2) * unit + s**3 * np.stack([np.cos(angle), np.sin(angle)]))
 
     mesh = _tagged(_curved(order, corners.T / count, triangles, place), 2 * radius)
-    return Model(Specimen("disc", Circle(radius), Plate(Circle(radius / 10)), film), mesh,
-                 frozenset("xy"))
+    disc = Specimen("disc", Circle(radius), Plate(Circle(radius / 10)), film)
+    return Model(Discretisation.of(mesh, frozenset("xy")), disc)
 
 
 def bulge(model: Model, pressures: list[float], apex: float) -> list[float]:
     """Apex heights [m] of a disc at rising pressures [Pa], from a guess of the first."""
-    x, y, _ = model.reference.T
-    positions = model.reference.copy()
+    x, y, _ = model.discretisation.reference.T
+    positions = model.discretisation.reference.copy()
     positions[:, 2] = apex * (1 - (x**2 + y**2) / model.size**2)
-    state = State(positions, State.mounted(model).plate)
+    state = State(positions, model.mounted().plate)
     heights = []
     for pressure in pressures:
         solution = newton(model, state.under(pressure=pressure), ("force",), (Heave(0.0),))

@@ -112,9 +112,9 @@ def wrinkled_film() -> Iterator[Pair]:
     heave, model = 90e-3, quarter_annulus(4, 4)
     film = replace(model.specimen.membrane, prestretch=(0.6, 0.6))
     model = replace(model, specimen=replace(model.specimen, membrane=film), wrinkles=True)
-    cone = model.reference.copy()
+    cone = model.discretisation.reference.copy()
     cone[:, 2] = heave * (B - np.hypot(*cone.T[:2])) / (B - A)
-    start = State(cone, State.mounted(model).plate.raised_to(heave))
+    start = State(cone, model.mounted().plate.raised_to(heave))
     found = newton(model, start, ("force",), (Heave(heave),))
     if not found.converged:
         raise ArithmeticError(found.advice)

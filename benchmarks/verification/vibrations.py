@@ -15,7 +15,6 @@ from tests.oracles.axisymmetric import neo_hooke
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
-from tympan.fem.membrane.state import State
 from tympan.fem.vibration.modes import RigidPlate, vibrations
 from tympan.geometry.outlines import Circle
 from tympan.studies.case import Settings, build_model
@@ -44,7 +43,7 @@ def hertz(wave_number: float, voltage: float) -> float:
 
 def transverse(model: Model, voltage: float, plate: RigidPlate) -> list[float]:
     """Frequencies [Hz] of the modes across the film."""
-    found = vibrations(model, State.mounted(model, voltage**2), plate, count=12)
+    found = vibrations(model, model.mounted(voltage**2), plate, count=12)
     across = [(shape[:, 2] ** 2).sum() > 0.99 * (shape**2).sum() for shape in found.shapes]
     return [float(value) for value in found.frequencies_Hz[across]]
 
@@ -68,7 +67,7 @@ def annulus_held() -> Iterator[Pair]:
 def plate_on_film() -> Iterator[Pair]:
     """The lowest mode: plate and film swing together."""
     wave = annulus_modes.heaving(1, A, B, MASS / per_area())[0]
-    found = vibrations(heavy_film(), State.mounted(heavy_film()),
+    found = vibrations(heavy_film(), heavy_film().mounted(),
                        RigidPlate.uniform(Circle(A), MASS), count=6)
     heave = int(np.argmax(found.shares[:, HEAVE]))
     yield Pair("f", float(found.frequencies_Hz[heave]), hertz(float(wave), 0.0), "Hz")

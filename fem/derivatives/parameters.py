@@ -61,7 +61,7 @@ class FilmNumber:
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
         """Another film on the same mesh."""
-        return model.with_specimen(with_change(model.specimen, self.path, change)), state
+        return replace(model, specimen=with_change(model.specimen, self.path, change)), state
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class LoadingNumber:
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
         """Other surroundings."""
-        return model.with_loading(with_change(model.loading, self.path, change)), state
+        return replace(model, loading=with_change(model.loading, self.path, change)), state
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,9 @@ class Parameters:
             return LoadNumber(name)
         if path[0] == "loading":
             return LoadingNumber(path[1:])
-        return ShapeNumber(path,
-                           velocities(self.model)) if name in self._lengths else FilmNumber(path)
+        if name in self._lengths:
+            return ShapeNumber(path, velocities(self.model.discretisation, self.model.specimen))
+        return FilmNumber(path)
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.stiffness import element_forces, scattered
+from tympan.fem.complex_step import STEP, complex_step
+from tympan.fem.discretisation.assembly import element_forces
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.plate import HEAVE
@@ -22,8 +23,6 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 
 Array = NDArray[Any]
-
-_STEP = 1e-40
 
 
 class Quantity(Protocol):
@@ -87,14 +86,14 @@ class Reaction:
 
     def value(self, model: Model, state: State) -> Any:
         """Sum of the nodal forces on the plate's edge."""
-        return model.forces(state.positions, state.voltage_squared)[model.plate_nodes,
-                                                                    2].sum() * model.mirrored
+        return model.reaction(state)
 
     def slope(self, model: Model, state: State) -> Parts:
         """The film's tangent times a lift of the plate's edge, by a complex step."""
-        lifted = state.positions.astype(complex)
-        lifted[model.plate_nodes, 2] += 1j * _STEP
-        return _of_nodes(model, state, model.forces(lifted, state.voltage_squared).imag / _STEP)
+        lift = np.zeros(state.positions.shape)
+        lift[model.discretisation.plate_nodes, 2] = 1.0
+        return _of_nodes(model, state, complex_step(
+            lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ class Energy:
 
     def value(self, model: Model, state: State) -> Any:
         """The model's energy."""
-        return model.energy(state.positions, state.voltage_squared) * model.mirrored
+        return model.energy(state.positions, state.voltage_squared) * model.discretisation.mirrored
 
     def slope(self, model: Model, state: State) -> Parts:
         """The nodal forces."""
@@ -119,18 +118,16 @@ class Capacitance:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """−2 ∂energy/∂U²; the electrostatic energy is linear in U² where the film does not wrinkle."""
+        """Of the model; where the film wrinkles it has none that works for complex numbers."""
         if model.wrinkles:
             raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
                              given="capacitance")
-        c = cauchy_green(model.deformation(state.positions))
-        stretches = principal_stretches(c, model.specimen.membrane.prestretch)
-        energy = model.density(1.0).maxwell.derivatives(*stretches)[0]
-        return -2 * (energy * model.volumes).sum() * model.mirrored
+        return model.capacitance(state)
 
     def slope(self, model: Model, state: State) -> Parts:
         """−2 ∂forces/∂U²."""
-        forces = model.forces(state.positions, state.voltage_squared + 1j * _STEP).imag / _STEP
+        forces = complex_step(lambda squared: model.forces(state.positions, squared),
+                              state.voltage_squared)
         return _of_nodes(model, state, -2 * forces)
 
 
@@ -154,7 +151,7 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     """U over the stretched thickness under the electrode, 0 outside [V/m]."""
     film = model.specimen.membrane
     area = np.sqrt(c[0] * c[1] - c[2] ** 2) * film.area_prestretch
-    return model.covered * np.sqrt(voltage_squared) * area / film.thickness
+    return model.discretisation.covered * np.sqrt(voltage_squared) * area / film.thickness
 
 
 @dataclass(frozen=True)
@@ -171,18 +168,17 @@ class Largest:
 
     def value(self, model: Model, state: State) -> Any:
         """The norm."""
-        return _norm(self._field(model, state), model.weights, self.power)
+        return _norm(self._field(model, state), model.discretisation.weights, self.power)
 
     def slope(self, model: Model, state: State) -> Parts:
         """By the chain rule through the field at every quadrature point."""
-        h = np.broadcast_to(self._field(model, state), model.weights.shape)
-        norm = _norm(h, model.weights, self.power)
-        share = model.weights / model.weights.sum()
+        h = np.broadcast_to(self._field(model, state), model.discretisation.weights.shape)
+        norm = _norm(h, model.discretisation.weights, self.power)
+        share = model.discretisation.weights / model.discretisation.weights.sum()
         return _by_strain(model, state, self.field, (h / norm) ** (self.power - 1) * share)
 
     def _field(self, model: Model, state: State) -> Any:
-        return self.field(model, state.voltage_squared,
-                          cauchy_green(model.deformation(state.positions)))
+        return self.field(model, state.voltage_squared, model.cauchy_green(state.positions))
 
 
 @dataclass(frozen=True)
@@ -195,19 +191,19 @@ class Local:
 
     def value(self, model: Model, state: State) -> Any:
         """The field there."""
-        h = self.field(model, state.voltage_squared,
-                       cauchy_green(model.deformation(state.positions)))
-        return np.broadcast_to(h, model.weights.shape)[self._point(model)]
+        h = self.field(model, state.voltage_squared, model.cauchy_green(state.positions))
+        return np.broadcast_to(h, model.discretisation.weights.shape)[self._point(model)]
 
     def slope(self, model: Model, state: State) -> Parts:
         """By the chain rule through the field at that point."""
-        only = np.zeros(model.weights.shape)
+        only = np.zeros(model.discretisation.weights.shape)
         only[self._point(model)] = 1.0
         return _by_strain(model, state, self.field, only)
 
     def _point(self, model: Model) -> tuple[int, int]:
-        x, y = np.moveaxis(np.einsum("pl,elc->epc", model.shapes,
-                                     model.reference.real[model.connectivity, :2]), -1, 0)
+        mesh = model.discretisation
+        nodes = mesh.reference.real[mesh.connectivity, :2]
+        x, y = np.moveaxis(np.einsum("pl,elc->epc", mesh.shapes, nodes), -1, 0)
         away = (x - self.place[0]) ** 2 + (y - self.place[1]) ** 2
         element, point = np.unravel_index(np.argmin(away), away.shape)
         return int(element), int(point)
@@ -250,26 +246,26 @@ def _norm(h: Any, weights: Array, power: int) -> Any:
 def _of_plate(model: Model, values: dict[int, float]) -> Parts:
     """Derivatives by plate freedoms alone."""
     plate = np.array([values.get(freedom, 0.0) for freedom in model.plate_freedoms])
-    return np.zeros(int(model.free.sum())), plate
+    return np.zeros(model.discretisation.free_count), plate
 
 
 def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
     """Derivatives from those of this mesh's part by its nodes, the plate's edge following the plate."""
-    whole = forces * model.mirrored
-    return whole[model.free], model.plate_forces(whole, state.plate)
+    return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)
 
 
 def _by_strain(model: Model, state: State, field: Field, weights: Array) -> Parts:
     """Derivative of Σ weights · field at the quadrature points."""
-    f = model.deformation(state.positions)
+    mesh = model.discretisation
+    f = mesh.deformation(state.positions)
     c = cauchy_green(f)
-    by = []
-    for component in range(3):
+
+    def along(component: int) -> Any:
         stepped: list[Any] = list(c)
-        stepped[component] = stepped[component] + 1j * _STEP
-        moved = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
-        by.append(weights * np.imag(moved) / _STEP)
-    nodal = scattered(model,
-                      element_forces(model, f, np.stack([2 * by[0], 2 * by[1], by[2]], axis=-1)))
+        stepped[component] = stepped[component] + 1j * STEP
+        changed = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
+        return weights * np.imag(changed) / STEP
+
+    stress = np.stack([2 * along(0), 2 * along(1), along(2)], axis=-1)
     # A mean over the part is one over the whole: what a node does, its mirror images do.
-    return nodal[model.free], model.plate_forces(nodal, state.plate)
+    return model.on_freedoms(mesh.scatter(element_forces(mesh.gradients, f, stress)), state.plate)

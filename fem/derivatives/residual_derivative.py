@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.stiffness import Stiffness, scattered, spread, strains
+from tympan.fem.derivatives.stiffness import Stiffness, spread, strains
 from tympan.fem.film.density import Part, Stretching, plane_stress
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import State
@@ -52,8 +52,10 @@ class Work:
                                                                 model.plate_area])):
             on_plate = model.loading.on_plate(state, model.centre,
                                               model.plate_area)[1][list(model.plate_freedoms)]
-            result = result + self._plate @ on_plate.imag / model.mirrored
-        return result + self._by_shape(model, state) if np.iscomplexobj(model.reference) else result
+            result = result + self._plate @ on_plate.imag / model.discretisation.mirrored
+        if np.iscomplexobj(model.discretisation.reference):
+            result = result + self._by_shape(model, state)
+        return result
 
     def _by_film(self, model: Model, state: State) -> Array:
         """By materials that are not those the motions start with, and by the film's virgin thickness."""
@@ -76,16 +78,18 @@ class Work:
         # Where stretches are all but equal, directions have no derivative by another prestretch;
         # the stress has.
         stress = plane_stress((part.material,), self.own.c, part.prestretch, tangent=False).stress
-        return np.tensordot(self._strains, stress * self.own.model.weights[..., None], axes=3)
+        weights = self.own.model.discretisation.weights[..., None]
+        return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
         """By nodes that move within the plane of the mounted film, every one keeping its displacement."""
         mine, plate = self.own.model, self.own.state.plate
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
-        follows = np.einsum("nip,mp,ni->m", turned, self._plate, self.own.forces[mine.plate_nodes])
+        forces = self.own.forces[mine.discretisation.plate_nodes]
+        follows = np.einsum("nip,mp,ni->m", turned, self._plate, forces)
         moved = np.tensordot(self._returned, state.positions.imag, axes=2)
-        return np.asarray(moved + np.tensordot(self._configurational, model.reference.imag[:, :2],
-                                               axes=2) + follows)
+        slid = np.tensordot(self._configurational, model.discretisation.reference.imag[:, :2], axes=2)
+        return np.asarray(moved + slid + follows)
 
     @cached_property
     def _returned(self) -> Array:
@@ -95,26 +99,26 @@ class Work:
     @cached_property
     def _configurational(self) -> Array:
         """Change of the work when a node moves in the virgin film alone [N], shape (motions, nodes, 2)."""
-        model, (sw, dw) = self.own.model, self.own.weighted
+        model, mesh, (sw, dw) = self.own.model, self.own.model.discretisation, self.own.weighted
         result = []
         for change, nodal in zip(self._strains, self._nodal, strict=True):
             by_stress = np.matmul(dw, change[..., None])[..., 0]
             doubled = change * [2, 2, 1]
             tensor = -_matrix(doubled) @ _matrix(sw) - _matrix(np.stack(self.own.c,
                                                                         axis=-1)) @ _matrix(by_stress)
-            lift = nodal[:, 2][model.connectivity] @ model.shapes.T
-            own = (change * sw).sum(-1) - model.pull * model.weights * lift
+            lift = nodal[:, 2][mesh.connectivity] @ mesh.shapes.T
+            own = (change * sw).sum(-1) - model.pull * mesh.weights * lift
             tensor[..., 0, 0] += own
             tensor[..., 1, 1] += own
-            elements = np.einsum("eplb,epab->ela", model.gradients, tensor, optimize=True)
-            result.append(scattered(model, elements))
+            elements = np.einsum("eplb,epab->ela", mesh.gradients, tensor, optimize=True)
+            result.append(mesh.scatter(elements))
         return np.stack(result)
 
     @cached_property
     def _by_pressure(self) -> Array:
         """Change of the volume under the film [m³], shape (motions,)."""
-        return np.tensordot(self._nodal[:, self.own.model.connectivity], self.own.volume_forces,
-                            axes=3)
+        nodes = self.own.model.discretisation.connectivity
+        return np.tensordot(self._nodal[:, nodes], self.own.volume_forces, axes=3)
 
     @cached_property
     def _parts(self) -> dict[str, Part]:
@@ -131,14 +135,15 @@ class Work:
     @cached_property
     def _strains(self) -> Array:
         """What the stress works on, shape (motions, elements, points, 3)."""
-        return np.stack([strains(self.own.deformation, self.own.model.deformation(row))
+        return np.stack([strains(self.own.deformation, self.own.model.discretisation.deformation(row))
                          for row in self._nodal])
 
     @cached_property
     def _stretching(self) -> Stretching:
         by, model = np.moveaxis(self._strains, -1, 0), self.own.model
         changes = 2 * by[0], 2 * by[1], by[2]
-        return Stretching.of(self.own.c, changes, model.specimen.membrane.prestretch, model.weights)
+        return Stretching.of(self.own.c, changes, model.specimen.membrane.prestretch,
+                             model.discretisation.weights)
 
 
 def _matrix(triple: Array) -> Array:

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.adjoint import Adjoint
 from tympan.fem.derivatives.parameters import LOADS, Parameter, Parameters
 from tympan.fem.derivatives.quantities import Heave, Quantity
@@ -27,8 +28,6 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
-
-_STEP = 1e-40
 
 #: Change of the load, relative to it, per arc length over the frame's half extent, below which a
 #: point is a limit.
@@ -79,15 +78,15 @@ def gradient_many(model: Model, found: Outcome | Solution | State,
     work = Work(solver.own, motions)
     result: dict[str, dict[str, float]] = {name: {} for name in quantities}
     for name, parameter in by.items():
-        if parameter.odd & model.planes:
+        if parameter.odd & model.discretisation.planes:
             _refuse_odd(quantities, name)
             for values in result.values():
                 values[name] = 0.0
             continue
-        stepped = parameter.changed(model, state, 1j * _STEP)
+        stepped = parameter.changed(model, state, 1j * STEP)
         shares = work.change(*stepped)
         for (label, quantity), share in zip(quantities.items(), shares, strict=True):
-            result[label][name] = float((quantity.value(*stepped).imag - share) / _STEP)
+            result[label][name] = float((quantity.value(*stepped).imag - share) / STEP)
     return result
 
 
@@ -122,16 +121,16 @@ def limit_gradient(model: Model, critical: Point, load: Load,
         raise InputError("has no derivatives: the load has no smooth limit there", key="limit",
                          given=load)
     work = Work(Stiffness(model, state), [mode])
-    loads: dict[str, Any] = {load: state.load(load) + 1j * _STEP}
+    loads: dict[str, Any] = {load: state.load(load) + 1j * STEP}
     share = work.change(model, state.under(**loads))[0]
     result = {}
     for name, parameter in by.items():
-        if parameter.odd & model.planes:
+        if parameter.odd & model.discretisation.planes:
             result[name] = 0.0
         elif name in LOADS and name == load:
             raise InputError("is the load that has the limit", key="parameter", given=name)
         else:
-            stepped = parameter.changed(model, state, 1j * _STEP)
+            stepped = parameter.changed(model, state, 1j * STEP)
             result[name] = float(-work.change(*stepped)[0] / share)
     return result
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.enclosed_volume import FilmVolume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
@@ -26,25 +27,24 @@ class Stiffness:
     def product(self, motion: Parts) -> Parts:
         """Change of the residual with a motion of free components and plate freedoms."""
         model, state = self.model, self.state
-        forces = self.nodal(spread(model, state, motion))
-        return forces[model.free], model.plate_forces(forces, state.plate) + self._plate @ motion[1]
+        inner, plate = model.on_freedoms(self.nodal(spread(model, state, motion)), state.plate)
+        return inner, plate + self._plate @ motion[1]
 
     def nodal(self, motion: Array) -> Array:
         """Change of the nodal forces of film and gas with a motion of all nodes, both of shape (nodes, 3) [N]."""
-        model, state, (sw, dw) = self.model, self.state, self.weighted
-        change = model.deformation(motion)
+        mesh, pressure, (sw, dw) = self.model.discretisation, self.state.pressure, self.weighted
+        change = mesh.deformation(motion)
         by_stress = np.matmul(dw, strains(self.deformation, change)[..., None])[..., 0]
-        elements = _gathered(model, _piola(change, sw) + _piola(self.deformation, by_stress))
-        if state.pressure:
-            local = motion[model.connectivity].reshape(len(elements), -1, 1)
-            elements -= state.pressure * np.matmul(self._volume.second(),
-                                                   local).reshape(elements.shape)
-        return scattered(model, elements)
+        elements = _gathered(mesh, _piola(change, sw) + _piola(self.deformation, by_stress))
+        if pressure:
+            local = motion[mesh.connectivity].reshape(len(elements), -1, 1)
+            elements -= pressure * np.matmul(self._volume.second(), local).reshape(elements.shape)
+        return mesh.scatter(elements)
 
     @cached_property
     def deformation(self) -> Array:
         """F at the quadrature points, shape (elements, points, 3, 2)."""
-        return self.model.deformation(self.state.positions)
+        return self.model.discretisation.deformation(self.state.positions)
 
     @cached_property
     def c(self) -> tuple[Array, Array, Array]:
@@ -56,16 +56,16 @@ class Stiffness:
         """Stress and its tangent by strains, times virgin volumes."""
         density = self.model.density(self.state.voltage_squared)(self.c)
         volumes = self.model.volumes[..., None]
-        assert density.tangent is not None
         return density.stress * volumes, density.tangent * volumes[..., None]
 
     @cached_property
     def forces(self) -> Array:
         """Nodal forces of film, gas and own weight, without what acts on the plate [N], shape (nodes, 3)."""
-        elements = element_forces(self.model, self.deformation, self.weighted[0])
+        mesh = self.model.discretisation
+        elements = _gathered(mesh, _piola(self.deformation, self.weighted[0]))
         if self.state.pressure:
             elements -= self.state.pressure * self.volume_forces
-        return scattered(self.model, elements) - self.model.weight
+        return mesh.scatter(elements) - self.model.weight
 
     @cached_property
     def volume_forces(self) -> Array:
@@ -74,27 +74,21 @@ class Stiffness:
 
     @cached_property
     def _volume(self) -> FilmVolume:
-        model = self.model
-        return FilmVolume(self.state.positions[model.connectivity], self.deformation, model.shapes,
-                          model.gradients,
-                          model.weights)
+        return FilmVolume(self.model.discretisation, self.state.positions)
 
     @cached_property
     def _plate(self) -> Array:
         """What the turning of the plate adds to its own stiffness: that of the forces on it."""
-        model, state = self.model, self.state
-        outer = model.loading.on_plate(state, model.centre, model.plate_area)[2] / model.mirrored
-        allowed = model.plate_freedoms
-        turned = state.plate.curvature(model.arms, self.forces[model.plate_nodes])
-        return np.asarray((turned + outer)[np.ix_(allowed, allowed)])
+        return self.model.plate_curvature(self.forces, self.state)
 
 
 def spread(model: Model, state: State, motion: Parts) -> Array:
     """The motion of all nodes, shape (nodes, 3)."""
+    mesh = model.discretisation
     gradient = state.plate.gradient(model.arms)[:, :, model.plate_freedoms]
     nodal = np.zeros(state.positions.shape)
-    nodal[model.free] = motion[0]
-    nodal[model.plate_nodes] = gradient @ motion[1]
+    nodal[mesh.free] = motion[0]
+    nodal[mesh.plate_nodes] = gradient @ motion[1]
     return nodal
 
 
@@ -105,27 +99,13 @@ def strains(f: Array, change: Array) -> Array:
                      product[..., 0, 1] + product[..., 1, 0]], axis=-1)
 
 
-def element_forces(model: Model, f: Array, weighted: Array) -> Array:
-    """Σ F S ∇φ of every element for stresses times volumes, shape (elements, local, 3)."""
-    return _gathered(model, _piola(f, weighted))
-
-
 def _piola(f: Array, weighted: Array) -> Array:
     """F S, its two columns first: shape (2, elements, points, 3)."""
     return np.stack([weighted[..., 0, None] * f[..., 0] + weighted[..., 2, None] * f[..., 1],
                      weighted[..., 2, None] * f[..., 0] + weighted[..., 1, None] * f[..., 1]])
 
 
-def _gathered(model: Model, piola: Array) -> Array:
-    g = model.gradients
-    result = np.matmul(g[..., 0].transpose(0, 2, 1),
-                       piola[0]) + np.matmul(g[..., 1].transpose(0, 2, 1), piola[1])
-    return np.asarray(result)
-
-
-def scattered(model: Model, elements: Array) -> Array:
-    """Sums over the elements at each node, shape (nodes, components)."""
-    nodes, count = model.connectivity.ravel(), len(model.reference)
-    parts = [np.bincount(nodes, elements[..., axis].ravel(), count)
-             for axis in range(elements.shape[-1])]
-    return np.stack(parts, axis=1)
+def _gathered(mesh: Discretisation, piola: Array) -> Array:
+    g = mesh.gradients
+    return np.asarray(np.matmul(g[..., 0].transpose(0, 2, 1), piola[0])
+                      + np.matmul(g[..., 1].transpose(0, 2, 1), piola[1]))

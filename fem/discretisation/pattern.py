@@ -13,7 +13,7 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Pattern:
+class SparsityPattern:
     """The tangent's sparsity, and the sum of element tangents as a sparse matrix; computed once per mesh.
 
     A tangent is symmetric, so three neighbours in a row of an element's tangent, the components of
@@ -29,7 +29,7 @@ class Pattern:
     indptr: Array
 
     @classmethod
-    def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> Pattern:
+    def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> SparsityPattern:
         """Pattern of the free components.
 
         Parameters

@@ -42,8 +42,8 @@ class Heave:
         """Heave − value."""
         plate = np.zeros(len(model.plate_freedoms))
         plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.heave - self.value, np.zeros(int(model.free.sum())), plate,
-                        np.zeros(len(free)))
+        return Equation(state.plate.heave - self.value, np.zeros(model.discretisation.free_count),
+                        plate, np.zeros(len(free)))
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class Charge:
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
         """C U − Q, with the capacitance C = −2 ∂energy/∂U² and its derivative −2 ∂forces/∂U²."""
         voltage = max(float(np.sqrt(max(state.voltage_squared, 0.0))), 1e-6)
-        capacitance = capacitance_of(model, state)
+        capacitance = float(model.capacitance(state))
         inner, plate = model.by_load(state, "voltage")
         loads = np.array([capacitance / (2 * voltage) if name == "voltage" else 0.0
                           for name in free])
-        share = -2 * voltage * model.mirrored
+        share = -2 * voltage * model.discretisation.mirrored
         return Equation(capacitance * voltage - self.value, share * inner, share * plate, loads)
 
 
@@ -79,18 +79,12 @@ class Arc:
         return Equation(miss, inner, plate, np.zeros(len(free)))
 
 
-def capacitance_of(model: Model, state: State) -> float:
-    """Q/U = −2 ∂energy/∂U² of the whole film [F]; the energy includes the electrostatic one at constant voltage."""
-    step = 1e-30
-    energy = model.energy(state.positions, state.voltage_squared + 1j * step)
-    return float(-2 * energy.imag / step * model.mirrored)
-
-
 def difference(model: Model, state: State, origin: State) -> Parts:
     """Motion of the free components and of the plate from one state to another."""
     plate = np.concatenate([state.plate.translation - origin.plate.translation,
                             turned(state.plate, origin.plate)])
-    return (state.positions - origin.positions)[model.free], plate[list(model.plate_freedoms)]
+    film = (state.positions - origin.positions)[model.discretisation.free]
+    return film, plate[list(model.plate_freedoms)]
 
 
 def metric(model: Model, motion: Parts) -> Parts:

@@ -155,7 +155,7 @@ def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] 
     """The state after a fraction of a correction of film, plate and free loads."""
     count = len(model.plate_freedoms)
     positions = state.positions.copy()
-    positions[model.free] += fraction * correction[0]
+    positions[model.discretisation.free] += fraction * correction[0]
     motion = np.zeros(6)
     motion[list(model.plate_freedoms)] = fraction * correction[1][:count]
     plate = state.plate.moved(motion)

@@ -140,18 +140,18 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
     there.
     """
-    flat = newton(model, State.mounted(model), settings=settings.newton)
-    if flat.converged and flat.stable and model.tense(flat.state):
+    flat = newton(model, model.mounted(), settings=settings.newton)
+    if flat.converged and flat.stable and model.in_tension(flat.state):
         return flat
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
-    x, y, _ = model.reference.T
+    x, y, _ = model.discretisation.reference.T
     to_frame, to_plate = np.abs(model.specimen.frame.level(x,
                                                            y)), np.abs(model.specimen.plate.level(x,
                                                                                                   y))
     heave = 0.2 * model.size
-    positions = model.reference.copy()
+    positions = model.discretisation.reference.copy()
     positions[:, 2] = heave * to_frame / (to_frame + to_plate)
     pushed = replace(flat.state, positions=positions, plate=flat.state.plate.raised_to(heave))
     found = newton(model, pushed, ("force",), (Heave(heave),), settings.newton)
@@ -183,7 +183,7 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
-    solution = start or newton(model, State.mounted(model), ("force",), (Heave(0.0),),
+    solution = start or newton(model, model.mounted(), ("force",), (Heave(0.0),),
                                settings.newton)
     origin, charge = solution.state.plate.heave, solution.state.voltage_squared
     advice = solution.advice
@@ -232,7 +232,7 @@ def ramp(model: Model, start: Solution, load: Load, target: float,
         onward = Prediction.of(model, trial, load) if trial.converged and trial.stable else None
         if onward is not None and _foreseen(ahead, guess, onward):
             solution, done, step, ahead = trial, share, 2 * step, onward
-            taut = trial if model.tense(trial.state) else taut
+            taut = trial if model.in_tension(trial.state) else taut
             continue
         trial.release()
         if (step := step / 2) < max(settings.handover * (already + done), 1e-12):

@@ -74,7 +74,7 @@ class SmoothMotions:
         """
         share = _potential(model)
         follow = (1 - share)[:, None, None] * _rigid(model)
-        arm = model.reference[:, :2] - model.centre[:2]
+        arm = model.discretisation.reference[:, :2] - model.centre[:2]
         angle = np.arctan2(arm[:, 1], arm[:, 0])
         radial = legendre.legvander(2 * share - 1, degree) * (share * (1 - share))[:, None]
         frame = np.zeros((len(angle), 3, 3))
@@ -84,8 +84,8 @@ class SmoothMotions:
         frame[:, 2, 2] = 1.0
         parts = [frame[:, :, axis, None] * (radial * wave(angle)[:, None])[:, None, :]
                  for axis in range(3) for wave in _waves(model, axis, waves)]
-        columns = np.concatenate([part[model.free] for part in parts], axis=1)
-        return cls(_orthonormal(columns), follow[model.free])
+        columns = np.concatenate([part[model.discretisation.free] for part in parts], axis=1)
+        return cls(_orthonormal(columns), follow[model.discretisation.free])
 
     def spread(self, correction: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
@@ -115,13 +115,13 @@ def _orthonormal(columns: Array) -> Array:
 
 def _waves(model: Model, axis: int, highest: int) -> list[Callable[[Array], Array]]:
     """Waves around the plate of the radial, circumferential or vertical motion that the mirror planes allow."""
-    mirrored = -1 if axis == 1 else 1
+    mirrored, planes = -1 if axis == 1 else 1, model.discretisation.planes
     waves: list[Callable[[Array], Array]] = []
     for number in range(highest + 1):
         turn = (-1) ** number  # of cos(number θ) where x changes sign; its sine turns the other way
-        if all({"x": turn, "y": 1}[plane] == mirrored for plane in model.planes):
+        if all({"x": turn, "y": 1}[plane] == mirrored for plane in planes):
             waves.append(partial(_cosine, number))
-        if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in model.planes):
+        if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in planes):
             waves.append(partial(_sine, number))
     # Without waves nothing turns about the axis.
     return waves if highest or axis != 1 else []
@@ -137,9 +137,10 @@ def _sine(number: int, angle: Array) -> Array:
 
 def _potential(model: Model) -> Array:
     """Harmonic function that is 0 on the plate and 1 on the frame."""
-    stiffness = laplace.assemble(model.basis)
-    value = np.zeros(len(model.reference))
-    frame, plate = model.boundary_nodes("frame"), model.plate_nodes
+    mesh = model.discretisation
+    stiffness = laplace.assemble(mesh.basis)
+    value = np.zeros(len(mesh.reference))
+    frame, plate = mesh.boundary_nodes("frame"), mesh.plate_nodes
     value[frame] = 1.0
     return np.asarray(skfem.solve(*skfem.condense(stiffness, x=value,
                                                   D=np.concatenate([frame, plate]))))
@@ -149,5 +150,5 @@ def _rigid(model: Model) -> Array:
     """Displacement of every node by the plate's allowed freedoms in the mounted state, shape (nodes, 3, p)."""
     from tympan.fem.membrane.plate import PlateMotion
 
-    arms = model.reference - model.centre
+    arms = model.discretisation.reference - model.centre
     return PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]

@@ -94,7 +94,8 @@ class Tangent:
     def heave_stiffness(self) -> float:
         """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
         row = self.model.plate_freedoms.index(HEAVE)
-        return float(self.model.mirrored / np.linalg.inv(self.plate_stiffness)[row, row])
+        compliance = np.linalg.inv(self.plate_stiffness)[row, row]
+        return float(self.model.discretisation.mirrored / compliance)
 
     @property
     def wrinkling(self) -> int:
@@ -145,7 +146,7 @@ class Tangent:
         """Change of everything when one equation's value grows by one: the direction of the path."""
         border = np.zeros(len(self._schur))
         border[equation] = 1.0
-        return self.solve((np.zeros(int(self.model.free.sum())), border))
+        return self.solve((np.zeros(self.model.discretisation.free_count), border))
 
     def _spread(self, inner: Array, border: Array) -> Parts:
         nodal, plate = self.motions.spread((inner, border[: self._plates]))
@@ -165,7 +166,9 @@ def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
 
 
 def _factorise(matrix: Any, model: Model) -> Any:
-    return _Dense(matrix) if isinstance(matrix, np.ndarray) else factorise(matrix, model.analysis)
+    if isinstance(matrix, np.ndarray):
+        return _Dense(matrix)
+    return factorise(matrix, model.discretisation.analysis)
 
 
 class _Dense:

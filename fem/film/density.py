@@ -57,7 +57,7 @@ class Density:
 
     energy: Any
     stress: Any
-    tangent: Any | None
+    tangent: Any  #: None where it was not asked for
 
 
 @dataclass(frozen=True)
@@ -160,18 +160,17 @@ class FilmDensity:
         result = plane_stress((self.material,), c, film.prestretch, tangent=tangent)
         if grease is None or grease.prestretch == film.prestretch:
             return result
-        own = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
-        return Density(result.energy + own.energy, result.stress + own.stress,
-                       None if result.tangent is None or own.tangent is None
-                       else result.tangent + own.tangent)
+        coat = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
+        return Density(result.energy + coat.energy, result.stress + coat.stress,
+                       result.tangent + coat.tangent if tangent else None)
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches of the material, wrinkles included, and in how many directions it is tense (2, 1, 0)."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
-        own = self.material.natural(*seen)
-        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, own, strict=True)),
+        natural = self.material.natural(*seen)
+        tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, natural, strict=True)),
                     np.array(0))
-        return *own, tense
+        return *natural, tense
 
 
 def residual_tension(film: Film) -> Any:

@@ -1,7 +1,7 @@
 """Direct solution of sparse symmetric systems: what depends on the sparsity is done once, the rest per matrix.
 
 SciPy's SuperLU in an order by nested dissection is the default. MKL's PARDISO takes its place above
-``_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md`` has what
+``PARDISO_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md`` has what
 was measured.
 """
 
@@ -19,7 +19,7 @@ from tympan.fem.linear_solver.superlu import SuperLU
 Array = NDArray[Any]
 
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
-_PAYS = 20_000
+PARDISO_PAYS = 20_000
 
 
 class Factorisation(Protocol):
@@ -51,7 +51,7 @@ def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analys
         Unknowns in an order of elimination that fills in little; by default minimum degree.
     """
     chosen = list(analyses(indices, indptr, order))
-    return chosen[-1] if len(indptr) - 1 >= _PAYS else chosen[0]
+    return chosen[-1] if len(indptr) - 1 >= PARDISO_PAYS else chosen[0]
 
 
 def analyses(indices: Array, indptr: Array, order: Array | None = None) -> Iterator[Analysis]:

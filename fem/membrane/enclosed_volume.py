@@ -8,11 +8,13 @@ symmetric.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.plate import HEAVE, PlateMotion
 
 Array = NDArray[Any]
@@ -23,58 +25,59 @@ _UP = _AXES[2]
 
 @dataclass(frozen=True, eq=False)
 class FilmVolume:
-    """Element contributions.
+    """The volume under the film with its nodes at ``positions``, shape (nodes, 3) [m]."""
 
-    ``positions`` of the elements' nodes (elements, local, 3), ``deformation`` F (elements, points,
-    3, 2), ``shapes`` (points, local), ``gradients`` (elements, points, local, 2), ``weights``
-    (elements, points) of the mounted area.
-    """
-
+    discretisation: Discretisation
     positions: Array
-    deformation: Array
-    shapes: Array
-    gradients: Array
-    weights: Array
 
-    @property
-    def height(self) -> Array:
-        """z at the quadrature points."""
-        return self.positions[:, :, 2] @ self.shapes.T
-
-    @property
+    @cached_property
     def value(self) -> Any:
         """Volume under the film [m³]."""
-        f = self.deformation
-        flat = f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0]
-        return (self.weights * self.height * flat).sum()
+        return (self.discretisation.weights * self._height * self._shadow).sum()
 
     def first(self) -> Array:
         """∂V/∂x of the elements' nodes, shape (elements, local, 3) [m²]."""
-        along = self._along()
-        flat = self.deformation[..., 0, 0] * self.deformation[..., 1, 1] \
-            - self.deformation[..., 0, 1] * self.deformation[..., 1, 0]
-        weighted = (self.weights * self.height)[:, None]
-        across = [np.matmul(weighted, each)[:, 0] for each in along]
-        return np.stack([*across, (self.weights * flat) @ self.shapes], axis=-1)
+        weights = self.discretisation.weights
+        weighted = (weights * self._height)[:, None]
+        across = [np.matmul(weighted, slope)[:, 0] for slope in self._shadow_slopes]
+        return np.stack([*across, (weights * self._shadow) @ self.discretisation.shapes], axis=-1)
 
     def second(self) -> Array:
         """∂²V/∂x² of the elements, shape (elements, 3 local, 3 local), node-major [m]."""
-        g, w = self.gradients, self.weights
+        g, w = self.discretisation.gradients, self.discretisation.weights
         elements, _, local, _ = g.shape
         result = np.zeros((elements, local, 3, local, 3))
-        turned = np.matmul((g[..., 0] * (w * self.height)[..., None]).transpose(0, 2, 1), g[..., 1])
+        turned = np.matmul((g[..., 0] * (w * self._height)[..., None]).transpose(0, 2, 1),
+                           g[..., 1])
         turned = turned - turned.transpose(0, 2, 1)
         result[:, :, 0, :, 1] = turned
         result[:, :, 1, :, 0] = turned.transpose(0, 2, 1)
-        for axis, along in enumerate(self._along()):
-            part = np.matmul((along * w[..., None]).transpose(0, 2, 1), self.shapes)
+        for axis, slope in enumerate(self._shadow_slopes):
+            part = np.matmul((slope * w[..., None]).transpose(0, 2, 1), self.discretisation.shapes)
             result[:, :, axis, :, 2] = part
             result[:, :, 2, :, axis] = part.transpose(0, 2, 1)
         return result.reshape(elements, 3 * local, 3 * local)
 
-    def _along(self) -> tuple[Array, Array]:
-        """∂(x,₁ y,₂ − x,₂ y,₁) by x and y of each node."""
-        g, f = self.gradients, self.deformation
+    @cached_property
+    def _deformation(self) -> Array:
+        return self.discretisation.deformation(self.positions)
+
+    @cached_property
+    def _height(self) -> Array:
+        """z at the quadrature points."""
+        local = self.positions[self.discretisation.connectivity, 2]
+        return np.asarray(local @ self.discretisation.shapes.T)
+
+    @cached_property
+    def _shadow(self) -> Array:
+        """x,₁ y,₂ − x,₂ y,₁: area on the frame's plane per mounted area."""
+        f = self._deformation
+        return np.asarray(f[..., 0, 0] * f[..., 1, 1] - f[..., 0, 1] * f[..., 1, 0])
+
+    @cached_property
+    def _shadow_slopes(self) -> tuple[Array, Array]:
+        """Its derivatives by x and y of each node, shape (elements, points, local)."""
+        g, f = self.discretisation.gradients, self._deformation
         return (g[..., 0] * f[..., 1, 1, None] - g[..., 1] * f[..., 1, 0, None],
                 g[..., 1] * f[..., 0, 0, None] - g[..., 0] * f[..., 0, 1, None])
 

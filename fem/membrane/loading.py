@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.enclosed_volume import plate_volume
 from tympan.fem.membrane.plate import HEAVE, PlateMotion
+from tympan.fem.membrane.state import State
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
-
-if TYPE_CHECKING:
-    from tympan.fem.membrane.state import State
 
 Array = NDArray[Any]
 

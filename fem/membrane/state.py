@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import PlateMotion
 
 Array = NDArray[np.float64]
@@ -31,11 +30,6 @@ class State:
     voltage_squared: float = 0.0
     force: float = 0.0
     pressure: float = 0.0
-
-    @classmethod
-    def mounted(cls, model: Model, voltage_squared: float = 0.0) -> State:
-        """The flat film with the plate at rest."""
-        return cls(model.reference.copy(), PlateMotion.rest(), voltage_squared)
 
     def load(self, name: Load) -> float:
         """Force [N], U² [V²] or pressure [Pa]."""

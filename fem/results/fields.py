@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.tension_state import Tension, tension_state
@@ -68,12 +69,13 @@ class Fields:
 
 def whole(model: Model, state: State) -> tuple[Model, State]:
     """Model and state of the whole film when only a part of it was meshed."""
-    if not model.planes:
+    mesh = model.discretisation
+    if not mesh.planes:
         return model, state
-    full = unfold(model.mesh, model.planes)
+    full = unfold(mesh.mesh, mesh.planes)
     positions = state.positions[full.origin].copy()
     positions[:, :2] *= full.signs.T
-    return replace(model, mesh=full.mesh, planes=frozenset()), replace(state, positions=positions)
+    return replace(model, discretisation=Discretisation.of(full.mesh)), replace(state, positions=positions)
 
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
@@ -83,9 +85,10 @@ def cell_fields(model: Model, state: State, points: Array) -> Fields:
 
 def cell_fields_of(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
     """The same at several states of one model, which are computed together."""
-    found = _fields(model, states, np.arange(model.mesh.nelements), points)
-    count = model.mesh.nelements * points.shape[1]
-    return [found[number * count : (number + 1) * count] for number in range(len(states))]
+    elements = len(model.discretisation.connectivity)
+    joined = _fields(model, states, np.arange(elements), points)
+    count = elements * points.shape[1]
+    return [joined[number * count : (number + 1) * count] for number in range(len(states))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +119,15 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
         s, weight = (gauss + 1) / 2, weight / 2
     else:
         s, weight = np.linspace(0, 1, points), np.full(points, 1 / points)
-    facets = (model.mesh.boundaries or {}).get(name)
-    if facets is None:
-        raise ValueError(f"the mesh has no boundary {name!r}: it has {sorted(model.mesh.boundaries or {})}")
+    mesh = model.discretisation.mesh
+    boundaries = mesh.boundaries or {}
+    if name not in boundaries:
+        raise ValueError(f"the mesh has no boundary {name!r}: it has {sorted(boundaries)}")
     parts, weights = [], []
     for local, edge in enumerate(_EDGES):
-        cells = np.flatnonzero(np.isin(model.mesh.t2f[local], facets))
+        cells = np.flatnonzero(np.isin(mesh.t2f[local], boundaries[name]))
         # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
-        cells = cells[model.mesh.f2t[0][model.mesh.t2f[local][cells]] == cells]
+        cells = cells[mesh.f2t[0][mesh.t2f[local][cells]] == cells]
         if len(cells):
             tangent = _edge_tangent(model, cells, local, s)
             parts.append(_fields(model, [state], cells, np.array(edge(s)),
@@ -132,12 +136,6 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts])
                       for item in fields(Fields)))
     return EdgeFields(joined, np.concatenate(weights))
-
-
-def reaction(model: Model, state: State) -> float:
-    """Force with which the film pulls the whole plate back [N], positive against the load."""
-    forces = model.forces(state.positions, state.voltage_squared)
-    return float(forces[model.plate_nodes, 2].sum()) * model.mirrored
 
 
 @dataclass(frozen=True)
@@ -156,17 +154,16 @@ def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
 
 def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
     """The same at several states of one model, which are computed together."""
-    points = _middles(parts)
-    slopes = tabulated(model.mesh.order, points)[1]
-    areas = np.abs(np.linalg.det(jacobian(model, np.arange(model.mesh.nelements), slopes))) * (0.5
-                                                                                               / parts**2)
-    whole_area = float(areas.sum())
+    mesh = model.discretisation
+    slopes = tabulated(mesh.mesh.order, _middles(parts))[1]
+    cells = np.arange(len(mesh.connectivity))
+    areas = np.abs(np.linalg.det(jacobian(model, cells, slopes))) * (0.5 / parts**2)
     result = []
-    for found in _tension(model, states, slopes):
-        wrinkled, slack = (float(areas[found == kind].sum())
+    for tension in _tension(model, states, slopes):
+        wrinkled, slack = (float(areas[tension == kind].sum())
                            for kind in (Tension.WRINKLED, Tension.SLACK))
-        result.append(LostTension(wrinkled * model.mirrored, slack * model.mirrored,
-                                  (wrinkled + slack) / whole_area))
+        result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
+                                  (wrinkled + slack) / float(areas.sum())))
     return result
 
 
@@ -178,9 +175,9 @@ def _middles(parts: int) -> Array:
 
 def _tension(model: Model, states: Sequence[State], slopes: Array) -> Array:
     """Tension states, shape (states, cells, points); stresses as the eigenvalues of S C."""
-    cells = np.arange(model.mesh.nelements)
+    cells = np.arange(len(model.discretisation.connectivity))
     c = cauchy_green(_deformation(model, states, cells, slopes))
-    density = FilmDensity(model.specimen, _voltages(states), model.covered, model.wrinkles)
+    density = model.density(_voltages(states))
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
     product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
@@ -194,17 +191,17 @@ def _voltages(states: Sequence[State]) -> Array:
 
 def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Array) -> Array:
     """F, shape (states, cells, points, 3, 2)."""
-    local = np.stack([state.positions for state in states])[:,
-                                                            model.connectivity[cells]].swapaxes(-1,
-                                                                                                -2)
-    return np.asarray(np.matmul(local[:, :, None],
-                                np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))))
+    positions = np.stack([state.positions for state in states])
+    local = positions[:, model.discretisation.connectivity[cells]].swapaxes(-1, -2)
+    gradients = np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))
+    return np.asarray(np.matmul(local[:, :, None], gradients))
 
 
 def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
     """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
-    return np.matmul(model.reference[model.connectivity[cells], :2].transpose(0, 2, 1)[:, None],
-                     slopes)
+    mesh = model.discretisation
+    places = mesh.reference[mesh.connectivity[cells], :2].transpose(0, 2, 1)
+    return np.asarray(np.matmul(places[:, None], slopes))
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
@@ -220,15 +217,15 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
 
     ``plate_traction`` is on cuts ``along`` these vectors, shape (cells, points, 2).
     """
-    film = model.specimen.membrane
-    nodes = model.connectivity[cells]
-    shapes, slopes = tabulated(model.mesh.order, points)
-    here = np.matmul(shapes.T, model.reference[nodes]).reshape(-1, 3)
+    film, mesh = model.specimen.membrane, model.discretisation
+    nodes = mesh.connectivity[cells]
+    shapes, slopes = tabulated(mesh.mesh.order, points)
+    here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
     reference = np.tile(here, (len(states), 1))
     current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3)
                               for state in states])
     f = _deformation(model, states, cells, slopes).reshape(-1, 3, 2)
-    covered = np.tile(np.repeat(model.covered[cells, 0], points.shape[1]), len(states))
+    covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 
     c = cauchy_green(f)
@@ -280,6 +277,6 @@ def _normal(along: Array, towards: Array) -> Array:
 
 def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
     """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
-    slopes = tabulated(model.mesh.order, np.array(_EDGES[local](s)))[1]
+    slopes = tabulated(model.discretisation.mesh.order, np.array(_EDGES[local](s)))[1]
     along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
     return np.asarray(np.matmul(jacobian(model, cells, slopes), along)[..., 0])

@@ -1,4 +1,4 @@
-"""Totals over the film at several states of one model at once: reaction, capacitance and energy."""
+"""Integrals over the film at several states of one model at once: reaction, capacitance and energy."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import STEP
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 
 Array = NDArray[Any]
 
-_STEP = 1e-30
-
 
 @dataclass(frozen=True, eq=False)
-class Totals:
+class FilmIntegrals:
     """Of the whole film, one for each state: all of shape (states,)."""
 
     reaction: Array  #: force with which the film pulls the plate back [N], positive against the load
@@ -26,23 +25,23 @@ class Totals:
     energy: Array  #: stored, counted from the virgin film, at constant voltage [J]
 
 
-def totals(model: Model, states: Sequence[State]) -> Totals:
-    """All three from one evaluation of the film's density, at U² with an imaginary step.
+def film_integrals(model: Model, states: Sequence[State]) -> FilmIntegrals:
+    """Reaction, capacitance and energy from one evaluation of the film's density, at U² with an imaginary step.
 
     The reaction is the work of the stresses when the plate's edge is lifted by one, nothing else
     moving.
     """
-    local = np.stack([state.positions for state in states])[:, model.connectivity].swapaxes(-1, -2)
-    f = np.matmul(local[:, :, None], model.gradients)
+    mesh = model.discretisation
+    f = mesh.deformation(np.stack([state.positions for state in states]))
     squared = np.array([state.voltage_squared for state in states])[:, None, None]
-    density = model.density(squared + 1j * _STEP)(cauchy_green(f), tangent=False)
-    energy = (density.energy * model.volumes).sum(axis=(1, 2)) * model.mirrored
+    density = model.density(squared + 1j * STEP)(cauchy_green(f), tangent=False)
+    energy = (density.energy * model.volumes).sum(axis=(1, 2)) * mesh.mirrored
     stress = density.stress.real * model.volumes[..., None]
-    edge = np.zeros(len(model.reference))
-    edge[model.plate_nodes] = 1.0
-    lift = np.matmul(model.gradients.swapaxes(-1, -2),
-                     edge[model.connectivity][:, None, :, None])[..., 0]
+    edge = np.zeros(len(mesh.reference))
+    edge[mesh.plate_nodes] = 1.0
+    lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
+                     edge[mesh.connectivity][:, None, :, None])[..., 0]
     rise = f[..., 2, :]
     work = (stress[..., 0] * rise[..., 0] + stress[..., 2] * rise[..., 1]) * lift[..., 0]
     work += (stress[..., 2] * rise[..., 0] + stress[..., 1] * rise[..., 1]) * lift[..., 1]
-    return Totals(work.sum(axis=(1, 2)) * model.mirrored, -2 * energy.imag / _STEP, energy.real)
+    return FilmIntegrals(work.sum(axis=(1, 2)) * mesh.mirrored, -2 * energy.imag / STEP, energy.real)

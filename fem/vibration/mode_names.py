@@ -56,7 +56,7 @@ def _film_name(model: Model, shape: Array) -> str:
     if along < (1 - _MAINLY) * (across + along):
         return "film, in plane"
     if along > _MAINLY * (across + along) and model.specimen.axisymmetric:
-        pattern = _pattern(model.reference[:, :2], shape[:, 2])
+        pattern = _pattern(model.discretisation.reference[:, :2], shape[:, 2])
         if pattern is not None:
             return "film ({}, {})".format(*pattern)
     return "film"

@@ -13,8 +13,7 @@ double frequency meets its twin.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from math import inf, isinf
 from typing import Any
@@ -26,9 +25,8 @@ from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kro
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tympan.fem.linear_solver.direct import factorise
-from tympan.fem.membrane.loading import GUIDES
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
+from tympan.fem.membrane.plate import PlateMotion
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import Unfolding, unfold
@@ -96,52 +94,12 @@ class RigidPlate:
         return result
 
 
-@dataclass(frozen=True, eq=False)
-class SymmetryClass(Model):
-    """A model whose motions are odd about the planes in ``odd`` and even about its other ones."""
-
-    odd: frozenset[str] = frozenset()
-
-    @classmethod
-    def all(cls, model: Model) -> Iterator[SymmetryClass]:
-        """The 1, 2 or 4 classes of a model with 0, 1 or 2 planes, the even one first."""
-        planes = sorted(model.planes)
-        values = {item.name: getattr(model, item.name) for item in fields(Model)}
-        for odd in chain.from_iterable(combinations(planes, count)
-                                       for count in range(len(planes) + 1)):
-            part = cls(**values, odd=frozenset(odd))
-            vars(part).update({name: getattr(model, name)
-                               for name in ("basis", "connectivity", "shapes", "gradients")})
-            yield part
-
-    @cached_property
-    def plate_freedoms(self) -> tuple[int, ...]:
-        """Numbers of the plate's freedoms of this class, whatever the guide allows."""
-        allowed = set(range(len(FREEDOMS)))
-        for plane in self.planes:
-            even = set(Model(self.specimen, self.mesh, frozenset(plane)).plate_freedoms)
-            allowed &= set(range(len(FREEDOMS))) - even if plane in self.odd else even
-        return tuple(sorted(allowed))
-
-    @cached_property
-    def free(self) -> NDArray[np.bool_]:
-        """Which nodal components are unknowns, shape (nodes, 3)."""
-        free = np.ones(self.reference.shape, dtype=bool)
-        free[self.boundary_nodes("frame")] = False
-        free[self.plate_nodes] = False
-        for axis, plane in enumerate("xy"):
-            if plane in self.planes:
-                across = np.arange(3) == axis
-                free[self.boundary_nodes(f"axis_{'yx'[axis]}")] &= across if plane in self.odd else ~across
-        return free
-
-    def unfolded(self, signs: Array) -> Array:
-        """Factors of a motion's components at mirrored nodes, shape (nodes, 3), from ``Unfolding.signs``."""
-        factors = np.column_stack([*signs, np.ones(signs.shape[1])])
-        for axis, plane in enumerate("xy"):
-            if plane in self.odd:
-                factors *= signs[axis][:, None]
-        return factors
+def symmetry_classes(model: Model) -> Iterator[Model]:
+    """The model with motions even or odd about each of its planes: 1, 2 or 4 classes, the even one first."""
+    mesh = model.discretisation
+    for odd in chain.from_iterable(combinations(sorted(mesh.planes), count)
+                                   for count in range(len(mesh.planes) + 1)):
+        yield replace(model, discretisation=replace(mesh, odd=frozenset(odd))) if odd else model
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +149,7 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
-    classes = [_System.of(part, state, plate) for part in SymmetryClass.all(model)]
+    classes = [_System.of(part, state, plate) for part in symmetry_classes(model)]
     spectra = [system.solve(count) for system in classes]
     candidates = [(value, number, mode) for number, spectrum in enumerate(spectra)
                   for mode, value in enumerate(spectrum.values)]
@@ -201,7 +159,7 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
         raise InputError("nothing that can move has mass: neither the film nor the plate",
                          key="membrane.density", given=model.specimen.membrane.density)
     values = np.array([value for value, _, _ in chosen])
-    full = unfold(model.mesh, model.planes)
+    full = unfold(model.discretisation.mesh, model.discretisation.planes)
     vectors = [(classes[number], spectra[number].vectors[:, mode]) for _, number, mode in chosen]
     motions, shares = zip(*(system.plate_part(vector) for system, vector in vectors), strict=True)
     shapes = [system.whole_shape(vector, full) for system, vector in vectors]
@@ -213,13 +171,9 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
 
 def film_mass(model: Model) -> csr_matrix:
     """Consistent mass matrix of the meshed film for one component of all nodes [kg], shape (nodes, nodes)."""
-    weights = model.volumes * model.specimen.membrane.density
-    elements = np.einsum("pa,pb,ep->eab", model.shapes, model.shapes, weights, optimize=True)
-    nodes = model.connectivity
-    rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-    size = len(model.reference)
-    return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())),
-                      shape=(size, size)).tocsr()
+    weights, shapes = model.volumes * model.specimen.membrane.density, model.discretisation.shapes
+    elements = np.einsum("pa,pb,ep->eab", shapes, shapes, weights, optimize=True)
+    return model.discretisation.nodal_matrix(elements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +193,7 @@ class _System:
     node components of them.
     """
 
-    model: SymmetryClass
+    model: Model
     inner: csc_matrix
     border: Array
     corner: Array
@@ -249,19 +203,18 @@ class _System:
     freedoms: tuple[int, ...]
 
     @classmethod
-    def of(cls, model: SymmetryClass, state: State, plate: RigidPlate) -> _System:
-        """The tangent at a state, with the plate's freedoms that the guide leaves, none if it is held."""
-        tangent = model.linearised(state)
-        allowed = frozenset() if isinf(plate.mass) else GUIDES[model.loading.guide]
-        kept = [place for place, number in enumerate(model.plate_freedoms)
-                if FREEDOMS[number] in allowed]
-        freedoms = tuple(model.plate_freedoms[place] for place in kept)
+    def of(cls, model: Model, state: State, plate: RigidPlate) -> _System:
+        """The tangent at a state, without the plate's freedoms if it is held."""
+        weight = np.zeros((6, 6))
+        if isinf(plate.mass):
+            model = replace(model, loading=replace(model.loading, guide="fixed"))
+        else:
+            weight = plate.matrix(state.plate) / model.discretisation.mirrored
+        tangent, freedoms = model.linearised(state), model.plate_freedoms
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
-        weight = np.zeros((6,
-                           6)) if isinf(plate.mass) else plate.matrix(state.plate) / model.mirrored
-        return cls(model, tangent.inner, tangent.border[:, kept], tangent.corner[kept][:, kept],
+        return cls(model, tangent.inner, tangent.border, tangent.corner,
                    _coordinates(model, gradient), film_mass(model),
-                   weight[list(freedoms)][:, list(freedoms)], freedoms)
+                   weight[np.ix_(freedoms, freedoms)], freedoms)
 
     def solve(self, count: int) -> _Spectrum:
         """The lowest eigenvalues of this class, negative ones included."""
@@ -281,14 +234,18 @@ class _System:
         """The plate's motion in the six freedoms, and their shares of the kinetic energy."""
         motion, share = np.zeros(6), np.zeros(6)
         own = vector[len(vector) - len(self.freedoms):]
-        motion[list(self.freedoms)] = own / np.sqrt(self.model.mirrored)
+        motion[list(self.freedoms)] = own / np.sqrt(self.model.discretisation.mirrored)
         share[list(self.freedoms)] = own * (self.plate @ own)
         return motion, share
 
     def whole_shape(self, vector: Array, full: Unfolding) -> Array:
         """Displacements of the whole film's nodes, the whole's mass as the part's, shape (nodes, 3)."""
-        nodal = (self.coordinates @ vector).reshape(-1, 3) / np.sqrt(self.model.mirrored)
-        return nodal[full.origin] * self.model.unfolded(full.signs)
+        mesh = self.model.discretisation
+        nodal = (self.coordinates @ vector).reshape(-1, 3) / np.sqrt(mesh.mirrored)
+        factors = np.column_stack([*full.signs, np.ones(full.signs.shape[1])])
+        for plane in mesh.odd:
+            factors *= full.signs["xy".index(plane)][:, None]
+        return np.asarray(nodal[full.origin] * factors)
 
     def _massless_film(self) -> _Spectrum:
         """The film follows the plate; freedoms without inertia follow too."""
@@ -313,13 +270,14 @@ class _System:
 
 def _coordinates(model: Model, gradient: Array) -> csr_matrix:
     """Node components (node-major) by free components and plate freedoms, shape (3 nodes, n + p)."""
-    free = np.flatnonzero(model.free.ravel())
+    mesh = model.discretisation
+    free = np.flatnonzero(mesh.free.ravel())
     count, freedoms = len(free), gradient.shape[2]
-    edge = (3 * model.plate_nodes[:, None] + np.arange(3)).ravel()
+    edge = (3 * mesh.plate_nodes[:, None] + np.arange(3)).ravel()
     rows = np.concatenate([free, np.repeat(edge, freedoms)])
     columns = np.concatenate([np.arange(count), np.tile(count + np.arange(freedoms), len(edge))])
     data = np.concatenate([np.ones(count), gradient.ravel()])
-    return csr_matrix((data, (rows, columns)), shape=(model.reference.size, count + freedoms))
+    return csr_matrix((data, (rows, columns)), shape=(mesh.reference.size, count + freedoms))
 
 
 def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:

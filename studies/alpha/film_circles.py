@@ -14,7 +14,6 @@ from scipy.optimize import minimize
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
-from tympan.fem.results.fields import reaction
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
@@ -58,8 +57,7 @@ class Circles:
             if outcome.status != "equilibrium":
                 raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its deflection",
                                  key="alpha", given=self.specimen.name)
-            column.append(reaction(model,
-                                   outcome.state))  # the film's alone, as the samples have it: no spring
+            column.append(model.reaction(outcome.state))  # the film's alone, as the samples have it: no spring
         return column
 
     def _model(self, radius: float) -> Model:

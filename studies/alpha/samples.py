@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.ramp import voltage_path
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import edge_fields, reaction, whole
+from tympan.fem.results.fields import edge_fields, whole
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, why
@@ -59,7 +59,7 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
             if state.plate.heave <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
-            rows.append((reaction(model, state), state.plate.heave,
+            rows.append((model.reaction(state), state.plate.heave,
                          float(np.sqrt(state.voltage_squared))))
             shares.append(part_shares(model, state, part_of))
     force, deflection, voltage = np.array(rows).reshape(-1, 3).T

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import voltage_path
-from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -234,7 +232,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
                     progress)
     model = build_model(specimen, settings, rig.loading)
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha, Correction(),
-                        capacitance_of(model, State.mounted(model)),
+                        model.capacitance(model.mounted()),
                         rig.film_voltage(chosen.voltages[-1]),
                         chosen.viscous)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
@@ -261,7 +259,7 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
             deflection[row, column] = outcome.state.plate.heave
-            capacitance[row, column] = capacitance_of(model, outcome.state)
+            capacitance[row, column] = model.capacitance(outcome.state)
         if deflection[row].min() <= 1e-6 * model.size:
             raise InputError("the plate must sink: the mass is too small to tell a force",
                              key=specimen.name,

@@ -80,9 +80,9 @@ class Bench:
             specimen = self.problem.design(values)
         except InputError as error:
             return Design(values, reason=str(error)), None
-        motion = velocities(model).towards(specimen)
-        other, _ = moved_by(model, State.mounted(model), specimen, motion)
-        if folded(other.mesh):
+        motion = velocities(model.discretisation, model.specimen).towards(specimen)
+        other, _ = moved_by(model, model.mounted(), specimen, motion)
+        if folded(other.discretisation.mesh):
             return Design(values, specimen, "the mesh cannot be moved so far"), None
         return self._evaluated(values, specimen, other, self.base.scales)
 

@@ -126,7 +126,8 @@ def run_from(problem: Problem, held: str, number: int, values: Array, settings: 
 
 def check(problem: Problem, settings: Settings) -> None:
     """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
-    velocities(build_model(problem.specimen, settings, problem.rig.loading)).check()
+    model = build_model(problem.specimen, settings, problem.rig.loading)
+    velocities(model.discretisation, model.specimen).check()
     values = np.array([at(problem.specimen, variable.path) for variable in problem.variables])
     for number, variable in enumerate(problem.variables):
         if variable.name not in shape_names(problem.specimen):

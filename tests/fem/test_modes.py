@@ -28,9 +28,9 @@ from tympan.fem.vibration.mode_names import names
 from tympan.fem.vibration.modes import (
     Modes,
     RigidPlate,
-    SymmetryClass,
     _lowest,
     film_mass,
+    symmetry_classes,
     vibrations,
 )
 from tympan.geometry.errors import InputError
@@ -72,7 +72,7 @@ def hertz(wave_number: np.ndarray, voltage: float = 0.0) -> np.ndarray:
 def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
     """Bessel's zeros, twins included, up to four nodal diameters."""
     film = model(annulus(), refine=refine)
-    found = transverse(vibrations(film, State.mounted(film, voltage**2), HELD, count=24))
+    found = transverse(vibrations(film, film.mounted(voltage**2), HELD, count=24))
     exact = np.sort(np.concatenate([np.repeat(annulus_modes.held(m, 3, INNER, OUTER),
                                               1 if m == 0 else 2)
                                     for m in range(7)]))
@@ -83,7 +83,7 @@ def test_flat_film_with_the_plate_held(voltage, refine, tolerance) -> None:
 
 def test_voltage_lowers_the_frequency_by_the_maxwell_tension() -> None:
     film = model(annulus())
-    low, high = (transverse(vibrations(film, State.mounted(film, u**2), HELD, count=1))[0]
+    low, high = (transverse(vibrations(film, film.mounted(u**2), HELD, count=1))[0]
                  for u in (6000.0, 0.0))
     assert 0.4 < reference_film(NEO_HOOKE).resultant(6000.0) / reference_film(NEO_HOOKE).resultant() < 0.85
     assert (low / high) ** 2 == pytest.approx(reference_film(NEO_HOOKE).resultant(6000.0)
@@ -106,7 +106,7 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
 @pytest.mark.parametrize("mass", [1e-4, 1e-3, MASS])
 def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
     film = model(annulus(), refine=2.0)
-    found = vibrations(film, State.mounted(film), plate_of(mass), count=24)
+    found = vibrations(film, film.mounted(), plate_of(mass), count=24)
     even = [number
             for number, (motion, shape) in enumerate(zip(found.plate, found.shapes, strict=True))
             if along(shape) > 0.99 and abs(motion[HEAVE]) > 1e-4 * abs(shape).max()]
@@ -118,7 +118,7 @@ def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
 @pytest.mark.parametrize("mass", [1e-3, MASS])
 def test_tilt_of_a_disc_on_a_flat_film(mass) -> None:
     film, plate = model(annulus(), refine=2.0), plate_of(mass)
-    found = vibrations(film, State.mounted(film), plate, count=6)
+    found = vibrations(film, film.mounted(), plate, count=6)
     tilting = [number for number, label in enumerate(names(*named(film, found)))
                if label.startswith("tilt")]
     exact = hertz(annulus_modes.tilting(1, INNER, OUTER, mass * INNER**2 / 4 / PER_AREA))
@@ -128,7 +128,7 @@ def test_tilt_of_a_disc_on_a_flat_film(mass) -> None:
 
 
 def named(film: Model, found: Modes) -> tuple[Model, Modes]:
-    return whole(film, State.mounted(film))[0], found
+    return whole(film, film.mounted())[0], found
 
 
 @pytest.mark.parametrize(("heave", "voltage"),
@@ -154,15 +154,15 @@ def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> Non
     pushed, tension = Loading((Spring(-push),)), reference_film(NEO_HOOKE).resultant()
     film = model(annulus(), refine=2.0).with_loading(pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
-    found = vibrations(film, State.mounted(film), plate_of(), count=3)
+    found = vibrations(film, film.mounted(), plate_of(), count=3)
     rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA,
                                  push / tension) * np.sqrt(tension / PER_AREA)
     assert found.unstable == 1
     assert found.growth[0] == pytest.approx(rate, rel=1e-7)
     assert list(found.growth[1:]) == [0, 0, 0]
     assert found.frequencies_Hz[0] == 0
-    weightless = model(circular(), refine=2.0).with_loading(pushed)
-    light = vibrations(weightless, State.mounted(weightless), plate_of())
+    weightless = replace(model(circular(), refine=2.0), loading=pushed)
+    light = vibrations(weightless, weightless.mounted(), plate_of())
     own = 2 * np.pi * tension / np.log(OUTER / INNER)
     assert light.unstable == 1
     assert light.growth[0] ** 2 == pytest.approx((push - own) / MASS, rel=1e-7)
@@ -175,7 +175,7 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
     state = held(film, 10e-3, 6800.0).state
     found = vibrations(film, state, HELD, count=5)
     part = [np.linalg.eigvalsh(item.linearised(state).inner.toarray())
-            for item in SymmetryClass.all(film)]
+            for item in symmetry_classes(film)]
     assert found.unstable == sum(int((values < 0).sum()) for values in part) > 5
     assert np.count_nonzero(found.growth) == 5
     assert np.count_nonzero(found.frequencies_Hz) == 5
@@ -224,25 +224,25 @@ def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
         return film.loading.on_plate(replace(state, plate=moved), film.centre, film.plate_area)[1]
 
     form = skfem.BilinearForm(lambda u, v, w: dot(u, v))
-    basis = skfem.CellBasis(film.mesh, skfem.ElementVector(film.mesh.elem(), 3),
-                            intorder=2 * film.mesh.order + 4)
+    basis = skfem.CellBasis(film.discretisation.mesh, skfem.ElementVector(film.discretisation.mesh.elem(), 3),
+                            intorder=2 * film.discretisation.mesh.order + 4)
     membrane = film.specimen.membrane
     virgin = membrane.density * membrane.thickness / membrane.area_prestretch
     mass = virgin * form.assemble(basis).toarray()
-    scalar = film.basis
+    scalar = film.discretisation.basis
     number = np.empty(scalar.N * 3, dtype=int)
     for axis in range(3):
         number[3 * scalar.element_dofs + axis] = basis.element_dofs[axis::3]
     mass = mass[np.ix_(number, number)]
-    free, step = np.flatnonzero(film.free.ravel()), 1e-6
-    reduction = np.zeros((film.reference.size, len(free) + 6))
+    free, step = np.flatnonzero(film.discretisation.free.ravel()), 1e-6
+    reduction = np.zeros((film.discretisation.reference.size, len(free) + 6))
     reduction[free, np.arange(len(free))] = 1.0
     centre = np.zeros((3, 6))
 
     def forces(change: np.ndarray) -> np.ndarray:
         moved = state.plate.moved(change)
         nodal = film.nodal_forces(replace(state, positions=film.place(state.positions, moved)))
-        turned = nodal[film.plate_nodes]
+        turned = nodal[film.discretisation.plate_nodes]
         arms = film.arms @ moved.rotation.T
         plate = np.concatenate([turned.sum(0), np.cross(arms, turned).sum(0)]) + push(moved)
         return np.concatenate([nodal.ravel()[free], plate])
@@ -271,7 +271,7 @@ def test_a_skewed_film_against_dense_eigenvalues(mass) -> None:
     """No symmetry, heave and tilt coupled, weight off centre, film with margins: all lowest modes, none missed."""
     film, state = loaded(heavy(skewed()), order=1)
     arm = (3e-3, -2e-3)
-    film = film.with_loading(Loading((Spring(4.0),), arm))
+    film = replace(film, loading=Loading((Spring(4.0),), arm))
     solution = newton(film, state)
     assert solution.converged
     state, plate = solution.state, RigidPlate.uniform(Ellipse((8e-3, 10e-3)), mass, arm=arm)
@@ -306,7 +306,7 @@ def test_mass_matrix_holds_the_film_s_mass() -> None:
     specimen = heavy(elliptical(60e-3))
     film = model(specimen)
     exact = PER_AREA * np.pi * (60e-3 * 45e-3 - INNER**2)
-    assert film_mass(film).sum() * film.mirrored == pytest.approx(exact, rel=1e-6)
+    assert film_mass(film).sum() * film.discretisation.mirrored == pytest.approx(exact, rel=1e-6)
     full = model(specimen, symmetry=False)
     assert film_mass(full).sum() == pytest.approx(exact, rel=1e-6)
     assert scipy.linalg.eigvalsh(film_mass(model(specimen, order=2)).toarray())[0] > 0
@@ -349,7 +349,7 @@ def test_a_film_without_mass_is_the_limit_of_a_light_one() -> None:
     specimen = skewed()
     specimen = replace(specimen, membrane=replace(specimen.membrane, density=0.0))
     film, state = loaded(specimen, order=2, refine=0.7)
-    light = film.with_specimen(replace(specimen, membrane=replace(specimen.membrane, density=1e-3)))
+    light = replace(film, specimen=replace(specimen, membrane=replace(specimen.membrane, density=1e-3)))
     # The second has no inertia against rotation, the third only that of its centre of mass about
     # the plate's.
     for plate, left in ((plate_of(), 6), (plate_of(MASS, MASS), 3),
@@ -362,19 +362,19 @@ def test_a_film_without_mass_is_the_limit_of_a_light_one() -> None:
 @pytest.mark.parametrize(("guide", "moving"),
                          [("level", {"x", "y", "z", "rz"}), ("vertical", {"z"}), ("fixed", set())])
 def test_a_guide_leaves_only_its_motions(guide, moving) -> None:
-    film = model(annulus()).with_loading(Loading(guide=guide))
-    found = vibrations(film, State.mounted(film), plate_of(), count=12)
+    film = replace(model(annulus()), loading=Loading(guide=guide))
+    found = vibrations(film, film.mounted(), plate_of(), count=12)
     carried = {name for name, share in zip(FREEDOMS, found.shares.T, strict=True)
                if share.max() > 0.5}
     assert carried == moving
-    held_plate = vibrations(film, State.mounted(film), HELD, count=12 - len(moving))
+    held_plate = vibrations(film, film.mounted(), HELD, count=12 - len(moving))
     if not moving:
         assert found.frequencies_Hz == pytest.approx(held_plate.frequencies_Hz, rel=1e-12)
 
 
 def test_a_spring_stiffens_the_heave_alone() -> None:
-    without, with_spring = (vibrations(film, State.mounted(film), plate_of()) for film in (
-        model(circular()).with_loading(Loading((Spring(k),))) for k in (0.0, 50.0)))
+    without, with_spring = (vibrations(film, film.mounted(), plate_of()) for film in (
+        replace(model(circular()), loading=Loading((Spring(k),))) for k in (0.0, 50.0)))
     first, second = (item.eigenvalues[np.argmax(item.shares[:, HEAVE])]
                      for item in (without, with_spring))
     assert second - first == pytest.approx(50.0 / MASS, rel=1e-9)
@@ -386,7 +386,7 @@ def test_a_spring_stiffens_the_heave_alone() -> None:
 def test_names_of_film_patterns_are_bessel_s() -> None:
     """Each name (m, n) comes with the closed form's frequency for m nodal diameters and n circles."""
     film = model(annulus())
-    found = vibrations(film, State.mounted(film), HELD, count=60)
+    found = vibrations(film, film.mounted(), HELD, count=60)
     labels = names(*named(film, found))
     seen = set()
     for label, frequency in zip(labels, found.frequencies_Hz, strict=True):
@@ -402,7 +402,7 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
 
 def test_an_ellipse_s_film_modes_get_no_round_names() -> None:
     film = model(heavy(elliptical(60e-3)))
-    labels = names(*named(film, vibrations(film, State.mounted(film), HELD, count=8)))
+    labels = names(*named(film, vibrations(film, film.mounted(), HELD, count=8)))
     assert set(labels) <= {"film", "film, in plane"}
 
 
@@ -430,9 +430,9 @@ def test_refusals() -> None:
     film = model(circular())
     for plate in (HELD, plate_of(0.0)):
         with pytest.raises(InputError, match=r"nothing that can move has mass"):
-            vibrations(film, State.mounted(film), plate)
+            vibrations(film, film.mounted(), plate)
     with pytest.raises(InputError, match="at least 1"):
-        vibrations(film, State.mounted(film), plate_of(), count=0)
+        vibrations(film, film.mounted(), plate_of(), count=0)
     with pytest.raises(InputError, match="point-mass"):
         solve_modes(Case(circular(), 1e-3, 0.0), Settings(), point_mass=2e-3)
 

@@ -41,7 +41,7 @@ NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_nam
 
 @pytest.fixture(scope="module")
 def solved(skewed_model: Model):
-    film = skewed_model.with_loading(LOADING)
+    film = replace(skewed_model, loading=LOADING)
     solution = equilibrium(film, FORCE, VOLTAGE, PRESSURE).solution
     known = Parameters(film)
     return film, solution, gradient_many(film, solution, WANTED,

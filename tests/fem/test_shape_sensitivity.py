@@ -98,13 +98,14 @@ def test_lengths_against_new_meshes(name: str) -> None:
 
 def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
     film = model(skewed(), refine=0.7, order=3)
-    nodes = film.reference[:, :2][film.connectivity]
-    gradients, weights = isoparametric(film.mesh, film.basis.X, film.basis.W, nodes)
-    np.testing.assert_allclose(gradients, film.gradients, rtol=1e-9,
+    mesh = film.discretisation
+    nodes = mesh.reference[:, :2][mesh.connectivity]
+    gradients, weights = isoparametric(mesh.mesh, mesh.basis.X, mesh.basis.W, nodes)
+    np.testing.assert_allclose(gradients, mesh.gradients, rtol=1e-9,
                                atol=1e-8 * np.abs(gradients).max())
-    np.testing.assert_allclose(weights, film.weights, rtol=1e-10)
-    motion = velocities(film).of(("frame", "semi_axes", "0"))[film.connectivity]
-    stepped = isoparametric(film.mesh, film.basis.X, film.basis.W,
+    np.testing.assert_allclose(weights, mesh.weights, rtol=1e-10)
+    motion = velocities(mesh, film.specimen).of(("frame", "semi_axes", "0"))[mesh.connectivity]
+    stepped = isoparametric(mesh.mesh, mesh.basis.X, mesh.basis.W,
                             nodes + 1e-30j * motion)[1].imag / 1e-30
     # The film's area πab − πr² grows with a by πb.
     assert stepped.sum() == pytest.approx(np.pi * 45e-3, rel=1e-5)
@@ -117,13 +118,13 @@ def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
                                   "membrane.thickness"])
 def test_the_work_changes_as_the_forces_do(name: str) -> None:
     """The residual of the complex model along a motion, against what Work puts together without forming it."""
-    film = model(skewed(), refine=0.7,
-                 order=3).with_loading(Loading(arm=(1e-3, 2e-3), gravity=9.81))
-    film = film.with_specimen(replace(film.specimen,
+    film = replace(model(skewed(), refine=0.7,
+                 order=3), loading=Loading(arm=(1e-3, 2e-3), gravity=9.81))
+    film = replace(film, specimen=replace(film.specimen,
                                       electrode=replace(film.specimen.electrode, stiffness=2e3)))
     state = equilibrium(film, FORCE, VOLTAGE, 15.0).state
     rng = np.random.default_rng(1)
-    motion = rng.normal(size=int(film.free.sum())), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
+    motion = rng.normal(size=film.discretisation.free_count), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
     other, stepped = Parameters(film)[name].changed(film, state, 1e-30j)
     inner, plate = other.residual(other.nodal_forces(stepped), stepped)
     expected = (motion[0] @ inner + motion[1] @ plate).imag
@@ -189,6 +190,6 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
 def test_sharp_corners_into_the_film_are_refused_and_named() -> None:
     film = model(replace(circular(), plate=Plate(RoundedRectangle((20e-3, 10e-3), 0.0))), order=2)
     with pytest.raises(InputError, match=r"sharp corner at 20, -?10 mm"):
-        velocities(film).check()
-    velocities(model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)),
-                     order=2)).check()
+        velocities(film.discretisation, film.specimen).check()
+    film = model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)), order=2)
+    velocities(film.discretisation, film.specimen).check()

@@ -125,8 +125,8 @@ def test_every_outline_meshes_and_solves(outline: Outline, part: str) -> None:
     plate = Plate(Rotated(outline, 0.5), (5e-3, -8e-3))
     specimen = film(outline) if part == "frame" else film(Circle(130e-3), plate)
     model = build_model(specimen, COARSE)
-    assert folded(model.mesh) == 0
-    assert model.basis.dx.sum() * 2 ** len(model.planes) == pytest.approx(
+    assert folded(model.discretisation.mesh) == 0
+    assert model.discretisation.basis.dx.sum() * 2 ** len(model.discretisation.planes) == pytest.approx(
         area(specimen.frame) - area(specimen.plate.outline), rel=1e-6)
     found = equilibrium(model, 17.9e-3 * 9.80665, 3500.0)
     assert found.status == "equilibrium"
@@ -174,8 +174,9 @@ def test_electrode_margins_follow_every_outline(outline: Outline) -> None:
     """Steiner's formula for the area of the band along the frame; a mesh without folds."""
     specimen = replace(film(outline), electrode=Electrode(margin_frame=3e-3, margin_plate=2e-3))
     model = build_model(specimen, COARSE)
-    assert folded(model.mesh) == 0
-    covered = float((model.basis.dx * model.covered).sum()) * 2 ** len(model.planes)
+    assert folded(model.discretisation.mesh) == 0
+    mesh = model.discretisation
+    covered = float((mesh.weights * mesh.covered).sum()) * mesh.mirrored
     inner = area(outline) - 3e-3 * outline.curve.length + np.pi * 3e-3**2
     assert covered == pytest.approx(inner - np.pi * 12e-3**2, rel=1e-6)
 

@@ -55,10 +55,10 @@ def balance(part: Model, state_of_part: State) -> Balance:
     model, state = whole(part, state_of_part)
     forces = nodal_forces(model, state)
     scale = float(np.abs(forces).max())
-    frame = model.boundary_nodes("frame")
+    frame = model.discretisation.boundary_nodes("frame")
     free = np.ones(len(forces), dtype=bool)
-    free[np.concatenate([frame, model.plate_nodes])] = False
-    force, moment = plate_balance(model, state, forces[model.plate_nodes])
+    free[np.concatenate([frame, model.discretisation.plate_nodes])] = False
+    force, moment = plate_balance(model, state, forces[model.discretisation.plate_nodes])
     allowed = np.array([name in GUIDES[model.loading.guide] for name in FREEDOMS])
     tangent = Tangent(model, model.linearised(state), state)
     return Balance(float(np.abs(forces[free]).max()) / scale,
@@ -69,16 +69,16 @@ def balance(part: Model, state_of_part: State) -> Balance:
 
 def nodal_forces(model: Model, state: State) -> Array:
     """What it takes to hold the nodes against film, its weight and the gas on it [N], shape (nodes, 3)."""
-    deformation = model.deformation(state.positions)
-    density, shapes = model.specimen.membrane.density, model.shapes
+    deformation = model.discretisation.deformation(state.positions)
+    density, shapes = model.specimen.membrane.density, model.discretisation.shapes
     piola = _nominal_stress(model, state, deformation)
-    elements = np.einsum("epij,eplj,ep->eli", piola, model.gradients, model.volumes)
+    elements = np.einsum("epij,eplj,ep->eli", piola, model.discretisation.gradients, model.volumes)
     elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes,
                                                                     shapes)
     normal = np.cross(deformation[..., 0], deformation[..., 1])
-    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes, model.basis.dx)
+    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes, model.discretisation.basis.dx)
     result = np.zeros_like(state.positions)
-    np.add.at(result, model.connectivity, elements)
+    np.add.at(result, model.discretisation.connectivity, elements)
     return result
 
 
@@ -92,11 +92,11 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         j, n = l1 * l2, film.permittivity_exponent
         permittivity = epsilon_0 * film.relative_permittivity * (j / film.area_prestretch) ** -n
         maxwell = (1 - n
-                   / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.covered
+                   / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.discretisation.covered
         return w1 - maxwell / l1, w2 - maxwell / l2
 
     def electrode_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
-        stiffness, l3 = electrode.stiffness * model.covered, 1 / (l1 * l2)
+        stiffness, l3 = electrode.stiffness * model.discretisation.covered, 1 / (l1 * l2)
         return stiffness * (l1 - l3**2 / l1), stiffness * (l2 - l3**2 / l2)
 
     def along_axes(f: Array, stress: Callable[[Array, Array], tuple[Array, Array]]) -> Array:
@@ -111,7 +111,7 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
 def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]:
     """Force [N] and moment about its centre [N m] left over on the plate, from what it takes to hold its edge."""
     plate, loading = state.plate, model.loading
-    arms = (model.reference[model.plate_nodes] - model.centre) @ plate.rotation.T
+    arms = (model.discretisation.reference[model.discretisation.plate_nodes] - model.centre) @ plate.rotation.T
     weight = np.array([0.0, 0.0, state.force])
     hung = plate.rotation @ np.array([*loading.arm, 0.0])
     gas = state.pressure * model.plate_area * plate.rotation[:, 2]
@@ -136,7 +136,7 @@ def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
     """
     random, largest = default_rng(5), 0.0
     for _ in range(tries):
-        nodes = random.standard_normal(int(model.free.sum())) * model.size
+        nodes = random.standard_normal(model.discretisation.free_count) * model.size
         motion = np.zeros(6)
         motion[list(model.plate_freedoms)] = random.standard_normal(len(model.plate_freedoms))
         motion[:3] *= model.size
@@ -151,7 +151,7 @@ def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
 def displaced(model: Model, state: State, nodes: Array, motion: Array, step: complex) -> State:
     """The state after a step along a motion of free nodal components and plate; the rotation to the first order."""
     positions = state.positions + 0 * step
-    positions[model.free] += step * nodes
+    positions[model.discretisation.free] += step * nodes
     turn = np.eye(3) + step * np.cross(motion[3:], np.eye(3)).T
     plate = PlateMotion(state.plate.translation + step * motion[:3], turn @ state.plate.rotation)
     return replace(state, positions=model.place(positions, plate), plate=plate)

@@ -18,7 +18,6 @@ from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
 from tympan.fem.equilibrium.ramp import PathSettings, equilibrium
 from tympan.fem.membrane.loading import Magnet
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import whole
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
@@ -63,8 +62,8 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
     film = circular(SAMPLES[law].law, prestretch=(2.0, 1.8))
     made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2,
                  symmetry=False)
-    made, random = made.with_loading(rig), np.random.default_rng(3)
-    moved = displaced(made, State.mounted(made), random.normal(size=made.free.sum()) * made.size,
+    made, random = replace(made, loading=rig), np.random.default_rng(3)
+    moved = displaced(made, made.mounted(), random.normal(size=made.discretisation.free_count) * made.size,
                       np.ones(6), 1e-4)
     state = moved.under(force=0.2, voltage=1e6, pressure=5.0)
     forces = nodal_forces(made, state)
@@ -75,7 +74,7 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
         return (ends[0] - ends[1]) / (2 * step)
 
     draws = np.random.default_rng(5)
-    nodes, motion = draws.standard_normal(int(made.free.sum())) * made.size, draws.standard_normal(6)
+    nodes, motion = draws.standard_normal(made.discretisation.free_count) * made.size, draws.standard_normal(6)
     motion[:3] *= made.size
     size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
                    * made.size**2)

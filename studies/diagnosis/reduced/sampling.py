@@ -10,7 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import Heave, capacitance_of
+from tympan.fem.equilibrium.constraints import Heave
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.ramp import PathSettings, held
 from tympan.fem.membrane.model import Model
@@ -85,13 +85,13 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
     for i, heave in enumerate(heaves):
         states.append([])
         for j, charge in enumerate(charges):
-            guess = _guess(model.reference.shape, near, states, i, j)
+            guess = _guess(model.discretisation.reference.shape, near, states, i, j)
             found = _solved(model, guess, heave, charge, film.gas_pressure)
             if found is None:
                 if j < _FEWEST or strict:
                     raise NotSampled(charge)
                 break
-            force[i, j], capacitance[i, j] = found.state.force, capacitance_of(model, found.state)
+            force[i, j], capacitance[i, j] = found.state.force, model.capacitance(found.state)
             states[-1].append(found.state)
     return Nodes(force, capacitance, states, model)
 
@@ -99,7 +99,7 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
 def _model(film: Film, settings: Settings, near: Nodes | None) -> Model:
     """The film's model: on the mesh of a similar film that has the same outlines."""
     if near is not None and outlines(film.specimen) == outlines(near.model.specimen):
-        return near.model.with_specimen(film.specimen).with_loading(film.loading)
+        return replace(near.model, specimen=film.specimen, loading=film.loading)
     return build_model(film.specimen, settings, film.loading)
 
 
@@ -123,12 +123,12 @@ def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]]
 def _solved(model: Model, guess: State | None, heave: float, charge: float,
             pressure: float) -> Solution | None:
     """The film with its plate held."""
-    guess = State.mounted(model) if guess is None else guess
+    guess = model.mounted() if guess is None else guess
     found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",),
                    (Heave(heave),))
     if found.converged:
         return found
-    start = newton(model, State.mounted(model).under(pressure=pressure), ("force",), (Heave(0.0),))
+    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (Heave(0.0),))
     outcome = held(model, heave, charge**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 

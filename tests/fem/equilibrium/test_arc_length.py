@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 
 import numpy as np
@@ -107,7 +107,8 @@ def test_an_ellipse_s_pull_in_settles() -> None:
     usual = limit(quarter)
     assert limit(quarter, 6) == pytest.approx(usual, rel=1e-3)
     assert limit(model(specimen, refine=1.5)) == pytest.approx(usual, rel=1e-3)
-    whole_film = Model(specimen, unfold(quarter.mesh, quarter.planes).mesh)
+    part = quarter.discretisation
+    whole_film = Model(Discretisation.of(unfold(part.mesh, part.planes).mesh), specimen)
     assert limit(whole_film) == pytest.approx(usual, rel=1e-5)
 
 
@@ -175,7 +176,7 @@ def extremum(within: tuple[float, float]) -> tuple[float, float]:
 
 def test_a_magnet_snaps_the_plate_through_and_back() -> None:
     """S-shaped branch in voltage: two limit points where the force of everything is stationary, unstable between."""
-    film = model(circular(VHB)).with_loading(Loading((MAGNET, STOP)))
+    film = replace(model(circular(VHB)), loading=Loading((MAGNET, STOP)))
     start = equilibrium(film, LIGHT, 0.0).state
     points, turns = [], []
     branch = Branch(film, "voltage", arc=ArcSettings(longest=5e-3))
@@ -202,7 +203,7 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
 
 def test_hysteresis_of_a_magnet() -> None:
     """Between the limits the state remembers; above the upper one the ramp says that the plate snaps."""
-    film = model(circular(VHB)).with_loading(Loading((MAGNET, STOP)))
+    film = replace(model(circular(VHB)), loading=Loading((MAGNET, STOP)))
     (near, snap), (far, back) = extremum((1e-3, 3.9e-3)), extremum((3.9e-3, 4.8e-3))
     middle = (snap + back) / 2
     rising = equilibrium(film, LIGHT, middle)

@@ -16,7 +16,6 @@ from tests.support.specimens import PATCH_TOML, ROOT5, circular
 from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import load_specimen
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import folded
@@ -69,7 +68,7 @@ def chord_area(region: Region, frame: float, plate: float) -> float:
 
 def covered_area(item: Specimen, settings: Settings) -> float:
     made = build_model(item, settings)
-    return float((made.basis.dx * made.covered).sum()) * made.mirrored
+    return float((made.discretisation.basis.dx * made.discretisation.covered).sum()) * made.discretisation.mirrored
 
 
 @pytest.mark.parametrize("margins", MARGINS)
@@ -82,8 +81,8 @@ def test_covered_area(name: str, margins: str) -> None:
     exact = chord_area(region, 45e-3 - frame, 10e-3 + plate)
     assert covered_area(item, Settings()) == pytest.approx(exact, rel=2e-6)
     made = build_model(item, Settings())
-    assert folded(made.mesh) == 0
-    assert float(made.basis.dx.sum()) * made.mirrored == pytest.approx(np.pi
+    assert folded(made.discretisation.mesh) == 0
+    assert float(made.discretisation.basis.dx.sum()) * made.discretisation.mirrored == pytest.approx(np.pi
                                                                        * (45e-3**2 - 10e-3**2),
                                                                        rel=2e-6)
 
@@ -118,7 +117,7 @@ def test_default_order_is_exact_to_eight_digits(refine: float) -> None:
 @pytest.mark.parametrize("name", REGIONS)
 def test_mesh_changes_from_covered_to_bare_at_the_outline_only(name: str) -> None:
     region = REGIONS[name][0]
-    mesh = build_model(specimen(region), Settings()).mesh
+    mesh = build_model(specimen(region), Settings()).discretisation.mesh
     basis = skfem.CellBasis(mesh, mesh.elem(), intorder=4)
     x, y = np.asarray(basis.global_coordinates())
     inside = region.level(x, y) < 0
@@ -130,7 +129,7 @@ def test_mesh_changes_from_covered_to_bare_at_the_outline_only(name: str) -> Non
 @pytest.mark.parametrize("name", REGIONS)
 def test_symmetry_changes_nothing(name: str) -> None:
     item = specimen(REGIONS[name][0])
-    part, whole = (capacitance_of(made, State.mounted(made)) for made in (
+    part, whole = (made.capacitance(made.mounted()) for made in (
         build_model(item, Settings(symmetry=symmetry)) for symmetry in (True, False)))
     assert part == pytest.approx(whole, rel=1e-12)
 
@@ -139,7 +138,7 @@ def test_capacitance_of_the_flat_film() -> None:
     item = specimen(REGIONS["beyond the frame and across the plate"][0])
     made = model(item)
     exact = epsilon_0 * 4.7 * chord_area(item.electrode.outline, 45e-3, 10e-3) / (1e-3 / ROOT5**2)
-    assert capacitance_of(made, State.mounted(made)) == pytest.approx(exact, rel=2e-6)
+    assert made.capacitance(made.mounted()) == pytest.approx(exact, rel=2e-6)
 
 
 def test_a_patch_beside_the_plate_pulls_it_sideways_and_tilts_it() -> None:
@@ -186,8 +185,8 @@ def test_what_cannot_be_meshed_is_refused(region: Region, words: str) -> None:
 @pytest.mark.parametrize("radius", [10.5e-3, 11e-3, 44e-3, 44.5e-3])
 def test_narrow_bands_are_meshed_without_folds(radius: float) -> None:
     made = build_model(specimen(Region(Circle(radius))), Settings())
-    assert folded(made.mesh) == 0
-    assert float((made.basis.dx * made.covered).sum()) * 4 == pytest.approx(np.pi
+    assert folded(made.discretisation.mesh) == 0
+    assert float((made.discretisation.basis.dx * made.discretisation.covered).sum()) * 4 == pytest.approx(np.pi
                                                                             * (radius**2 - 1e-4),
                                                                             rel=1e-6)
 

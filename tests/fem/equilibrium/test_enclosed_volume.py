@@ -30,13 +30,13 @@ INNER, OUTER = 10e-3, 45e-3
 def volume(film: Model, state: State) -> float:
     """Volume under the whole film and plate [m³]: what the potential says the pressure has done."""
     works = [film.potential(state.under(pressure=pressure)) for pressure in (0.0, 1.0)]
-    return film.mirrored * float(works[0] - works[1])
+    return film.discretisation.mirrored * float(works[0] - works[1])
 
 
 def raised(film: Model, height, heave: float) -> State:
     """The film lifted to a height over its mounted radius, the plate to its heave."""
-    positions = film.reference.copy()
-    positions[:, 2] = height(np.hypot(*film.reference[:, :2].T))
+    positions = film.discretisation.reference.copy()
+    positions[:, 2] = height(np.hypot(*film.discretisation.reference[:, :2].T))
     plate = PlateMotion.rest().raised_to(heave)
     return State(film.place(positions, plate), plate)
 
@@ -68,11 +68,11 @@ def test_a_spherical_cap_s_volume() -> None:
 
 def followers(film: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
     """∫ φ n da of every node and ∫ x·n da of the film, straight from the deformation."""
-    f = film.deformation(state.positions)
-    normal = np.cross(f[..., 0], f[..., 1]) * film.basis.dx[..., None]
-    forces = np.zeros_like(film.reference)
-    np.add.at(forces, film.connectivity, np.einsum("epi,pl->eli", normal, film.shapes))
-    places = np.einsum("pl,eli->epi", film.shapes, state.positions[film.connectivity])
+    f = film.discretisation.deformation(state.positions)
+    normal = np.cross(f[..., 0], f[..., 1]) * film.discretisation.basis.dx[..., None]
+    forces = np.zeros_like(film.discretisation.reference)
+    np.add.at(forces, film.discretisation.connectivity, np.einsum("epi,pl->eli", normal, film.discretisation.shapes))
+    places = np.einsum("pl,eli->epi", film.discretisation.shapes, state.positions[film.discretisation.connectivity])
     return forces, (places * normal).sum()
 
 
@@ -96,9 +96,9 @@ def test_gas_pressure_is_normal_to_film_and_plate(skewed_model: Model) -> None:
     film, state = skewed_model, loaded(skewed_model)
     inner, outer = film.by_load(state, "pressure")
     forces, _ = followers(film, state)
-    assert np.allclose(-inner, forces[film.free], rtol=0, atol=1e-13 * np.abs(forces).max())
-    at_edge = forces[film.plate_nodes]
-    arms = state.positions[film.plate_nodes] - film.centre - state.plate.translation
+    assert np.allclose(-inner, forces[film.discretisation.free], rtol=0, atol=1e-13 * np.abs(forces).max())
+    at_edge = forces[film.discretisation.plate_nodes]
+    arms = state.positions[film.discretisation.plate_nodes] - film.centre - state.plate.translation
     push = at_edge.sum(axis=0) + film.plate_area * state.plate.rotation[:, 2]
     moment = np.cross(arms, at_edge).sum(axis=0)
     assert -outer[:3] == pytest.approx(push, abs=3e-4 * film.plate_area)
@@ -177,7 +177,7 @@ def test_ballooning_limit_is_the_ode_s_and_the_branch_goes_on_beyond() -> None:
     assert outcome.limit == pytest.approx(exact, rel=1e-5)
     assert equilibrium(film, 0.0, 0.0, 0.99 * exact).status == "equilibrium"
     falling = []
-    for point in Branch(film, "pressure").points(State.mounted(film)):
+    for point in Branch(film, "pressure").points(film.mounted()):
         if point.rate < 0:
             falling.append(point)
         if len(falling) == 4:

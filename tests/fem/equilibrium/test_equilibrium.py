@@ -178,7 +178,7 @@ def test_quarter_and_full_models_agree(specimen, voltage) -> None:
     for name, value in quarter.json().items():
         if isinstance(value, float) and name != "wall_s":
             assert value == pytest.approx(getattr(full, name), rel=1e-8, abs=1e-12), name
-    free = Model(specimen, from_meshio(mesh_film(specimen, MeshSettings(), frozenset())))
+    free = Model(Discretisation.of(from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))), specimen)
     heave = equilibrium(free, 17.9e-3 * 9.80665, voltage).state.plate.heave
     assert heave == pytest.approx(quarter.deflection_m, rel=1e-6)
 
@@ -252,22 +252,22 @@ def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
 
 
 def test_reaction_balances_weight_and_spring(skewed_model: Model) -> None:
-    outcome = equilibrium(skewed_model.with_loading(Loading((Spring(5.0),))), 0.2, 3000.0)
+    outcome = equilibrium(replace(skewed_model, loading=Loading((Spring(5.0),))), 0.2, 3000.0)
     assert outcome.status == "equilibrium"
     state = outcome.state
     forces = skewed_model.forces(state.positions, state.voltage_squared)
-    at_plate = forces[skewed_model.plate_nodes]
+    at_plate = forces[skewed_model.discretisation.plate_nodes]
     assert at_plate.sum(axis=0) == pytest.approx([0, 0, 0.2 - 5.0 * state.plate.heave], abs=1e-8)
-    arms = state.positions[skewed_model.plate_nodes] - skewed_model.centre - state.plate.translation
+    arms = state.positions[skewed_model.discretisation.plate_nodes] - skewed_model.centre - state.plate.translation
     assert np.abs(np.cross(arms, at_plate).sum(axis=0)).max() < 1e-9
-    assert np.abs(forces[skewed_model.free]).max() < 1e-8
+    assert np.abs(forces[skewed_model.discretisation.free]).max() < 1e-8
 
 
 def test_reaction_is_the_energy_s_slope_along_the_heave() -> None:
     film = model(elliptical(60e-3))
     step = 1e-5
     up, here, down = (held(film, 5e-3 + change, 3000.0).state for change in (step, 0.0, -step))
-    energies = [film.energy(state.positions, state.voltage_squared) * film.mirrored
+    energies = [film.energy(state.positions, state.voltage_squared) * film.discretisation.mirrored
                 for state in (up, down)]
     assert (energies[0] - energies[1]) / (2 * step) == pytest.approx(here.force, rel=1e-6)
 
@@ -320,7 +320,7 @@ def test_unsymmetric_specimen_is_found_from_another_direction(skewed_model: Mode
     """Load then voltage (the default) and voltage then load end in the same state."""
     from tympan.fem.equilibrium.ramp import ramp
 
-    start = newton(skewed_model, State.mounted(skewed_model))
+    start = newton(skewed_model, skewed_model.mounted())
     charged = ramp(skewed_model, start, "voltage", 3000.0**2)
     loaded = ramp(skewed_model, charged.solution, "force", 0.2)
     usual = equilibrium(skewed_model, 0.2, 3000.0)

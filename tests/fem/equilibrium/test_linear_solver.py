@@ -38,9 +38,9 @@ def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) 
 
 
 def order_of(film: Model) -> np.ndarray:
-    number = (np.cumsum(film.free) - 1).reshape(film.free.shape)
-    nodes = elimination_order(film.connectivity, film.reference[:, :2])
-    return number[nodes][film.free[nodes]]
+    number = (np.cumsum(film.discretisation.free) - 1).reshape(film.discretisation.free.shape)
+    nodes = elimination_order(film.discretisation.connectivity, film.discretisation.reference[:, :2])
+    return number[nodes][film.discretisation.free[nodes]]
 
 
 def counted(matrix: csc_matrix) -> int:
@@ -146,7 +146,7 @@ def test_small_systems_are_scipy_s() -> None:
 def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
     film = model(circular(), symmetry=False, refine=3.0, order=2)
     order = order_of(film)
-    assert (np.sort(order) == np.arange(film.free.sum())).all()
+    assert (np.sort(order) == np.arange(film.discretisation.free_count)).all()
     positions, plate = deformed(film)
     matrix = film.linearised(State(positions, plate)).inner
     ours = SuperLU(matrix.indices, matrix.indptr, order).factorise(matrix)
@@ -161,7 +161,7 @@ def test_fill_grows_little_faster_than_the_unknowns() -> None:
     fills, sizes = [], []
     for refine in (1.5, 3.0):
         film = model(circular(), symmetry=False, refine=refine, order=2)
-        matrix = film.linearised(State.mounted(film)).inner
+        matrix = film.linearised(film.mounted()).inner
         fills.append(SuperLU(matrix.indices, matrix.indptr,
                              order_of(film)).factorise(matrix).factors.nnz)
         sizes.append(matrix.shape[0])
@@ -172,15 +172,15 @@ def test_fill_grows_little_faster_than_the_unknowns() -> None:
 def test_assembly_is_the_sum_of_the_elements(symmetry: bool) -> None:
     """Also where symmetry leaves only some components of a node free."""
     film = model(circular(), symmetry=symmetry, refine=0.7, order=3)
-    local = 3 * film.connectivity.shape[1]
-    elements = np.random.default_rng(0).normal(size=(len(film.connectivity), local, local))
+    local = 3 * film.discretisation.connectivity.shape[1]
+    elements = np.random.default_rng(0).normal(size=(len(film.discretisation.connectivity), local, local))
     elements += elements.transpose(0, 2, 1)
-    number = (3 * film.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
+    number = (3 * film.discretisation.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
     rows, columns = np.repeat(number, local, axis=1).ravel(), np.tile(number, local).ravel()
     whole = coo_matrix((elements.ravel(), (rows, columns)),
-                       (film.free.size, film.free.size)).tocsc()
-    free = film.free.ravel()
-    inner = Pattern.of(film.connectivity, film.free).assemble(elements)
+                       (film.discretisation.free.size, film.discretisation.free.size)).tocsc()
+    free = film.discretisation.free.ravel()
+    inner = SparsityPattern.of(film.discretisation.connectivity, film.discretisation.free).assemble(elements)
     inner.check_format()
     assert inner.has_sorted_indices
     assert inner.toarray() == pytest.approx(whole[free][:, free].toarray(), rel=1e-13, abs=1e-13)
@@ -190,7 +190,7 @@ def test_temporaries_of_the_tangents_do_not_grow_with_the_mesh(monkeypatch: pyte
     """Any size of chunk gives the same tangents; the largest temporary is the chunk's."""
     film = model(skewed(), order=4)
     positions, _ = deformed(film)
-    f = film.deformation(positions)
+    f = film.discretisation.deformation(positions)
     from tympan.fem.discretisation import assembly
     from tympan.fem.membrane.model import cauchy_green
 

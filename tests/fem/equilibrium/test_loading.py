@@ -58,7 +58,7 @@ def film(films: dict[str, Model], request: pytest.FixtureRequest) -> Model:
     """A film under everything its symmetry allows, with every guide."""
     shape, guide = request.param.split()
     arm = {"skewed": (3e-3, -2e-3), "half": (3e-3, 0.0), "quarter": (0.0, 0.0)}[shape]
-    return films[shape].with_loading(replace(EVERYTHING, arm=arm, guide=guide))
+    return replace(films[shape], loading=replace(EVERYTHING, arm=arm, guide=guide))
 
 
 def test_everything_follows_from_one_potential(film: Model) -> None:
@@ -67,7 +67,7 @@ def test_everything_follows_from_one_potential(film: Model) -> None:
     part = film.linearised(state)
     slope = film.residual(part.forces, state)
     rng = np.random.default_rng(3)
-    inner = 1e-3 * rng.normal(size=int(film.free.sum()))
+    inner = 1e-3 * rng.normal(size=film.discretisation.free_count)
     plate = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])[list(film.plate_freedoms)]
     bend = part.inner @ inner + part.border @ plate, part.border.T @ inner + part.corner @ plate
     at = film.potential(state)
@@ -103,34 +103,34 @@ def test_by_load_is_the_residual_s_derivative(film: Model, load) -> None:
 
 @pytest.mark.parametrize("make", [dense, half], ids=["quarter", "half"])
 def test_a_mirrored_part_has_its_share_of_the_whole_s_potential(make) -> None:
-    part = make().with_loading(Loading(tuple(SAMPLES.values()), gravity=9.81))
-    unfolded = unfold(part.mesh, part.planes)
-    whole = Model(part.specimen, unfolded.mesh, loading=part.loading)
+    part = replace(make(), loading=Loading(tuple(SAMPLES.values()), gravity=9.81))
+    unfolded = unfold(part.discretisation.mesh, part.discretisation.planes)
+    whole = Model(Discretisation.of(unfolded.mesh), part.specimen, loading=part.loading)
     state = loaded(part)
     mirrored = state.positions[unfolded.origin].copy()
     mirrored[:, :2] *= unfolded.signs.T
     full = replace(state, positions=mirrored)
-    assert part.mirrored * part.potential(state) == pytest.approx(whole.potential(full), rel=1e-11)
+    assert part.discretisation.mirrored * part.potential(state) == pytest.approx(whole.potential(full), rel=1e-11)
     ours = part.residual(part.nodal_forces(state), state)[1]
     theirs = whole.residual(whole.nodal_forces(full), full)[1]
     scale = np.abs(theirs).max()
-    assert part.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
+    assert part.discretisation.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
                                                  abs=1e-11 * scale)
     kept = [number for number in range(6) if number not in part.plate_freedoms]
     assert np.abs(theirs[kept]).max() < 1e-9 * scale
     for load in LOADS:
         ours, theirs = part.by_load(state, load)[1], whole.by_load(full, load)[1]
-        assert part.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
+        assert part.discretisation.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
                                                      abs=1e-11 * np.abs(theirs).max())
 
 
 def test_an_offset_weight_is_no_load_for_a_part_it_does_not_mirror() -> None:
     quarter = dense()
     with pytest.raises(ValueError, match="mirror"):
-        quarter.with_loading(Loading(arm=(1e-3, 0.0)))
+        replace(quarter, loading=Loading(arm=(1e-3, 0.0)))
     built = {arm: build_model(elliptical(60e-3), Settings(), Loading(arm=arm))
              for arm in ((0.0, 0.0), (2e-3, 0.0), (0.0, 2e-3), (1e-3, 2e-3))}
-    assert [sorted(film.planes) for film in built.values()] == [["x", "y"], ["y"], ["x"], []]
+    assert [sorted(film.discretisation.planes) for film in built.values()] == [["x", "y"], ["y"], ["x"], []]
     assert [film.plate_freedoms for film in built.values()] == [(2,), (0, 2, 4), (1, 2, 3),
                                                                 (0, 1, 2, 3, 4, 5)]
 
@@ -140,9 +140,9 @@ def test_an_offset_weight_tilts_a_free_plate_by_its_moment() -> None:
     arm, force = np.array([4e-3, 2e-3, 0.0]), 0.2
     film = build_model(elliptical(60e-3), Settings(), Loading(arm=(4e-3, 2e-3)))
     state = equilibrium(film, force, 3000.0).state
-    at_plate = film.forces(state.positions, state.voltage_squared)[film.plate_nodes]
+    at_plate = film.forces(state.positions, state.voltage_squared)[film.discretisation.plate_nodes]
     middle = film.centre + state.plate.translation
-    moment = np.cross(state.positions[film.plate_nodes] - middle, at_plate).sum(axis=0)
+    moment = np.cross(state.positions[film.discretisation.plate_nodes] - middle, at_plate).sum(axis=0)
     lever = state.plate.rotation @ arm
     assert moment == pytest.approx(np.cross(lever, [0.0, 0.0, force]), abs=1e-10)
     assert at_plate.sum(axis=0) == pytest.approx([0.0, 0.0, force], abs=1e-8)
@@ -181,7 +181,8 @@ def test_a_vertical_guide_pushes_a_plate_off_centre_sideways() -> None:
     for guide in ("free", "level", "vertical"):
         film = build_model(specimen, Settings(), Loading(guide=guide))
         state = equilibrium(film, 0.2, 0.0).state
-        pull = film.mirrored * film.forces(state.positions, 0.0)[film.plate_nodes].sum(axis=0)
+        pull = film.forces(state.positions, 0.0)[film.discretisation.plate_nodes].sum(axis=0)
+        pull *= film.discretisation.mirrored
         results[guide] = state.plate.translation, pull, state.plate.tilt
     assert [results[guide][2] > 1e-3 for guide in results] == [True, False, False]
     assert results["level"][1][0] == pytest.approx(0, abs=1e-8)
@@ -195,13 +196,13 @@ def test_a_vertical_guide_pushes_a_plate_off_centre_sideways() -> None:
 
 def test_a_fixed_plate_leaves_the_film_alone_to_bulge() -> None:
     """Under a small pressure a pre-tensioned membrane: 4 N z = p (b² − r² − (b² − a²) ln(b/r)/ln(b/a))."""
-    film = model(circular(), refine=2.0).with_loading(Loading(guide="fixed"))
+    film = replace(model(circular(), refine=2.0), loading=Loading(guide="fixed"))
     assert film.plate_freedoms == ()
     outcome = equilibrium(film, 0.0, 0.0, pressure=1.0)
     assert outcome.status == "equilibrium"
     assert outcome.state.plate.heave == 0
     inner, outer, tension = 10e-3, 45e-3, 1e-3 / 5 * 25e3 * (5 - 5**-2)
-    radius = np.hypot(*film.reference[:, :2].T)
+    radius = np.hypot(*film.discretisation.reference[:, :2].T)
     flat = (outer**2 - radius**2 - (outer**2 - inner**2) * np.log(outer / radius)
             / np.log(outer / inner)) / 4
     assert np.allclose(outcome.state.positions[:, 2], flat / tension, rtol=0,
@@ -247,7 +248,7 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
     film = build_model(heavy, Settings(), Loading(gravity=9.81, guide="fixed"))
     area = np.pi * (45e-3**2 - 10e-3**2)
     per_area = 9600 * 9.81 * 1e-3 / 5
-    assert film.weight[:, 2].sum() * film.mirrored == pytest.approx(per_area * area, rel=1e-6)
+    assert film.weight[:, 2].sum() * film.discretisation.mirrored == pytest.approx(per_area * area, rel=1e-6)
     small = replace(film, loading=replace(film.loading, gravity=0.0981))
     state = equilibrium(small, 0.0, 0.0).state
     pressed = equilibrium(build_model(circular(), Settings(), Loading(guide="fixed")), 0.0, 0.0,

@@ -32,21 +32,21 @@ def test_voltage_forces_are_the_forces_derivative(skewed_model: Model) -> None:
     change = (skewed_model.forces(positions, VOLTAGE_SQUARED)
               - skewed_model.forces(positions, 0.0)) / VOLTAGE_SQUARED
     inner, border = skewed_model.by_load(State(positions, plate, VOLTAGE_SQUARED), "voltage")
-    assert np.allclose(inner, change[skewed_model.free], rtol=0, atol=1e-10 * np.abs(change).max())
-    assert np.allclose(border, skewed_model.plate_forces(change, plate), rtol=0,
+    assert np.allclose(inner, change[skewed_model.discretisation.free], rtol=0, atol=1e-10 * np.abs(change).max())
+    assert np.allclose(border, skewed_model.on_freedoms(change, plate)[1], rtol=0,
                        atol=1e-10 * np.abs(change).max())
 
 
 def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Model) -> None:
     positions, plate = deformed(skewed_model)
     part = skewed_model.linearised(State(positions, plate, VOLTAGE_SQUARED))
-    direction = np.random.default_rng(2).normal(size=positions.shape) * skewed_model.free
+    direction = np.random.default_rng(2).normal(size=positions.shape) * skewed_model.discretisation.free
     step = 1e-30
     change = skewed_model.forces(positions + 1j * step * direction, VOLTAGE_SQUARED).imag / step
     scale = np.abs(change).max()
-    free = skewed_model.free
+    free = skewed_model.discretisation.free
     assert np.allclose(part.inner @ direction[free], change[free], rtol=0, atol=1e-11 * scale)
-    assert np.allclose(part.border.T @ direction[free], skewed_model.plate_forces(change, plate),
+    assert np.allclose(part.border.T @ direction[free], skewed_model.on_freedoms(change, plate)[1],
                        rtol=0,
                        atol=1e-11 * scale * 0.1)
     assert abs(part.inner - part.inner.T).max() < 1e-13 * abs(part.inner).max()
@@ -58,16 +58,16 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
     positions, plate = deformed(film)
     part = film.linearised(State(positions, plate, VOLTAGE_SQUARED))
     rng = np.random.default_rng(3)
-    free = 1e-3 * rng.normal(size=int(film.free.sum()))
+    free = 1e-3 * rng.normal(size=film.discretisation.free_count)
     border = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
     at = film.energy(positions, VOLTAGE_SQUARED)
-    slope = part.forces[film.free] @ free + film.plate_forces(part.forces, plate) @ border
+    slope = part.forces[film.discretisation.free] @ free + film.on_freedoms(part.forces, plate)[1] @ border
     bend = free @ (part.inner @ free) + 2 * free @ (part.border
                                                     @ border) + border @ part.corner @ border
     errors = []
     for t in (0.04, 0.02, 0.01):
         moved = positions.copy()
-        moved[film.free] += t * free
+        moved[film.discretisation.free] += t * free
         motion = plate.moved(t * border)
         energy = film.energy(film.place(moved, motion), VOLTAGE_SQUARED)
         errors.append(abs(energy - at - t * slope - t * t * bend / 2))
@@ -79,7 +79,8 @@ def test_assembly_agrees_with_scikit_fem_forms() -> None:
     """The slow way as oracle: skfem's form language on the same mesh, neo-Hooke written in F directly."""
     film = model(circular(), symmetry=False, order=2, refine=0.7)
     positions, plate = deformed(film)
-    vector = skfem.CellBasis(film.mesh, skfem.ElementVector(film.mesh.elem(), 3), intorder=4)
+    mesh = film.discretisation.mesh
+    vector = skfem.CellBasis(mesh, skfem.ElementVector(mesh.elem(), 3), intorder=4)
     mu, jp, thickness = 25e3, 5.0, 1e-3
     x = np.zeros(vector.N)
     nodes = vector.split_indices()
@@ -110,7 +111,7 @@ def test_assembly_agrees_with_scikit_fem_forms() -> None:
         return thickness / jp * ddot(piola(f + 1j * step * grad(u)).imag / step, grad(v))
 
     matrix = tangent.assemble(vector, x=vector.interpolate(x))
-    order = np.stack(nodes, axis=1)[film.free]
+    order = np.stack(nodes, axis=1)[film.discretisation.free]
     inner = film.linearised(State(positions, plate)).inner
     assert abs(matrix[order][:, order] - inner).max() < 1e-12 * abs(inner).max()
 
@@ -152,17 +153,17 @@ def test_symmetry_leaves_the_freedoms_it_must() -> None:
     from tympan.geometry.specimen import Plate
 
     half = model(replace(elliptical(60e-3), plate=Plate(Circle(10e-3), (5e-3, 0.0))))
-    assert half.planes == {"y"}
+    assert half.discretisation.planes == {"y"}
     assert half.plate_freedoms == (0, 2, 4)
 
 
 def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
     part = model(elliptical(60e-3, NEO_HOOKE))
-    full = unfold(part.mesh, part.planes)
-    whole = Model(part.specimen, full.mesh)
-    bump = 3e-3 * np.cos(part.reference[:, :1] / 0.03) * np.cos(part.reference[:, 1:2]
+    full = unfold(part.discretisation.mesh, part.discretisation.planes)
+    whole = Model(Discretisation.of(full.mesh), part.specimen)
+    bump = 3e-3 * np.cos(part.discretisation.reference[:, :1] / 0.03) * np.cos(part.discretisation.reference[:, 1:2]
                                                                 / 0.02) * [0, 0, 1]
-    positions = part.reference + bump
+    positions = part.discretisation.reference + bump
     mirrored = positions[full.origin].copy()
     mirrored[:, :2] *= full.signs.T
     assert 4 * part.energy(positions, 1e6) == pytest.approx(whole.energy(mirrored, 1e6), rel=1e-12)
@@ -170,12 +171,10 @@ def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
 
 def test_voltage_energy_gives_the_charge() -> None:
     """Q = −∂Π/∂U = C U with the capacitance of the recovered fields."""
-    from tympan.fem.equilibrium.constraints import capacitance_of
-
     film = model(skewed(), refine=0.7, order=2)
     positions, plate = deformed(film)
     voltage, step = 2500.0, 1.0
     above, below = (film.energy(positions, (voltage + change) ** 2) for change in (step, -step))
     charge = -(above - below) / (2 * step)
-    assert charge == pytest.approx(capacitance_of(film, State(positions, plate)) * voltage,
+    assert charge == pytest.approx(film.capacitance(State(positions, plate)) * voltage,
                                    rel=1e-7)

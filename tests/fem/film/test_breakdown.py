@@ -13,7 +13,6 @@ from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, PATCH_TOML, ROOT5, circular
 from tympan.fem.film.breakdown import REGISTRY, STRENGTHS, Constant, Power, read_strength
 from tympan.fem.film.library import MATERIALS, load_specimen
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS
@@ -55,7 +54,7 @@ def test_laws_by_hand() -> None:
 def test_margin_of_the_flat_film_is_that_of_a_plate_capacitor() -> None:
     specimen = circular(strength=Power(30e6, 0.8, 0.3, 5e-4))
     made = model(specimen)
-    fields = cell_fields(made, State.mounted(made, 4000.0**2), ELEMENTS[4].doflocs.T)
+    fields = cell_fields(made, made.mounted(4000.0**2), ELEMENTS[4].doflocs.T)
     field, strength = 4000.0 / 0.2e-3, 30e6 * ROOT5**0.8 * (0.2 / 0.5) ** -0.3
     assert np.allclose(fields.breakdown_share, field / strength, rtol=1e-12)
 
@@ -98,7 +97,7 @@ def test_no_margin_without_law_or_voltage(strength: Power | None, voltage: float
 
 def test_stored_fields(tmp_path: Path) -> None:
     made = model(circular(NEO_HOOKE, strength=VHB), refine=0.7, order=2)
-    write_fields(tmp_path / "film.vtu", made, State.mounted(made, 3000.0**2))
+    write_fields(tmp_path / "film.vtu", made, made.mounted(3000.0**2))
     stored = meshio.read(tmp_path / "film.vtu").point_data
     share = stored["electric_field"] / VHB.field(stored["stretch_1"], stored["stretch_2"],
                                                  stored["thickness"])

@@ -33,7 +33,6 @@ from tympan.fem.film.laws import (
     reachable_stretches,
 )
 from tympan.fem.film.library import MATERIALS
-from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import Table
 
@@ -223,13 +222,13 @@ def test_newton_backs_off_from_locking(monkeypatch) -> None:
         return result
 
     monkeypatch.setattr(type(film), "forces", watched)
-    assert newton(film, replace(State.mounted(film), force=25.0)).converged
+    assert newton(film, replace(film.mounted(), force=25.0)).converged
     assert not all(finite)
 
 
 def test_a_guess_beyond_locking_is_an_answer_not_a_crash() -> None:
     film = model(circular(Gent(15e3, 12.0)))
-    flat = State.mounted(film)
+    flat = film.mounted()
     lifted = replace(flat, plate=flat.plate.raised_to(0.2))
     solution = newton(film, lifted, ("force",), (Heave(0.2),))
     assert not solution.converged

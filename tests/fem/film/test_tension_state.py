@@ -28,10 +28,11 @@ SOFT = Ogden((15e3,), (2.0,))
 def squeezed(made: Model, stretch: float, slope: float = 0.0, across: float = 1.0,
              voltage: float = 0.0) -> State:
     """The flat film deformed so that its mounted stretch along x is stretch + slope·x, and ``across`` along y."""
-    positions = made.reference.copy()
-    positions[:, 0] = stretch * made.reference[:, 0] + slope / 2 * made.reference[:, 0] ** 2
+    reference = made.discretisation.reference
+    positions = reference.copy()
+    positions[:, 0] = stretch * reference[:, 0] + slope / 2 * reference[:, 0] ** 2
     positions[:, 1] *= across
-    return replace(State.mounted(made, voltage**2), positions=positions)
+    return replace(made.mounted(voltage**2), positions=positions)
 
 
 def left_of(x: float, radius: float) -> float:

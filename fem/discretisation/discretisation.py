@@ -1,0 +1,232 @@
+"""The film's mesh, numbered and ready to be integrated over: all that depends on neither material nor loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import splu
+
+from tympan.fem.discretisation.isoparametric import isoparametric
+from tympan.fem.discretisation.pattern import SparsityPattern
+from tympan.fem.linear_solver.direct import Analysis, analyse
+from tympan.fem.linear_solver.dissection import elimination_order
+from tympan.geometry.mesh import CurvedTriangles
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Discretisation:
+    """A mesh of the flat mounted film with its basis functions, quadrature and unknowns.
+
+    Node positions, not displacements, are the unknowns; all nodal arrays have shape (nodes, 3).
+    A copy with other ``planes`` or ``odd`` shares everything that these do not change.
+    """
+
+    mesh: CurvedTriangles
+    planes: frozenset[str]  #: coordinates about whose zero the mesh is half of a mirrored whole
+    basis: skfem.CellBasis  #: the scalar scikit-fem basis everything is integrated with
+    boundaries: Mapping[str, Array]  #: nodes on each named boundary
+    reference: Array  #: node positions of the flat mounted film [m], shape (nodes, 3)
+    connectivity: Array  #: nodes of the elements, shape (elements, local)
+    shapes: Array  #: φ at the quadrature points, shape (points, local)
+    gradients: Array  #: ∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]
+    weights: Array  #: mounted area of every quadrature point [m²], shape (elements, points)
+    odd: frozenset[str] = frozenset()  #: planes about which motions are odd instead of even
+
+    @classmethod
+    def of(cls, mesh: CurvedTriangles, planes: frozenset[str] = frozenset()) -> Discretisation:
+        """With quadrature that is exact for the square of the shape functions."""
+        basis = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order))
+        flat = basis.doflocs.T
+        shapes = [np.atleast_2d(np.asarray(shape[0]))[0] for shape in basis.basis]
+        gradients = np.stack([shape[0].grad for shape in basis.basis])
+        return cls(
+            mesh, planes, basis,
+            boundaries={name: basis.get_dofs(facets).flatten()
+                        for name, facets in (mesh.boundaries or {}).items()},
+            reference=np.column_stack([flat, np.zeros(len(flat))]),
+            connectivity=np.ascontiguousarray(basis.element_dofs.T),
+            shapes=np.stack(shapes, axis=1),
+            gradients=np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)),
+            weights=np.asarray(basis.dx))
+
+    def moved(self, motion: Array) -> Discretisation:
+        """The same elements with their nodes elsewhere in the plane; ``motion`` (nodes, 2) [m], real or imaginary.
+
+        scikit-fem does not map complex nodes: of those, gradients and weights are our own.
+        """
+        nodes = self.reference[:, :2] + motion
+        if not np.iscomplexobj(nodes):
+            mesh = CurvedTriangles(np.ascontiguousarray(nodes.T), self.mesh.t, elem=self.mesh.elem,
+                                   validate=False)
+            mesh = mesh.with_boundaries(self.mesh.boundaries or {})
+            return Discretisation.of(mesh.with_subdomains(self.mesh.subdomains or {}), self.planes)
+        gradients, weights = isoparametric(self.mesh, self.basis.X, self.basis.W,
+                                           nodes[self.connectivity])
+        reference = np.column_stack([nodes, np.zeros(len(nodes))])
+        return replace(self, reference=reference, gradients=gradients, weights=weights)
+
+    @property
+    def mirrored(self) -> int:
+        """How often the mesh repeats in the whole film: 1, 2 or 4."""
+        return 2 ** len(self.planes)
+
+    @cached_property
+    def covered(self) -> Array:
+        """1 in elements under the electrode, 0 outside, shape (elements, 1)."""
+        covered = np.ones((self.mesh.nelements, 1))
+        covered[(self.mesh.subdomains or {}).get("bare", [])] = 0
+        return covered
+
+    def boundary_nodes(self, name: str) -> Array:
+        """Nodes on a named boundary, empty if the mesh has none of that name."""
+        return self.boundaries.get(name, np.array([], dtype=int))
+
+    @property
+    def plate_nodes(self) -> Array:
+        """Nodes on the plate's edge."""
+        return self.boundary_nodes("plate")
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which nodal components are unknowns, shape (nodes, 3)."""
+        free = np.ones(self.reference.shape, dtype=bool)
+        free[self.boundary_nodes("frame")] = False
+        free[self.plate_nodes] = False
+        for axis, plane in enumerate("xy"):
+            if plane in self.planes:
+                across = np.arange(3) == axis
+                free[self.boundary_nodes(f"axis_{'yx'[axis]}")] &= across if plane in self.odd else ~across
+        return free
+
+    @cached_property
+    def free_count(self) -> int:
+        """Number of nodal components that are unknowns."""
+        return int(self.free.sum())
+
+    def deformation(self, positions: Array) -> Array:
+        """F at the quadrature points, shape (elements, points, 3, 2), of node positions (nodes, 3).
+
+        Of several states' positions, shape (states, nodes, 3), with the states first.
+        """
+        local = positions[..., self.connectivity, :].swapaxes(-1, -2)
+        return np.asarray(np.matmul(local[..., None, :, :], self.gradients))
+
+    def scatter(self, elements: Array) -> Array:
+        """Sums of element vectors (elements, local, components) at the nodes, shape (nodes, components)."""
+        if np.iscomplexobj(elements):
+            return self.scatter(elements.real) + 1j * self.scatter(elements.imag)
+        nodes, count = self.connectivity.ravel(), len(self.reference)
+        parts = [np.bincount(nodes, elements[..., axis].ravel(), count)
+                 for axis in range(elements.shape[-1])]
+        return np.stack(parts, axis=1)
+
+    def plate_coupling(self, elements: Array, gradient: Array) -> tuple[Array, Array]:
+        """The tangent's columns for motions of the plate: rows of the free components, and the corner.
+
+        Parameters
+        ----------
+        elements
+            Element tangents, shape (elements, 3 local, 3 local), node-major.
+        gradient
+            Motion of the plate's nodes by p freedoms, shape (plate nodes, 3, p).
+        """
+        touching, rows = self._plate_elements
+        freedoms = gradient.shape[2]
+        padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
+        local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
+        product = np.matmul(elements[touching], local)
+        corner = np.einsum("eap,eaq->pq", local, product)
+        nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
+        flat = product.reshape(len(nodes), freedoms)  # a fixed plate has none
+        border = np.empty((self.reference.size, freedoms))
+        for freedom in range(freedoms):
+            border[:, freedom] = np.bincount(nodes, flat[:, freedom], self.reference.size)
+        return border[self.free.ravel()], corner
+
+    @cached_property
+    def _plate_elements(self) -> tuple[Array, Array]:
+        """Elements with plate nodes, and for each local node its row in ``plate_nodes`` or the row after the last."""
+        row = np.full(len(self.reference), len(self.plate_nodes))
+        row[self.plate_nodes] = np.arange(len(self.plate_nodes))
+        rows = row[self.connectivity]
+        touching = np.flatnonzero((rows < len(self.plate_nodes)).any(axis=1))
+        return touching, rows[touching]
+
+    @cached_property
+    def pattern(self) -> SparsityPattern:
+        """Where the entries of element tangents go in the sparse one of the free components."""
+        return SparsityPattern.of(self.connectivity, self.free)
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """What the factorisations of all tangents of the free components have in common."""
+        nodes = elimination_order(self.connectivity, self.reference[:, :2])
+        number = (np.cumsum(self.free) - 1).reshape(self.free.shape)
+        return analyse(self.pattern.indices, self.pattern.indptr, number[nodes][self.free[nodes]])
+
+    @cached_property
+    def electrode_edge_nodes(self) -> Array:
+        """Nodes between what is covered and what is bare."""
+        bare = self.covered[:, 0] == 0
+        inside = np.flatnonzero(self.mesh.f2t[1] >= 0)
+        first, second = self.mesh.f2t[:, inside]
+        facets = inside[bare[first] != bare[second]]
+        return np.asarray(self.basis.get_dofs(facets).flatten()) if len(facets) else np.array([], dtype=int)
+
+    def extended(self, given: Array) -> Array:
+        """The harmonic extension of a motion in the plane from the edges of frame, plate and electrode.
+
+        Parameters
+        ----------
+        given
+            The motion, shape (nodes, 2); only its values on those edges count. On a mirror plane
+            the component across it vanishes.
+        """
+        result = given.copy()
+        for axis, (factors, coupling, free, fixed) in enumerate(self._laplacians):
+            result[free, axis] = factors.solve(-(coupling @ given[fixed, axis]))
+        return result
+
+    @cached_property
+    def _laplacians(self) -> list[tuple[Any, Any, Array, Array]]:
+        """For both components: the factorised Laplacian, its coupling to what is given, free and given nodes."""
+        laplacian = self._laplacian
+        edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
+        result: list[tuple[Any, Any, Array, Array]] = []
+        for axis in "xy":
+            plane = [self.boundary_nodes(f"axis_{'y' if axis == 'x' else 'x'}")] if axis in self.planes else []
+            if result and not self.planes:
+                return [*result, result[0]]
+            given = np.zeros(len(self.reference), dtype=bool)
+            given[np.concatenate([*edges, *plane])] = True
+            free, fixed = np.flatnonzero(~given), np.flatnonzero(given)
+            rows = laplacian[free]
+            factors = splu(rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                           options={"SymmetricMode": True})
+            result.append((factors, rows[:, fixed], free, fixed))
+        return result
+
+    @property
+    def _laplacian(self) -> Any:
+        """∫ ∇φ·∇φ dX, sparse by rows."""
+        elements, points, local, _ = self.gradients.shape
+        flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
+        entries = np.matmul(flat * np.repeat(self.weights, 2, axis=1)[:, None],
+                            flat.transpose(0, 2, 1))
+        return self.nodal_matrix(entries)
+
+    def nodal_matrix(self, elements: Array) -> Any:
+        """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""
+        rows, columns = np.broadcast_arrays(self.connectivity[:, :, None],
+                                            self.connectivity[:, None, :])
+        shape = (len(self.reference),) * 2
+        return coo_matrix((elements.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
