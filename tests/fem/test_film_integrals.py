@@ -9,7 +9,6 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical
-from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.film.tension_state import Tension

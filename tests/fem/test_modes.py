@@ -97,8 +97,8 @@ def test_frequencies_converge_with_twice_the_order(order, sizes) -> None:
     exact = hertz(annulus_modes.held(0, 1, INNER, OUTER))[0]
     errors = []
     for size in sizes:
-        film = structured_quarter(order, size, size).with_specimen(annulus())
-        errors.append(abs(transverse(vibrations(film, State.mounted(film), HELD, count=6))[0]
+        film = replace(structured_quarter(order, size, size), specimen=annulus())
+        errors.append(abs(transverse(vibrations(film, film.mounted(), HELD, count=6))[0]
                           / exact - 1))
     assert np.log2(errors[0] / errors[1]) >= 2 * order - 0.2, errors
 
@@ -152,7 +152,7 @@ def test_heave_on_a_weightless_film_has_the_ode_s_stiffness(heave, voltage) -> N
 def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> None:
     """A destabilising spring, stiffer than the film's own 2πN/ln(b/a)."""
     pushed, tension = Loading((Spring(-push),)), reference_film(NEO_HOOKE).resultant()
-    film = model(annulus(), refine=2.0).with_loading(pushed)
+    film = replace(model(annulus(), refine=2.0), loading=pushed)
     assert push > 2 * np.pi * tension / np.log(OUTER / INNER)
     found = vibrations(film, film.mounted(), plate_of(), count=3)
     rate = annulus_modes.growing(INNER, OUTER, MASS / PER_AREA,

@@ -14,7 +14,6 @@ import pytest
 import skfem
 
 from tests.support.specimens import circular, elliptical, skewed
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, facets_of, folded, from_meshio, unfold

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.support.specimens import circular
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import PlateMotion
@@ -47,7 +48,7 @@ def structured_quarter(order: int, radial: int, around: int) -> Model:
     arc, near = (x > 1e-6) & (y > 1e-6), np.hypot(x, y) < 20e-3
     tags = {"axis_x": facets[y <= 1e-6], "axis_y": facets[x <= 1e-6],
             "plate": facets[arc & near], "frame": facets[arc & ~near]}
-    return Model(specimen, mesh.with_boundaries(tags), frozenset("xy"))
+    return Model(Discretisation.of(mesh.with_boundaries(tags), frozenset("xy")), specimen)
 
 
 def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:
@@ -55,19 +56,19 @@ def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:
     rng = np.random.default_rng(seed)
     motion = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])
     plate = PlateMotion.rest().moved(motion)
-    x = film.reference / film.size
+    x = film.discretisation.reference / film.size
     waves = sum(rng.normal(size=3) * np.sin(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
                 for _ in range(4))
-    positions = film.reference + 1.5e-3 * waves * film.free
+    positions = film.discretisation.reference + 1.5e-3 * waves * film.discretisation.free
     return film.place(positions, plate), plate
 
 
 def loaded(film: Model, seed: int = 0) -> State:
     """A state far from equilibrium under all loads, moved only as the model allows."""
     rng = np.random.default_rng(seed)
-    start = State.mounted(film).under(force=0.3, voltage=2500.0**2, pressure=60.0)
+    start = film.mounted().under(force=0.3, voltage=2500.0**2, pressure=60.0)
     size = np.array([1e-3, -0.5e-3, 4e-3, 0.1, -0.15, 0.2])[list(film.plate_freedoms)]
-    x = film.reference / film.size
+    x = film.discretisation.reference / film.size
     waves = sum(rng.normal(size=3) * np.cos(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
                 for _ in range(4))
-    return moved(film, start, (1.5e-3 * waves[film.free], size))
+    return moved(film, start, (1.5e-3 * waves[film.discretisation.free], size))

@@ -14,6 +14,7 @@ from tests.oracles.axisymmetric import RitzExpansion, fold_point
 from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_at
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical, reference_film
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton

@@ -118,7 +118,7 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     last = next(index for index, point in enumerate(points) if point.rate < 0)
     known = points[last - 2].state
     voltage = np.sqrt(known.voltage_squared)
-    charge = capacitance_of(film, known) * voltage
+    charge = film.capacitance(known) * voltage
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     state, near, seen = known, (fold.c, fold.q), []
     for share in (1.0, 1.02, 1.04, 1.06, 1.075, 1.085):

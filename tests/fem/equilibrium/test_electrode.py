@@ -13,7 +13,6 @@ from scipy.constants import epsilon_0
 
 from tests.support.models import model
 from tests.support.specimens import PATCH_TOML, ROOT5, circular
-from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import load_specimen
 from tympan.fem.results.fields import edge_fields

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tests.oracles import axisymmetric
 from tests.support.models import model, structured_quarter
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import NewtonSettings, newton
 from tympan.fem.equilibrium.ramp import equilibrium, held, voltage_path
 from tympan.fem.film.laws import Ogden

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from tests.support.models import deformed, model
 from tests.support.specimens import circular, skewed
-from tympan.fem.discretisation.pattern import Pattern
+from tympan.fem.discretisation.pattern import SparsityPattern
 from tympan.fem.linear_solver.direct import Analysis, analyse, analyses, factorise
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors

@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.models import loaded, model
 from tests.support.specimens import circular, elliptical
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.loading import BIASES, GUIDES, Loading, Magnet, Spring

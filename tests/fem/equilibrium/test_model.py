@@ -10,6 +10,7 @@ from skfem.helpers import ddot, grad
 
 from tests.support.models import deformed, model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, skewed
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE, PlateMotion
 from tympan.fem.membrane.state import State

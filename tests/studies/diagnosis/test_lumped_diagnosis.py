@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical
-from tympan.fem.equilibrium.constraints import capacitance_of
 from tympan.fem.equilibrium.ramp import held, voltage_path
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import MATERIALS
