@@ -16,7 +16,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.geometry.outlines import Circle, Ellipse, Stadium, Superellipse
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.reports.figures.lumped_model import draw_built
-from tympan.studies.case import Case, Settings, find
+from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.files import write_text
 from tympan.studies.lumped.build import KINEMATICS, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
@@ -177,7 +177,7 @@ def _reach(built: Built) -> list[str]:
     beyond = build(built.model.specimen, Settings(), replace(built.settings, voltages=voltages))
     errors = [curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
               for mass, row in zip(built.settings.masses, beyond.field.deflection, strict=True)]
-    limits = [find(Case(built.model.specimen, mass, 10e3), Settings())[1].limit
+    limits = [equilibrate(Case(built.model.specimen, mass=mass, voltage=10e3), Settings())[1].limit
               for mass in built.settings.masses]
     return [
         "The circles keep their hoop stretch, so the model does not see what draws a film in. The circular actuator, "

@@ -28,7 +28,7 @@ from tympan.geometry.outlines import REGISTRY
 from tympan.studies.parallel import processes
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
-from tympan.studies.sweep.run import Solve, run
+from tympan.studies.sweep.run import Pool, run
 
 AIM = 360.0  # seconds for 1000 specimens on two processors
 LEAST_GAIN, MOST_OVERHEAD, AGREEMENT = 1.8, 0.15, 1e-12
@@ -81,7 +81,7 @@ class Timing:
     table: xr.Dataset
 
 
-def timed(words: str, sweep: Sweep, folder: Path, solve: Solve) -> Timing:
+def timed(words: str, sweep: Sweep, folder: Path, solve: Pool) -> Timing:
     """Run a sweep and say how long it took."""
     began = first = time.perf_counter()
     spent = _children()

@@ -7,12 +7,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium
+from tympan.fem.equilibrium.ramp import (
+    Outcome,
+    PathSettings,
+    Status,
+    equilibrium,
+    voltage_path,
+)
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_state import Tension
 from tympan.fem.membrane.loading import Loading
@@ -32,6 +39,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
+from tympan.geometry.units import quantity
+from tympan.studies.files import from_json, read_json, remove, stored_file, write_json
+from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
@@ -52,27 +62,39 @@ class Settings:
     symmetry: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Case:
-    """A specimen on a rig under a nominal mass [kg] and voltage [V], read ``elapsed`` after the run began [s].
+    """A specimen on a rig under a nominal ``mass`` [kg] and ``voltage`` [V].
 
-    ``direction`` is 1 where the voltage was reached from below, -1 from above, 0 where that is not
-    known.
+    It is read ``elapsed`` [s] after the run began; ``direction`` is 1 where the voltage was reached
+    from below, -1 from above, 0 where that is not known.
     """
 
     specimen: Specimen
     mass: float
     voltage: float
-    rig: Rig = field(default_factory=Rig)
-    elapsed: float = 0.0
-    direction: float = 0.0
+    rig: Rig
+    elapsed: float
+    direction: float
 
-    def __post_init__(self) -> None:
-        """Refuse negative loads and directions that are none."""
+    def __init__(self, specimen: Specimen, *, mass: float | str, voltage: float | str = 0.0,
+                 rig: Rig = Rig(), elapsed: float | str = 0.0, direction: float = 0.0) -> None:
+        """Numbers are in SI; texts carry their unit.
+
+        Raises
+        ------
+        InputError
+            For negative loads, texts that are no quantity, and directions that are none.
+        """
+        values = {"specimen": specimen, "mass": in_si(mass, "mass"),
+                  "voltage": in_si(voltage, "voltage"), "rig": rig,
+                  "elapsed": in_si(elapsed, "time", "elapsed"), "direction": direction}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
         checked_load(self.mass, self.voltage)
-        if self.direction not in DIRECTIONS.values():
+        if direction not in DIRECTIONS.values():
             raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
-                             given=self.direction)
+                             given=direction)
 
     @property
     def film_voltage(self) -> float:
@@ -80,14 +102,30 @@ class Case:
         return self.rig.film_voltage(self.voltage, self.direction)
 
 
+def in_si(value: float | str, dimension: str, key: str = "") -> float:
+    """A number as it is, a text with its unit in SI; ``key`` is what a message calls it.
+
+    Examples
+    --------
+    >>> in_si("17.9 g", "mass"), in_si(0.0179, "mass")
+    (0.0179, 0.0179)
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return quantity(value, dimension)
+    except InputError as error:
+        raise error.located(key=key or dimension) from None
+
+
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """The numbers of ``solve --json`` (design §6); those of a state that does not exist are None.
+    """The numbers of ``solve --json``, SI; those of a state that does not exist are None.
 
     ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the
     smallest strength over field, None without voltage or a strength law, and its place on the
     mounted film. ``slack_area_m2`` is the mounted area that carries tension in one direction or
-    none, ``slack_share`` its share.
+    none, ``slack_share`` its share. ``film`` has the fields, where they were asked for.
     """
 
     specimen: str
@@ -111,11 +149,33 @@ class CaseResult:
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]
+    film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {item.name: getattr(self, item.name)
-                for item in fields(self)} | {"warnings": list(self.warnings)}
+        """As a JSON object; without the film's fields."""
+        return {item.name: getattr(self, item.name) for item in fields(self)
+                if item.name != "film"} | {"warnings": list(self.warnings)}
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME.json`` and, where there are fields, ``NAME.vtu``; NAME is the specimen's."""
+        remove(folder, f"{self.specimen}.vtu", f"{self.specimen}.json")
+        if self.film is not None:
+            self.film.save(folder / f"{self.specimen}.vtu")
+        write_json(folder / f"{self.specimen}.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> CaseResult:
+        """What was saved, of the specimen of a ``name`` or of the only one.
+
+        Raises
+        ------
+        InputError
+            When a file is missing, damaged or of another kind.
+        """
+        file = stored_file(folder, "*.json", name, "tympan solve -o")
+        result = from_json(cls, read_json(file), file)
+        surface = file.with_suffix(".vtu")
+        return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
@@ -143,11 +203,11 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
             if not settings.symmetry:
                 part, planes = unfold(part, planes).mesh, frozenset()
             return Model(Discretisation.of(part, planes), specimen)
-    raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is too little room",
-                     key="frame, plate, electrode", given=specimen.name)
+    raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is "
+                     "too little room", key="frame, plate, electrode", given=specimen.name)
 
 
-def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
+def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     """The model of a case and its equilibrium, or why there is none."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
@@ -156,41 +216,66 @@ def find(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     return model, outcome
 
 
-def solve(case: Case, settings: Settings) -> CaseResult:
-    """Solve one case."""
+def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
+                 path: PathSettings) -> Iterator[tuple[Case, Outcome]]:
+    """Cases of a film at nominal voltages [V] under one mass [kg], each started from the last found.
+
+    Voltages should ascend: those above one that has no equilibrium are not searched.
+    """
+    outcomes = voltage_path(model, rig.force(mass, model.plate_area),
+                            [rig.film_voltage(voltage) for voltage in voltages], rig.gas_pressure,
+                            path)
+    for voltage, outcome in zip(voltages, outcomes, strict=True):
+        yield Case(model.specimen, mass=mass, voltage=voltage, rig=rig), outcome
+
+
+def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float], rig: Rig,
+               path: PathSettings) -> Iterator[tuple[CaseResult, Outcome]]:
+    """Numbers, without the time they took, and outcomes under every mass [kg] and voltage [V].
+
+    Masses first; voltages ascend.
+    """
+    for mass in masses:
+        yield from summaries(model, voltage_ramp(model, mass, voltages, rig, path))
+
+
+def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
+    """Solve one case; ``film``: with its fields on a surface."""
     began = time.perf_counter()
-    model, outcome = find(case, settings)
-    return summarise(case, model, outcome, time.perf_counter() - began)
+    model, outcome = equilibrate(case, settings)
+    (result, _), = summaries(model, [(case, outcome)])
+    result = replace(result, wall_s=time.perf_counter() - began)
+    if not film or outcome.status != "equilibrium":
+        return result
+    return replace(result, film=film_surface(model, outcome.state))
 
 
-def summarise(case: Case, model: Model, outcome: Outcome, wall: float) -> CaseResult:
-    """The numbers of a case that was solved."""
-    return replace(next(summaries([case], model, [outcome]))[0], wall_s=wall)
+def summaries(model: Model, solved: Iterable[tuple[Case, Outcome]]
+              ) -> Iterator[tuple[CaseResult, Outcome]]:
+    """The numbers of cases of one model, without the time they took, beside their outcomes.
 
-
-def summaries(cases: Iterable[Case], model: Model,
-              outcomes: Iterable[Outcome]) -> Iterator[tuple[CaseResult, Outcome]]:
-    """The numbers of cases of one model, without the time they took, beside their outcomes; several at once."""
-    pairs = zip(cases, outcomes, strict=True)
+    Several are computed at once.
+    """
+    pairs = iter(solved)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
     while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
-        seen = iter(_seen(model, [outcome.state for _, outcome in batch
-                                  if outcome.status == "equilibrium"]))
+        summarised = iter(_state_summaries(model, [outcome.state for _, outcome in batch
+                                                   if outcome.status == "equilibrium"]))
         for case, outcome in batch:
-            result = CaseResult(specimen=case.specimen.name, mass_kg=case.mass,
-                                voltage_V=case.voltage,
-                                status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
+            result = CaseResult(
+                specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+                status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
-                yield _of_equilibrium(result, case, outcome.state, next(seen)), outcome
+                yield _of_equilibrium(result, case, outcome.state, next(summarised)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
-                last, excuse = outcome, (why(outcome), *_last_state(model, outcome))
+                last, excuse = outcome, (failure_reason(outcome), *_last_state(model, outcome))
             yield replace(result, warnings=excuse), outcome
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _StateSummary:
     """What a state is summarised from."""
 
     fields: Fields
@@ -201,26 +286,28 @@ class _Seen:
     warnings: tuple[str, ...]
 
 
-def _seen(model: Model, states: Sequence[State]) -> list[_Seen]:
+def _state_summaries(model: Model, states: Sequence[State]) -> list[_StateSummary]:
     if not states:
         return []
     sums = film_integrals(model, states)
-    fields = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
-    lost = lost_tension_of(model, states)
+    fields_of = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
+    lost_of = lost_tension_of(model, states)
     material = model.specimen.membrane.material
-    return [_Seen(found, without, float(sums.reaction[number]), float(sums.capacitance[number]),
-                  float(sums.energy[number]), tuple(field_warnings(found, without, material)))
-            for number, (found, without) in enumerate(zip(fields, lost, strict=True))]
+    return [_StateSummary(fields, lost, float(sums.reaction[number]),
+                          float(sums.capacitance[number]), float(sums.energy[number]),
+                          tuple(field_warnings(fields, lost, material)))
+            for number, (fields, lost) in enumerate(zip(fields_of, lost_of, strict=True))]
 
 
-def _of_equilibrium(result: CaseResult, case: Case, state: State, seen: _Seen) -> CaseResult:
-    fields, lost, weakest = seen.fields, seen.lost, _weakest(seen.fields)
+def _of_equilibrium(result: CaseResult, case: Case, state: State, summary: _StateSummary
+                    ) -> CaseResult:
+    fields, lost, weakest = summary.fields, summary.lost, _weakest(summary.fields)
     return replace(
         result,
         deflection_m=state.plate.heave,
         reading_m=case.rig.reading(state.plate.heave, case.elapsed),
-        reaction_N=seen.reaction,
-        capacitance_F=seen.capacitance,
+        reaction_N=summary.reaction,
+        capacitance_F=summary.capacitance,
         max_stretch=float(fields.stretch_1.max()),
         max_true_stress_Pa=float(fields.stress_1.max()),
         max_field_V_per_m=float(fields.electric_field.max()),
@@ -230,8 +317,8 @@ def _of_equilibrium(result: CaseResult, case: Case, state: State, seen: _Seen) -
         slack_area_m2=lost.wrinkled + lost.slack,
         slack_share=lost.share,
         tilt_rad=state.plate.tilt,
-        energy_J=seen.energy,
-        warnings=seen.warnings,
+        energy_J=summary.energy,
+        warnings=summary.warnings,
     )
 
 
@@ -257,11 +344,11 @@ def _tension_warnings(fields: Fields, lost: LostTension) -> list[str]:
     loose = fields[fields.tension != Tension.TAUT]
     if not len(loose.tension):
         return []
-    x, y, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
-    area = (lost.wrinkled + lost.slack) * 1e4
-    over = f" over {area:.3g} cm² of the mounted film ({lost.share:.2%})" if area else ""
-    over += f", {lost.slack * 1e4:.3g} cm² of them slack in all directions" if lost.slack else ""
-    return [f"the film loses tension and wrinkles{over}, most at x {x:.1f} mm, y {y:.1f} mm"]
+    x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+    area_cm2, slack_cm2 = (lost.wrinkled + lost.slack) * 1e4, lost.slack * 1e4
+    over = (f" over {area_cm2:.3g} cm² of the mounted film ({lost.share:.2%})" if area_cm2 else "")
+    over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
+    return [f"the film loses tension and wrinkles{over}, most at x {x_mm:.1f} mm, y {y_mm:.1f} mm"]
 
 
 def _weakest(fields: Fields) -> int | None:
@@ -273,11 +360,13 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
     weakest = _weakest(fields)
     if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
         return []
-    margin, (x, y, _) = 1 / fields.breakdown_share[weakest], fields.position[weakest] * 1e3
-    field, strength = (values[weakest] / 1e6
-                       for values in (fields.electric_field, fields.breakdown_strength))
+    margin = 1 / fields.breakdown_share[weakest]
+    x_mm, y_mm, _ = fields.position[weakest] * 1e3
+    field_MV_per_m = fields.electric_field[weakest] / 1e6
+    strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
     what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
-    return [f"the film {what} at x {x:.1f} mm, y {y:.1f} mm: field {field:.3g} of {strength:.3g} MV/m"]
+    return [f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: "
+            f"field {field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m"]
 
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
@@ -289,17 +378,17 @@ def _last_state(model: Model, outcome: Outcome) -> list[str]:
             for words in state_warnings(model, outcome.state)]
 
 
-def why(outcome: Outcome) -> str:
+def failure_reason(outcome: Outcome) -> str:
     """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
+    limit, spread = outcome.limit, outcome.spread
     if outcome.limited == "voltage":  # the limit and its spread are those of U²
-        return f"the film pulls in at {np.sqrt(outcome.limit) / 1e3:.4g} kV across it" + _within(outcome.spread / 2)
-    if outcome.limited == "pressure":
-        return f"the film pulls in at {outcome.limit:.4g} Pa of gas pressure" + _within(outcome.spread)
-    return f"the film pulls in at {outcome.limit:.4g} N on the plate" + _within(outcome.spread)
-
-
-def _within(spread: float) -> str:
-    """How far to trust a limit that the mesh does not resolve."""
-    return f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling differ)" if spread else ""
+        load, spread = f"{np.sqrt(limit) / 1e3:.4g} kV across it", spread / 2
+    elif outcome.limited == "pressure":
+        load = f"{limit:.4g} Pa of gas pressure"
+    else:
+        load = f"{limit:.4g} N on the plate"
+    unsure = (f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling "
+              "differ)")
+    return f"the film pulls in at {load}{unsure if spread else ''}"

@@ -1,4 +1,8 @@
-"""Results on disk: every file is written under a temporary name and renamed, so none is ever half there."""
+"""Results on disk: every file is written under a temporary name and renamed, so none is half there.
+
+What was written is read back strictly: a file that is missing, damaged or of another kind is one
+message that names it.
+"""
 
 from __future__ import annotations
 
@@ -7,29 +11,19 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+import types
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-import meshio
-import numpy as np
-
-from tympan.fem.discretisation.isoparametric import tabulated
-from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import Fields, cell_fields
 from tympan.geometry.errors import InputError
 
-#: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack;
-#: ``breakdown_share`` is field over strength, 0 where the strength is unknown.
-STORED = ("displacement", "stretch_1", "stretch_2", "thickness", "electric_field", "maxwell_stress",
-          "stress_1",
-          "stress_2", "stress_radial", "stress_circumferential", "stress_shear", "tension",
-          "breakdown_share")
+T = TypeVar("T")
 
 
 def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``file`` and rename it; a failure leaves the old file.
+    """Let ``write`` fill a temporary file beside ``file`` and rename it; a failure leaves the old one.
 
     Raises
     ------
@@ -75,7 +69,7 @@ def write_json(file: Path, value: Any) -> None:
 
 
 def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write a CSV file atomically; floats with the digits needed to read them back to 12 places."""
+    """Write a CSV file atomically; floats with the digits that read back to 12 places."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -84,50 +78,121 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
     write_text(file, text.getvalue())
 
 
-def write_fields(file: Path, model: Model, state: State, parts: int = 6,
-                 **nodal: np.ndarray) -> None:
-    """The fields of a whole film as VTU: deformed positions as points, each curved element as ``parts``² triangles.
+def read_text(file: Path) -> str:
+    """The text of a file.
 
-    Elements share no points, so jumps between them stay visible; the mounted position is the
-    displacement away. Further ``nodal`` vectors, shape (nodes, 3), are interpolated.
+    Raises
+    ------
+    InputError
+        When it is missing, cannot be read, or is no UTF-8 text.
     """
-    points, triangles = lattice(parts)
-    fields = cell_fields(model, state, points)
-    offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
-    cells = (offsets + triangles).reshape(-1, 3)
-    mesh = meshio.Mesh(
-        fields.position + fields.displacement, [("triangle", cells)],
-        point_data={name: _array(fields, name) for name in STORED}
-        | {name: interpolated(model, values, points) for name, values in nodal.items()})
-    write_atomically(file, lambda path: meshio.write(path, mesh, file_format="vtu"))
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError("is missing: run the command that wrote the folder again",
+                         file=file) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
 
 
-def interpolated(model: Model, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """A nodal vector field, shape (nodes, 3), at the same reference points of every element; element-major."""
-    shapes = tabulated(model.discretisation.mesh.order, points)[0]
-    return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
+def read_json(file: Path) -> Any:
+    """The value of a JSON file."""
+    try:
+        return json.loads(read_text(file))
+    except json.JSONDecodeError as error:
+        raise InputError(f"is not valid JSON: {error}", file=file) from None
 
 
-def lattice(parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Reference points of a triangle cut into ``parts``² equal ones, shape (2, n), and these, shape (parts², 3).
+def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Path:
+    """The file of one result in a folder: of the ``name`` that stands for * in the pattern, or the only one.
+
+    Raises
+    ------
+    InputError
+        When there is none, or several and no name says which; ``writer`` is the command to run.
+    """
+    if name is not None:
+        return folder / pattern.replace("*", name)
+    files = sorted(folder.glob(pattern))
+    if len(files) != 1:
+        there = ", ".join(file.name for file in files) or "none"
+        raise InputError(f"must hold one {pattern}, as {writer} writes it; there: {there}",
+                         file=folder)
+    return files[0]
+
+
+def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "") -> T:
+    """A dataclass, or another annotated type, from the JSON value that stands for it.
+
+    Keys the type does not have are left aside, since a record may hold more than its class; fields
+    with a default may be missing.
+
+    Raises
+    ------
+    InputError
+        Naming file and key of what is missing or of another type.
 
     Examples
     --------
-    >>> points, triangles = lattice(2)
-    >>> points.shape, triangles.shape
-    ((2, 6), (4, 3))
+    >>> from_json(tuple[float, ...], [1, 2.5])
+    (1.0, 2.5)
     """
-    number: dict[tuple[int, int], int] = {}
-    points: list[tuple[float, float]] = []
-    for j in range(parts + 1):
-        for i in range(parts + 1 - j):
-            number[i, j] = len(points)
-            points.append((i / parts, j / parts))
-    up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
-    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
-            if i + j < parts - 1]
-    return np.array(points).T, np.array(up + down)
+    return cast(T, _converted(kind, value, file, key))
 
 
-def _array(fields: Fields, name: str) -> np.ndarray:
-    return np.ascontiguousarray(getattr(fields, name))
+def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
+    def fail(allowed: str) -> InputError:
+        return InputError(allowed, file=file, key=key or None, given=value)
+
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return value
+    if is_dataclass(kind):
+        return _dataclass_from(cast(Any, kind), value, file, key, fail)
+    if origin is Literal:
+        if value not in inner:
+            raise fail(f"must be one of {', '.join(map(str, inner))}")
+        return value
+    if origin in (Union, types.UnionType):
+        if value is None and type(None) in inner:
+            return None
+        first, *_ = (option for option in inner if option is not type(None))
+        return _converted(first, value, file, key)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise fail("must be a list")
+        repeated = len(inner) == 2 and inner[1] is Ellipsis
+        if not repeated and len(value) != len(inner):
+            raise fail(f"must be a list of {len(inner)}")
+        kinds = [inner[0]] * len(value) if repeated else inner
+        return tuple(_converted(item, entry, file, f"{key}[{number}]")
+                     for number, (item, entry) in enumerate(zip(kinds, value, strict=True)))
+    if origin in (dict, Mapping):
+        if not isinstance(value, dict):
+            raise fail("must be an object")
+        return {name: _converted(inner[1], entry, file, f"{key}.{name}".lstrip("."))
+                for name, entry in value.items()}
+    if kind is float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise fail("must be a number")
+        return float(value)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        words = {str: "a text", int: "a whole number", bool: "true or false"}
+        raise fail(f"must be {words.get(kind, kind.__name__)}")
+    return value
+
+
+def _dataclass_from(kind: Any, value: Any, file: Path | str | None, key: str,
+                    fail: Callable[[str], InputError]) -> Any:
+    if not isinstance(value, dict):
+        raise fail("must be an object")
+    hints, arguments = get_type_hints(kind), {}
+    for item in fields(kind):
+        path = f"{key}.{item.name}".lstrip(".")
+        if item.name in value:
+            arguments[item.name] = _converted(hints[item.name], value[item.name], file, path)
+        elif item.default is MISSING and item.default_factory is MISSING:
+            raise InputError("is missing", file=file, key=path)
+    return kind(**arguments)

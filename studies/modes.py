@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import Status
-from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import FREEDOMS
-from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import whole
 from tympan.fem.vibration.mode_names import names
 from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, vibrations
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings, find, state_warnings, why
-from tympan.studies.files import interpolated, lattice, write_atomically
+from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
+from tympan.studies.files import from_json, read_json, remove, stored_file, write_json
+from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
-Array = NDArray[np.float64]
+#: Into the square of this many triangles a curved element is cut in files and pictures.
+_PARTS = 6
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: its frequency [Hz], or growth [1/s] if it is unstable, its name and who carries its kinetic energy.
+    """One mode: its frequency [Hz], or growth [1/s] if it is unstable, and its name.
 
-    ``plate_share`` maps the plate's freedoms (x, y, z, rx, ry, rz) to their shares; the rest of 1
-    is the film's.
+    ``plate_share`` maps the plate's freedoms (x, y, z, rx, ry, rz) to their shares of the kinetic
+    energy; the rest of 1 is the film's. ``plate_turn`` is how far the plate turns about x, y and z
+    [rad/m] where the film's largest displacement is 1 m; none in records of older versions.
     """
 
     name: str
@@ -39,6 +37,7 @@ class Mode:
     growth_per_s: float | None
     plate_share: dict[str, float]
     film_share: float
+    plate_turn: tuple[float, ...] = ()
 
     @property
     def speed(self) -> str:
@@ -50,7 +49,11 @@ class Mode:
 
 @dataclass(frozen=True, kw_only=True)
 class ModesResult:
-    """The numbers of ``modes --json``; a state that does not exist has no modes."""
+    """The numbers of ``modes --json``; a state that does not exist has no modes.
+
+    ``semi_axes_m`` are the frame's half extents. ``film`` is the deformed film with a field
+    ``mode_1``, ``mode_2``, … of largest length 1 for each mode.
+    """
 
     specimen: str
     mass_kg: float
@@ -65,24 +68,44 @@ class ModesResult:
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]
+    semi_axes_m: tuple[float, ...] = ()
+    film: FilmSurface | None = field(default=None, repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {**asdict(self), "modes": [asdict(mode) for mode in self.modes],
-                "warnings": list(self.warnings)}
+        """As a JSON object; without the shapes."""
+        record = asdict(replace(self, film=None))
+        del record["film"]
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-modes.json`` and, where there are modes, ``NAME-modes.vtu``."""
+        name = f"{self.specimen}-modes"
+        remove(folder, *(f"{name}.{kind}" for kind in ("vtu", "png", "svg", "json")))
+        if self.film is not None:
+            self.film.save(folder / f"{name}.vtu")
+        write_json(folder / f"{name}.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> ModesResult:
+        """What was saved, of the specimen of a ``name`` or of the only one.
+
+        Raises
+        ------
+        InputError
+            When a file is missing, damaged, of another kind, or of a version that did not keep the
+            flat film.
+        """
+        file = stored_file(folder, "*-modes.json", name, "tympan modes -o")
+        result = from_json(cls, read_json(file), file)
+        if not result.modes:
+            return result
+        if not result.semi_axes_m:
+            raise InputError("is of a version that kept too little for a picture: "
+                             "run tympan modes again", file=file)
+        return replace(result, film=FilmSurface.load(file.with_suffix(".vtu")))
 
 
-@dataclass(frozen=True, eq=False)
-class Vibration:
-    """The whole film, its state and its modes, for pictures and files."""
-
-    model: Model
-    state: State
-    modes: Modes
-
-
-def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.0
-          ) -> tuple[ModesResult, Vibration | None]:
+def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.0) -> ModesResult:
     """Small vibrations about the case's equilibrium at constant voltage.
 
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
@@ -96,80 +119,61 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     """
     began = time.perf_counter()
     plate = _plate(case, point_mass)
-    model, outcome = find(case, settings)
+    model, outcome = equilibrate(case, settings)
     state = outcome.state
-    result = ModesResult(specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
-                         status=outcome.status,
-                         dofs=model.unknowns, wall_s=time.perf_counter() - began, warnings=())
+    result = ModesResult(
+        specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+        status=outcome.status, dofs=model.unknowns, wall_s=time.perf_counter() - began,
+        warnings=(), semi_axes_m=case.specimen.frame.semi_axes)
     if outcome.status != "equilibrium":
-        return replace(result, warnings=(why(outcome),)), None
-    found = vibrations(model, state, plate, count)
+        return replace(result, warnings=(failure_reason(outcome),))
+    computed = vibrations(model, state, plate, count)
     full, whole_state = whole(model, state)
-    listed = tuple(_mode(found, number, name) for number, name in enumerate(names(full, found)))
-    warnings = [*_warnings(case, found), *state_warnings(model, state)]
-    inertia = plate.inertia
+    points, triangles = cut_triangles(full, _PARTS)
+    shapes = [interpolated(full, nodal, points) for nodal in computed.shapes]
+    longest = [float(np.linalg.norm(shape, axis=1).max()) for shape in shapes]
+    deformed = interpolated(full, whole_state.positions, points)
+    displacement = deformed - interpolated(full, full.discretisation.reference, points)
+    film = FilmSurface(deformed, triangles, {"displacement": displacement} | {
+        f"mode_{number}": shape / length
+        for number, (shape, length) in enumerate(zip(shapes, longest, strict=True), start=1)})
     return replace(
         result, deflection_m=state.plate.heave,
         film_mass_kg=float(film_mass(model).sum()) * model.discretisation.mirrored,
-        plate_mass_kg=plate.mass, plate_inertia_kg_m2=tuple(map(float, inertia.diagonal())),
-        unstable=found.unstable,
-        modes=listed, wall_s=time.perf_counter() - began, warnings=tuple(warnings),
-    ), Vibration(full, whole_state, found)
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """A film cut into flat triangles: deformed and mounted points [m], shape (n, 3), and modes there, (modes, n, 3)."""
-
-    points: Array
-    mounted: Array
-    triangles: NDArray[np.int64]
-    shapes: Array
-
-
-def surface(vibration: Vibration, parts: int = 6) -> Surface:
-    """The deformed film with each curved element as ``parts``² triangles; elements share no points."""
-    model = vibration.model
-    points, triangles = lattice(parts)
-    cells = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None] + triangles
-    return Surface(interpolated(model, vibration.state.positions, points),
-                   interpolated(model, model.discretisation.reference, points),
-                   cells.reshape(-1, 3),
-                   np.stack([interpolated(model, shape, points)
-                             for shape in vibration.modes.shapes]))
-
-
-def write_modes(file: Path, vibration: Vibration) -> None:
-    """The modes as VTU: points of the deformed film, and a field ``mode_1``, ``mode_2``, … of largest length 1 each."""
-    film = surface(vibration)
-    data = {f"mode_{number}": shape / np.linalg.norm(shape, axis=1).max()
-            for number, shape in enumerate(film.shapes, start=1)}
-    mesh = meshio.Mesh(film.points, [("triangle", film.triangles)], point_data=data)
-    write_atomically(file, partial(meshio.write, mesh=mesh, file_format="vtu"))
+        plate_mass_kg=plate.mass,
+        plate_inertia_kg_m2=tuple(map(float, plate.inertia.diagonal())),
+        unstable=computed.unstable,
+        modes=tuple(_mode(computed, number, name, longest[number])
+                    for number, name in enumerate(names(full, computed))),
+        wall_s=time.perf_counter() - began,
+        warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
 
 
 def _plate(case: Case, point_mass: float) -> RigidPlate:
     mass = case.mass + case.rig.unaccounted_mass
     if point_mass > mass:
-        raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's unaccounted mass",
-                         key="--point-mass", given=f"{point_mass:g} kg")
+        raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
+                         "unaccounted mass", key="--point-mass", given=f"{point_mass:g} kg")
     return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass, case.rig.weight_offset)
 
 
-def _mode(found: Modes, number: int, name: str) -> Mode:
-    share = found.shares[number]
-    growth = float(found.growth[number])
-    return Mode(name, None if growth else float(found.frequencies_Hz[number]), growth or None,
+def _mode(computed: Modes, number: int, name: str, longest: float) -> Mode:
+    share = computed.shares[number]
+    growth = float(computed.growth[number])
+    return Mode(name, None if growth else float(computed.frequencies_Hz[number]), growth or None,
                 dict(zip(FREEDOMS, map(float, share), strict=True)),
-                max(0.0, float(1 - share.sum())))
+                max(0.0, float(1 - share.sum())),
+                tuple(map(float, computed.plate[number][3:] / longest)))
 
 
-def _warnings(case: Case, found: Modes) -> list[str]:
+def _warnings(case: Case, computed: Modes) -> list[str]:
     warnings = []
     if not case.specimen.membrane.density:
-        warnings.append("the film has no mass (membrane.density is 0): only the plate's modes are there")
-    if found.unstable:
-        listed = int(np.count_nonzero(found.growth))
-        warnings.append(f"the state is unstable in {found.unstable} directions, of which {listed} are listed; the fast "
-                        "ones of a film without tension are as fine as the mesh: it wrinkles")
+        warnings.append("the film has no mass (membrane.density is 0): only the plate's modes are "
+                        "there")
+    if computed.unstable:
+        listed = int(np.count_nonzero(computed.growth))
+        warnings.append(f"the state is unstable in {computed.unstable} directions, of which "
+                        f"{listed} are listed; the fast ones of a film without tension are as "
+                        "fine as the mesh: it wrinkles")
     return warnings

@@ -1,4 +1,4 @@
-"""Tasks on the processors of this machine: one process each, replaced when it dies."""
+"""A function of many things on the processors of this machine: one process each, replaced when it dies."""
 
 from __future__ import annotations
 
@@ -7,53 +7,86 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from typing import TypeVar
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
-from tympan.studies.sweep.task import Result, Task
 
-#: What a task came to: its result, or why there is none.
-Found = tuple[Task, Result | str]
+Item = TypeVar("Item")
+Value = TypeVar("Value")
 
 #: Small dense matrices gain nothing from threads, which would take the processors from each other.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-#: How often processes may die with a task among theirs before it is tried alone, for the last time.
+#: How often processes may die with an item among theirs before it is tried alone, for the last
+#: time.
 _DEATHS = 2
 
-T = TypeVar("T")
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an item has no value; ``error`` is what its function raised, None where its process died."""
+
+    reason: str
+    error: Exception | None = None
 
 
-def here(tasks: Sequence[Task]) -> Iterator[Found]:
-    """One after the other in this process."""
-    for task in tasks:
-        yield task, task.run()
+def serial(function: Callable[[Item], Value], items: Mapping[str, Item]
+           ) -> Iterator[tuple[str, Value | Failure]]:
+    """Values by key, one after the other in this process; errors are raised."""
+    for key, item in items.items():
+        yield key, function(item)
 
 
-def processes(tasks: Sequence[Task], workers: int) -> Iterator[Found]:
-    """Side by side in processes; what dies is started again, and a task over which they keep dying is given up.
+def processes(function: Callable[[Item], Value], items: Mapping[str, Item], workers: int
+              ) -> Iterator[tuple[str, Value | Failure]]:
+    """Values by key as they come, side by side in processes; what dies is started again.
 
-    A process that dies takes the whole pool with it, and any of the tasks in it may be the cause:
+    A process that dies takes the whole pool with it, and any of the items in it may be the cause:
     those are tried again, and one that was there several times is then tried alone.
     """
-    waiting, deaths = deque(tasks), Counter[str]()
+    waiting, deaths = deque(items), Counter[str]()
     with _single_threaded():
         while waiting:
-            yield from _until_broken(waiting, deaths, workers)
-            while waiting and deaths[waiting[0].id] >= _DEATHS:
-                task = waiting.popleft()
-                yield task, _alone(task)
+            yield from _until_broken(function, items, waiting, deaths, workers)
+            while waiting and deaths[waiting[0]] >= _DEATHS:
+                key = waiting.popleft()
+                yield key, _alone(function, items[key])
 
 
-def outcome(future: Future[T]) -> T | str:
-    """The result of a future, or its error in words; errors that would meet every task are raised.
+def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: int
+           ) -> Iterator[Value]:
+    """Values in the items' order; with one worker in this process. Errors are raised.
+
+    Raises
+    ------
+    RuntimeError
+        When the process died over an item.
+    """
+    if workers < 2:
+        yield from map(function, items)
+        return
+    keyed = {str(number): item for number, item in enumerate(items)}
+    answers, ready = processes(function, keyed, workers), dict[str, Value | Failure]()
+    for key in keyed:
+        while key not in ready:
+            number, answer = next(answers)
+            ready[number] = answer
+        value = ready.pop(key)
+        if isinstance(value, Failure):
+            raise value.error or RuntimeError(value.reason)
+        yield value
+
+
+def settled(future: Future[Value]) -> Value | Failure:
+    """The value of a future, or its failure; errors that would meet every item are raised.
 
     Raises
     ------
@@ -64,41 +97,45 @@ def outcome(future: Future[T]) -> T | str:
         return future.result()
     except (InputError, MissingLibrary, BrokenProcessPool, OSError):
         raise
-    except Exception as error:  # whatever a library raises on one specimen must not end the others
-        return f"{type(error).__name__}: {error}"
+    except Exception as error:  # whatever a library raises on one item must not end the others
+        return Failure(f"{type(error).__name__}: {error}", error)
 
 
-def _until_broken(waiting: deque[Task], deaths: Counter[str], workers: int) -> Iterator[Found]:
-    """Run what is waiting; when the pool breaks, those in it wait again, first of all, each with one death more."""
-    running: dict[Future[Result], Task] = {}
+def _until_broken(function: Callable[[Item], Value], items: Mapping[str, Item],
+                  waiting: deque[str], deaths: Counter[str], workers: int
+                  ) -> Iterator[tuple[str, Value | Failure]]:
+    """Run what is waiting; when the pool breaks, those in it wait again, each with one death more."""
+    running: dict[Future[Value], str] = {}
     with _pool(workers) as pool:
         try:
             while waiting or running:
                 while waiting and len(running) < 2 * workers:
-                    running[_submitted(pool, waiting[0])] = waiting[0]
+                    running[_submitted(pool, function, items[waiting[0]])] = waiting[0]
                     waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    found = outcome(future)
-                    yield running.pop(future), found
+                    value = settled(future)
+                    yield running.pop(future), value
         except BrokenProcessPool:
-            deaths.update(task.id for task in running.values())
+            deaths.update(running.values())
             waiting.extendleft(running.values())
 
 
-def _alone(task: Task) -> Result | str:
+def _alone(function: Callable[[Item], Value], item: Item) -> Value | Failure:
     with _pool(1) as pool:
         try:
-            return outcome(_submitted(pool, task))
+            return settled(_submitted(pool, function, item))
         except BrokenProcessPool:
-            return f"the process that solved it died, {_DEATHS + 1} times, at last alone: is there enough memory?"
+            return Failure(f"the process that solved it died, {_DEATHS + 1} times, at last alone: "
+                           "is there enough memory?")
 
 
-def _submitted(pool: ProcessPoolExecutor, task: Task) -> Future[Result]:
-    """A task in a pool; processes that are started for it leave interruption to the parent, from their first moment."""
+def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], item: Item
+               ) -> Future[Value]:
+    """An item in a pool; processes started for it leave interruption to the parent, from the first."""
     resource_tracker.ensure_running()  # its start would lift the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(task.run)
+        return pool.submit(function, item)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,15 +12,23 @@ import numpy as np
 
 from tympan.fem.equilibrium.arc_length import Branch, Point
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import Outcome, PathSettings, branch_points, equilibrium
+from tympan.fem.equilibrium.ramp import PathSettings, branch_points
 from tympan.fem.film.tension_state import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import whole
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import Case, Settings, build_model, node_fields, why
-from tympan.studies.files import remove, write_csv, write_fields, write_json
+from tympan.studies.case import Case, Settings, equilibrate, failure_reason, node_fields
+from tympan.studies.files import (
+    from_json,
+    read_json,
+    remove,
+    stored_file,
+    write_csv,
+    write_json,
+)
+from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: What may grow along a branch, the load that does, and its unit in results.
 Along = Literal["voltage", "charge", "mass", "pressure"]
@@ -71,8 +79,11 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BranchResult:
-    """A branch: its stations in order, its limit points and where tension is lost or the film breaks down."""
+class PathResult:
+    """A path: its stations in order, and where it turns, tension is lost or the film breaks down.
+
+    ``limits``: the film at each limit point, with a field ``critical_mode``.
+    """
 
     specimen: str
     mass_kg: float
@@ -84,10 +95,40 @@ class BranchResult:
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]
+    limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return asdict(self)
+        """As a JSON object; without the films."""
+        record = asdict(replace(self, limits=()))
+        del record["limits"]
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``."""
+        name = f"{self.specimen}-path"
+        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
+        remove(folder, *(file.name for file in folder.glob(f"{name}-limit-*.vtu")))
+        for number, film in enumerate(self.limits, start=1):
+            film.save(folder / f"{name}-limit-{number}.vtu")
+        columns = [item.name for item in fields(Station)]
+        write_csv(folder / f"{name}.csv", columns,
+                  ([getattr(station, column) for column in columns] for station in self.stations))
+        write_json(folder / f"{name}.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> PathResult:
+        """What was saved, of the specimen of a ``name`` or of the only one.
+
+        Raises
+        ------
+        InputError
+            When a file is missing, damaged or of another kind.
+        """
+        file = stored_file(folder, "*-path.json", name, "tympan path -o")
+        result = from_json(cls, read_json(file), file)
+        films = sorted(folder.glob(f"{file.stem}-limit-*.vtu"),
+                       key=lambda limit: int(limit.stem.rpartition("-")[2]))
+        return replace(result, limits=tuple(map(FilmSurface.load, films)))
 
 
 @dataclass(frozen=True)
@@ -105,14 +146,11 @@ class Reach:
     step: float = 0.015
 
 
-def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
-           progress: Callable[[str], None] = lambda words: None) -> tuple[BranchResult,
-                                                                          list[tuple[Model,
-                                                                                     Point]]]:
+def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
+         progress: Callable[[str], None] = lambda words: None) -> PathResult:
     """Follow the equilibria of a case while one quantity grows, and through its limit points.
 
-    The case's mass and voltage are where the branch starts. Also answers the limit points, whose
-    direction is the critical mode.
+    The case's mass and voltage are where the path starts.
 
     Raises
     ------
@@ -120,47 +158,41 @@ def branch(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
         When the case itself has no equilibrium.
     """
     began = time.perf_counter()
-    model = build_model(case.specimen, settings, case.rig.loading)
-    start = _start(case, model, settings)
+    model, start = equilibrate(case, settings)
+    if start.status != "equilibrium":
+        raise InputError(f"must be where the branch can start: {failure_reason(start)}",
+                         key="--mass, --voltage",
+                         given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
     stations: list[Station] = []
     events: list[Event] = []
-    limits: list[tuple[Model, Point]] = []
+    limits: list[FilmSurface] = []
     previous: Point | None = None
     warnings = ["the branch could not be followed further"]
-    path = replace(settings.path, arc=replace(settings.path.arc, longest=reach.step))
-    for on, point in branch_points(model, start.state, LOADS[along], path):
+    stepping = replace(settings.path, arc=replace(settings.path.arc, longest=reach.step))
+    for branch, point in branch_points(model, start.state, LOADS[along], stepping):
         stations.append(_station(model, point))
         progress(f"{stations[-1].deflection_m * 1e3:.2f} mm")
         if previous is not None:
-            found = list(_events(case, on, previous, point, along, limits))
+            passed = list(_events(case, branch, previous, point, along, limits))
             # Curves should pass through what happens between two points.
-            start_of_step = previous.state.plate.heave
-            passed = sorted((event.station for event in found),
-                            key=lambda s: abs(s.deflection_m - start_of_step))
-            stations[-1:] = [*passed, stations[-1]]
-            events += found
+            stations[-1:] = [*_in_order(passed, previous), stations[-1]]
+            events += passed
         previous = point
         ended = _ended(model, stations[-1], reach, point, along)
         if ended:
             warnings = [ended]
             break
-    return BranchResult(
+    return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
-        unit=UNITS[along],
-        stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
-        wall_s=time.perf_counter() - began,
-        warnings=tuple(warnings)), limits
+        unit=UNITS[along], stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
+        wall_s=time.perf_counter() - began, warnings=tuple(warnings), limits=tuple(limits))
 
 
-def _start(case: Case, model: Model, settings: Settings) -> Outcome:
-    rig = case.rig
-    start = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
-                        rig.gas_pressure, settings=settings.path)
-    if start.status != "equilibrium":
-        raise InputError(f"must be where the branch can start: {why(start)}",
-                         key="--mass, --voltage",
-                         given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
-    return start
+def _in_order(events: list[Event], previous: Point) -> list[Station]:
+    """Stations of events, those nearest to the point before them first."""
+    start = previous.state.plate.heave
+    return sorted((event.station for event in events),
+                  key=lambda station: abs(station.deflection_m - start))
 
 
 def _ended(model: Model, station: Station, reach: Reach, point: Point, along: Along) -> str:
@@ -194,19 +226,28 @@ def _station(model: Model, point: Point) -> Station:
         unbalanced=model.unbalanced(state))
 
 
-def _events(case: Case, on: Branch, before: Point, after: Point, along: Along,
-            limits: list[tuple[Model, Point]]) -> Iterator[Event]:
-    """What happens between two points; limit points are also appended to ``limits``."""
-    for what, value in _watched(on.model, along).items():
+def _events(case: Case, branch: Branch, before: Point, after: Point, along: Along,
+            limits: list[FilmSurface]) -> Iterator[Event]:
+    """What happens between two points; films at limit points are appended to ``limits``."""
+    for what, value in _watched(branch.model, along).items():
         if value(before) * value(after) >= 0:
             continue
-        found = on.where(before, after, value)
-        if found is None:
+        point = branch.where(before, after, value)
+        if point is None:
             continue
-        at = _station(on.model, found)
+        station = _station(branch.model, point)
         if what == "limit":
-            limits.append((on.model, found))
-        yield Event(what=what, value=measured(case, at, along), unit=UNITS[along], station=at)
+            limits.append(_critical_film(branch.model, point))
+        yield Event(what=what, value=measured(case, station, along), unit=UNITS[along],
+                    station=station)
+
+
+def _critical_film(model: Model, point: Point) -> FilmSurface:
+    """The film at a limit point with its critical mode: the path's direction there."""
+    direction = point.direction[0], point.direction[1]
+    mode = moved(model, point.state, direction).positions - point.state.positions
+    shape = whole(model, replace(point.state, positions=mode))[1].positions
+    return film_surface(model, point.state, critical_mode=shape)
 
 
 def _watched(model: Model, along: Along) -> dict[What, Callable[[Point], float]]:
@@ -236,21 +277,6 @@ def _charge_rate(model: Model, point: Point) -> float:
     """d(C U)/ds along the branch."""
     voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
     inner, plate = model.by_load(point.state, "voltage")
-    growth = -2 * model.discretisation.mirrored * float(inner @ point.direction[0] + plate @ point.direction[1])
+    work = float(inner @ point.direction[0] + plate @ point.direction[1])
+    growth = -2 * model.discretisation.mirrored * work
     return growth * voltage + model.capacitance(point.state) * point.rate / (2 * voltage)
-
-
-def store(folder: Path, result: BranchResult, limits: list[tuple[Model, Point]]) -> None:
-    """Write the stations as CSV, the numbers as JSON, and at each limit point fields and critical mode as VTU."""
-    name = f"{result.specimen}-path"
-    remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
-    for number, (model, point) in enumerate(limits, start=1):
-        full, state = whole(model, point.state)
-        mode = moved(model, point.state,
-                     (point.direction[0], point.direction[1])).positions - point.state.positions
-        shape = whole(model, replace(point.state, positions=mode))[1].positions
-        write_fields(folder / f"{name}-limit-{number}.vtu", full, state, critical_mode=shape)
-    columns = [item.name for item in fields(Station)]
-    write_csv(folder / f"{name}.csv", columns,
-              ([getattr(s, c) for c in columns] for s in result.stations))
-    write_json(folder / f"{name}.json", result.json())

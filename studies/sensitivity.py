@@ -25,7 +25,7 @@ from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings, find, state_warnings, why
+from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
@@ -177,16 +177,16 @@ def sensitivity(case: Case, settings: Settings,
         of a level plate.
     """
     wanted = {name: quantity(name) for name in names}
-    model, outcome = find(case, settings)
+    model, outcome = equilibrate(case, settings)
     result = SensitivityResult(case.specimen.name, case.mass, case.voltage, outcome.status)
     left_out = tuple(_immovable(model))
     if outcome.status == "equilibrium":
         return replace(result, quantities=_at_equilibrium(case, model, outcome, wanted),
                        warnings=(*state_warnings(model, outcome.state), *left_out))
     if outcome.critical is None or outcome.limited is None:
-        return replace(result, warnings=(why(outcome),))
+        return replace(result, warnings=(failure_reason(outcome),))
     return replace(result, quantities=(_at_limit(case, model, outcome),),
-                   warnings=(why(outcome), *left_out))
+                   warnings=(failure_reason(outcome), *left_out))
 
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None) -> dict[str, Parameter]:

@@ -6,18 +6,17 @@ import json
 import platform
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tympan.fem.equilibrium.ramp import voltage_path
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import Fields, edge_fields, lost_tension, whole
+from tympan.fem.results.fields import Fields, edge_fields, whole
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -29,10 +28,11 @@ from tympan.studies.case import (
     CaseResult,
     Settings,
     build_model,
-    find,
-    node_fields,
-    summarise,
+    equilibrate,
+    solve_grid,
+    summaries,
 )
+from tympan.studies.film_surface import film_surface
 from tympan.studies.paper.actuators import FILES, actuators
 
 Progress = Callable[[str], None]
@@ -165,14 +165,15 @@ def _one(study: Study, specimen: Specimen, folder: Path, progress: Progress) -> 
     """Solve one specimen for the picture and along the curves, and store both."""
     progress(f"{specimen.name}: mesh and equilibrium")
     began = time.perf_counter()
-    case = Case(specimen, study.mass, study.voltage, study.rig)
-    model, outcome = find(case, study.settings)
-    result = summarise(case, model, outcome, time.perf_counter() - began)
+    case = Case(specimen, mass=study.mass, voltage=study.voltage, rig=study.rig)
+    model, outcome = equilibrate(case, study.settings)
+    (result, _), = summaries(model, [(case, outcome)])
+    result = replace(result, wall_s=time.perf_counter() - began)
     if outcome.status != "equilibrium":
         raise InputError(f"has no picture at {study.mass * 1e3:g} g and {study.voltage / 1e3:g} kV: "
                          f"{result.warnings[0]}", key="specimens", given=specimen.name)
     progress(f"{specimen.name}: fields")
-    store.write_fields(folder / "fields" / f"{specimen.name}.vtu", *whole(model, outcome.state))
+    film_surface(model, outcome.state).save(folder / "fields" / f"{specimen.name}.vtu")
     store.write_csv(folder / "lines" / f"{specimen.name}.csv", _LINE_HEADER,
                     _line_rows(model, outcome.state))
     progress(f"{specimen.name}: curves")
@@ -205,22 +206,12 @@ def _rows(line: str, distance: np.ndarray, fields: Fields) -> Iterator[tuple[obj
 
 def _curve_rows(study: Study, specimen: Specimen) -> Iterator[tuple[object, ...]]:
     model = build_model(specimen, study.settings, study.rig.loading)
-    for mass in study.curves.masses:
-        seen = [study.rig.film_voltage(voltage) for voltage in study.curves.voltages]
-        path = voltage_path(model, study.rig.force(mass, model.plate_area), seen,
-                            study.rig.gas_pressure,
-                            study.settings.path)
-        for voltage, outcome in zip(study.curves.voltages, path, strict=True):
-            found = _curve_values(model, outcome.state) if outcome.status == "equilibrium" else ("",
-                                                                                                 "",
-                                                                                                 "")
-            yield mass * 1e3, voltage / 1e3, outcome.status, *found
-
-
-def _curve_values(model: Model, state: State) -> tuple[object, ...]:
-    """Deflection [mm], share of the film without tension, margin to breakdown if known."""
-    largest = float(node_fields(model, state).breakdown_share.max())
-    return state.plate.heave * 1e3, lost_tension(model, state).share, 1 / largest if largest else ""
+    for result, _ in solve_grid(model, study.curves.masses, study.curves.voltages, study.rig,
+                                study.settings.path):
+        deflection = "" if result.deflection_m is None else result.deflection_m * 1e3
+        margin = "" if result.breakdown_margin is None else result.breakdown_margin
+        slack = "" if result.slack_share is None else result.slack_share
+        yield result.mass_kg * 1e3, result.voltage_V / 1e3, result.status, deflection, slack, margin
 
 
 def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:

@@ -100,7 +100,8 @@ def _case(number: int, random: Generator) -> tuple[Case, bool]:
     load = tension * 2 * np.pi * float(np.mean(outline.semi_axes)) * random.uniform(0, 1.2)
     rig = Rig() if plain else _rig(random, specimen, load)
     voltage = slack_voltage(film) * random.uniform(0, 1.3) * (random.random() > 0.1)
-    return Case(specimen, min(MOST_MASS, load / GRAVITY), float(voltage), rig), plain
+    mass = min(MOST_MASS, load / GRAVITY)
+    return Case(specimen, mass=mass, voltage=float(voltage), rig=rig), plain
 
 
 def _tension(film: Film) -> float:

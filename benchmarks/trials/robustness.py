@@ -30,7 +30,7 @@ from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Settings, find
+from tympan.studies.case import Settings, equilibrate
 from tympan.studies.files import write_text
 
 MESH = MeshSettings().refined(0.5)
@@ -83,7 +83,7 @@ class Record:
 def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     """A case solved and checked; every ``sample``-th from the other directions that cost as much as the search."""
     began = time.process_time()
-    model, found = find(drawn.case, Settings(mesh))
+    model, found = equilibrate(drawn.case, Settings(mesh))
     seconds = time.process_time() - began
     record = Record(drawn.number, drawn.refused, found.status, found.advice, seconds,
                     drawn.case.rig.gas_pressure != 0, case=str(drawn), spread=found.spread)

@@ -15,7 +15,7 @@ from tympan.reports import look as style
 from tympan.reports.scales import AxisScale, bar_length, rows_of
 from tympan.reports.scene import Picture, View, film_picture
 from tympan.reports.study.load import Film
-from tympan.studies.modes import Mode, Vibration, surface
+from tympan.studies.modes import Mode, ModesResult
 
 _SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
 _TURN = 0.4  #: largest rotation of the plate drawn [rad]: drawn straight on, a larger one swells it
@@ -24,7 +24,7 @@ _MOST = 12  #: modes drawn
 _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
-def draw_modes(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mode]) -> list[Path]:
+def draw_modes(folder: Path, name: str, result: ModesResult) -> list[Path]:
     """Draw the first modes as folder/name.png and .svg; answers the files, none where there are no modes.
 
     Raises
@@ -32,39 +32,40 @@ def draw_modes(folder: Path, name: str, vibration: Vibration, modes: Sequence[Mo
     MissingLibrary
         When this computer cannot draw in three dimensions.
     """
-    if not modes:
+    if not result.modes:
         return []
-    frame = vibration.model.specimen.frame.semi_axes
+    frame = result.semi_axes_m
     wide = 2e3 * max(frame)
-    shown = list(modes[:_MOST])
+    shown = list(result.modes[:_MOST])
     rows = rows_of(len(shown))
     width = (style.WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
     dots = 1.4 * style.DPI  # more than the print's: their average makes smooth edges
     view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS,
                 AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _AXES, _AXES, elevation=38.0,
                 ink=_INK)
-    films = swung(vibration)[: len(shown)]
+    films = swung(result)[: len(shown)]
     pictures = [film_picture(film, view, frame[1] > frame[0]) for film in films]
     return style.save_figure(folder, name, lambda: _compose(pictures, shown, rows, width))
 
 
-def swung(vibration: Vibration) -> list[Film]:
+def swung(result: ModesResult) -> list[Film]:
     """The film swung out along each mode [mm], coloured by the motion along the load.
 
     The colour is relative to the mode's largest motion. Of the two directions a mode swings, the
     one in which it goes furthest along the load.
     """
-    film = surface(vibration)
-    largest = _SWING * min(vibration.model.specimen.frame.semi_axes)
-    result = []
-    for shape, plate in zip(film.shapes, vibration.modes.plate, strict=True):
-        length = float(np.linalg.norm(shape, axis=1).max())
-        unit = shape / (length if shape[:, 2].max() >= -shape[:, 2].min() else -length)
-        swing = min(largest, _TURN * length / max(float(np.linalg.norm(plate[3:])), 1e-300))
-        result.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles,
-                           unit[:, 2],
-                           np.zeros(len(unit)), np.zeros(len(unit))))
-    return result
+    film = result.film
+    assert film is not None
+    largest = _SWING * min(result.semi_axes_m)
+    films = []
+    for number, mode in enumerate(result.modes, start=1):
+        shape = film.values[f"mode_{number}"]
+        unit = shape if shape[:, 2].max() >= -shape[:, 2].min() else -shape
+        swing = min(largest, _TURN / max(float(np.linalg.norm(mode.plate_turn)), 1e-300))
+        zero = np.zeros(len(unit))
+        films.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles,
+                          unit[:, 2], zero, zero))
+    return films
 
 
 def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range],

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.path import Along, BranchResult, Event, Station
+from tympan.studies.path import Along, Event, PathResult, Station
 
 _WIDTH, _HEIGHT, _LEFT, _TOP, _GAP = 72.0, 62.0, 14.0, 8.0, 20.0  # [mm]
 _STABLE, _UNSTABLE = style.PALETTE[0], style.PALETTE[1]
@@ -21,12 +21,12 @@ _NAMES: dict[Along, tuple[str, str, float]] = {
     "mass": ("load (N)", "force_N", 1.0), "pressure": ("gas pressure (Pa)", "pressure_Pa", 1.0)}
 
 
-def draw_path(folder: Path, name: str, result: BranchResult) -> list[Path]:
+def draw_path(folder: Path, name: str, result: PathResult) -> list[Path]:
     """Draw folder/name.png and .svg; answers the files."""
     return style.save_figure(folder, name, lambda: _compose(result))
 
 
-def _compose(result: BranchResult) -> Figure:
+def _compose(result: PathResult) -> Figure:
     panels = 2 if result.along in ("voltage", "charge") else 1
     figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
     first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
@@ -40,7 +40,7 @@ def _compose(result: BranchResult) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, result: BranchResult, across: tuple[str, str, float],
+def _panel(axes: Axes, result: PathResult, across: tuple[str, str, float],
            up: tuple[str, str, float]) -> None:
     x, y = (_values(result.stations, *quantity[1:]) for quantity in (across, up))
     stable = np.array([station.stable for station in result.stations])

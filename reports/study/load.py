@@ -222,7 +222,8 @@ def _specimen(table: Table, folder: Path) -> Stored:
 
 
 def _result(table: Table) -> CaseResult:
-    values = {item.name: table.value(item.name) for item in fields(CaseResult)}
+    values = {item.name: table.value(item.name) for item in fields(CaseResult)
+              if item.name != "film"}
     for key, value in values.items():
         if key not in ("specimen", "status", "warnings") and value is not None:
             table.number(key)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from functools import partial
 
 import numpy as np
 
-from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
-from tympan.studies.case import Settings, build_model
+from tympan.studies.case import Settings, build_model, voltage_ramp
 from tympan.studies.paper.actuators import paper_film
+from tympan.studies.parallel import mapped
 
 #: The short semi-axis of all shapes of a map [m]; only ratios matter to α, but for the size of the
 #: loads.
@@ -97,37 +96,24 @@ class MapSettings:
 def readings(places: Sequence[Place], map_settings: MapSettings, workers: int = 1,
              progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
     """At every place, in their order; a place without an equilibrium is a reading of nan with what went wrong."""
-    found = []
-    for result in _run([_Task(place, map_settings) for place in places], workers):
-        progress(result.place.specimen.name)
-        found.append(result)
-    return found
+    collected = []
+    for reading in mapped(partial(_reading, map_settings), places, workers):
+        progress(reading.place.specimen.name)
+        collected.append(reading)
+    return collected
 
 
-@dataclass(frozen=True)
-class _Task:
-    place: Place
-    settings: MapSettings
-
-    def run(self) -> Reading:
-        specimen = self.place.specimen
-        loads = AlphaSettings(self.settings.loads, LoadGrid((), ()))
-        try:
-            weights = alpha(specimen, Settings(), loads).by_basis["membrane"]
-        except InputError as error:
-            return Reading(self.place, np.nan, np.nan, np.nan, str(error))
-        model, force = build_model(specimen, Settings()), Rig().force(self.settings.mass, 0.0)
-        resting = equilibrium(model, force, 0.0)
-        charged = equilibrium(model, force, self.settings.voltage, start=resting.solution)
-        if charged.status != "equilibrium":
-            return Reading(self.place, weights.alpha[0], weights.fit_error, np.nan, charged.advice)
-        stroke = charged.state.plate.heave - resting.state.plate.heave
-        return Reading(self.place, weights.alpha[0], weights.fit_error, stroke)
-
-
-def _run(tasks: Sequence[_Task], workers: int) -> Iterator[Reading]:
-    if workers < 2:
-        yield from map(_Task.run, tasks)
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_Task.run, tasks)
+def _reading(map_settings: MapSettings, place: Place) -> Reading:
+    specimen, settings = place.specimen, Settings()
+    loads = AlphaSettings(map_settings.loads, LoadGrid((), ()))
+    try:
+        weights = alpha(specimen, settings, loads).by_basis["membrane"]
+    except InputError as error:
+        return Reading(place, np.nan, np.nan, np.nan, str(error))
+    (_, resting), (_, charged) = voltage_ramp(
+        build_model(specimen, settings), map_settings.mass, (0.0, map_settings.voltage), Rig(),
+        settings.path)
+    if charged.status != "equilibrium":
+        return Reading(place, weights.alpha[0], weights.fit_error, np.nan, charged.advice)
+    stroke = charged.state.plate.heave - resting.state.plate.heave
+    return Reading(place, weights.alpha[0], weights.fit_error, stroke)

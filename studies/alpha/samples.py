@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import voltage_path
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields, whole
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, why
+from tympan.studies.case import Settings, failure_reason, voltage_ramp
 
 Array = NDArray[np.float64]
 
@@ -49,12 +48,10 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
     rows: list[tuple[float, float, float]] = []
     shares: list[Array] = []
     for mass in loads.masses:
-        seen = [rig.film_voltage(voltage) for voltage in loads.voltages]
-        for outcome in voltage_path(model, rig.force(mass, model.plate_area), seen,
-                                    rig.gas_pressure, settings.path):
+        for _, outcome in voltage_ramp(model, mass, loads.voltages, rig, settings.path):
             state = outcome.state
             if outcome.status != "equilibrium":
-                warnings.append(f"{mass * 1e3:g} g: {why(outcome)}; loads beyond are left out")
+                warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are left out")
                 break
             if state.plate.heave <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.specimen import Material
 from tympan.geometry.toml_reader import Rule
-from tympan.studies.data.columns import Column, Label, Number, Sheet, read_sheet
+from tympan.studies.columns import Column, Label, Number, Sheet, read_sheet
 
 Array = NDArray[np.float64]
 

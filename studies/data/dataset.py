@@ -15,8 +15,8 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, specimen_from_table
 from tympan.geometry.toml_reader import POSITIVE, Table
+from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon, readings
-from tympan.studies.data.columns import Column, Sheet, read_sheet
 from tympan.studies.data.coupon import Coupons
 from tympan.studies.data.readings import Ranges, StaticReadings, Transients
 

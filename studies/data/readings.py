@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule
-from tympan.studies.data.columns import Column, Label, Number, Sheet
+from tympan.studies.columns import Column, Label, Number, Sheet
 
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]

@@ -30,7 +30,8 @@ class Setup:
     def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0,
              direction: float = 0.0) -> Case:
         """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s], and which way."""
-        return Case(self.specimen(specimen), mass, voltage, self.rig, elapsed, direction)
+        return Case(self.specimen(specimen), mass=mass, voltage=voltage, rig=self.rig,
+                    elapsed=elapsed, direction=direction)
 
     def specimen(self, name: str) -> Specimen:
         """The specimen of that name; an :class:`InputError` where there is none."""

@@ -17,7 +17,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.samples import Samples, equilibria
-from tympan.studies.case import Case, Settings, build_model, why
+from tympan.studies.case import Case, Settings, build_model, failure_reason
 from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.files import write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
@@ -255,7 +255,7 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
         for column, outcome in enumerate(outcomes):
             if outcome.status != "equilibrium":
                 missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
-                raise InputError(f"the field model {missing}: {why(outcome)}",
+                raise InputError(f"the field model {missing}: {failure_reason(outcome)}",
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
             deflection[row, column] = outcome.state.plate.heave
@@ -280,7 +280,8 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
     """Undamped frequency along the load [Hz] of the model and of the field model."""
     still = rest(actuator, voltage).deflection
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
-    result, _ = modes(Case(actuator.specimen, actuator.mass, voltage, actuator.rig), settings)
+    case = Case(actuator.specimen, mass=actuator.mass, voltage=voltage, rig=actuator.rig)
+    result = modes(case, settings)
     along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5
              and mode.frequency_Hz is not None]
     return lumped, min((mode.frequency_Hz or np.nan for mode in along), default=np.nan)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.data.columns import Number, read_sheet
+from tympan.studies.columns import Number, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6

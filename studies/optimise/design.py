@@ -12,13 +12,13 @@ from tympan.fem.derivatives.parameters import Parameter
 from tympan.fem.derivatives.quantities import Heave
 from tympan.fem.derivatives.sensitivity import gradient_many
 from tympan.fem.derivatives.shape import moved_by, velocities
-from tympan.fem.equilibrium.ramp import Outcome, equilibrium
+from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import folded
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, build_model, why
+from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.optimise.limits import Found
 from tympan.studies.optimise.problem import Problem
 from tympan.studies.optimise.sqp import Local
@@ -91,17 +91,14 @@ class Bench:
                    ) -> tuple[Design, Local | None]:
         case = self.problem.case(specimen)
         names = tuple(variable.name for variable in self.problem.variables)
-        rig, path = case.rig, self.settings.path
-        force = rig.force(case.mass, model.plate_area)
-        rest = equilibrium(model, force, 0.0, rig.gas_pressure, settings=path)
+        path = self.settings.path
+        (_, rest), (_, outcome) = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
         if rest.status != "equilibrium":
-            return Design(values, specimen, why(rest)), None
+            return Design(values, specimen, failure_reason(rest)), None
         known = case_parameters(case, model)
         lower = _slopes(model, rest, {name: known[name] for name in names})
-        outcome = equilibrium(model, force, case.film_voltage, rig.gas_pressure, rest.solution,
-                              path)
         if outcome.status != "equilibrium":
-            return Design(values, specimen, why(outcome)), None
+            return Design(values, specimen, failure_reason(outcome)), None
         found = Found(case, model, outcome, names, {}, path)
         upper = _slopes(model, outcome, found.by)
         if scales is None:

@@ -75,7 +75,7 @@ class Problem:
 
     def case(self, specimen: Specimen) -> Case:
         """A specimen under the load and the voltage."""
-        return Case(specimen, self.mass, self.voltage, self.rig)
+        return Case(specimen, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
     def design(self, values: np.ndarray, name: str = "") -> Specimen:
         """The specimen with these values of the variables.

@@ -13,15 +13,15 @@ from pathlib import Path
 
 from tympan.geometry.errors import InputError
 from tympan.studies.files import write_atomically, write_text
-from tympan.studies.sweep.task import Result, Row, Task
+from tympan.studies.sweep.task import Row, Task, TaskResult
 
 #: What a killed sweep may leave: files that were not renamed yet.
 _TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
 
 
 @dataclass(frozen=True)
-class Shelf:
-    """The folder of a sweep.
+class Checkpoint:
+    """Finished tasks in the folder of a sweep.
 
     A task's file is ``tasks/xx/ID.json``, xx the id's first digits: the SHA-256 of all that follows
     the first line, then the id, the time it took and the rows. Files are written under another name
@@ -39,14 +39,14 @@ class Shelf:
         InputError
             When another sweep runs there, or the folder cannot be written.
         """
-        with ExitStack() as held:
+        with ExitStack() as stack:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(held.enter_context((self.folder / ".lock").open("w")),
+                fcntl.flock(stack.enter_context((self.folder / ".lock").open("w")),
                             fcntl.LOCK_EX | fcntl.LOCK_NB)
                 for pattern in _TEMPORARY:
-                    for left in self.folder.glob(pattern):
-                        left.unlink()
+                    for temporary in self.folder.glob(pattern):
+                        temporary.unlink()
             except BlockingIOError:
                 raise InputError("is in use by another sweep", file=self.folder) from None
             except OSError as error:
@@ -54,10 +54,10 @@ class Shelf:
                                  file=self.folder) from None
             yield
 
-    def put(self, task: Task, result: Result) -> None:
+    def put(self, task: Task, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
-        for number, content in result.fields.items():
-            write_atomically(self.vtu(number), partial(_fill, content))
+        for case_id, content in result.fields.items():
+            write_atomically(self.vtu(case_id), partial(_fill, content))
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
                            "fields": sorted(result.fields),
                            "rows": result.rows}, ensure_ascii=False)
@@ -77,15 +77,15 @@ class Shelf:
         if digest != _digest(body):
             return None
         content = json.loads(body)
-        if content["task"] != task.id or not all(self.vtu(number).exists()
-                                                 for number in content["fields"]):
+        if content["task"] != task.id or not all(
+                self.vtu(case_id).exists() for case_id in content["fields"]):
             return None
         rows: list[Row] = content["rows"]
         return rows
 
-    def vtu(self, number: str) -> Path:
+    def vtu(self, case_id: str) -> Path:
         """Where the fields of a case are."""
-        return self.folder / "fields" / f"{number}.vtu"
+        return self.folder / "fields" / f"{case_id}.vtu"
 
     def _file(self, task: Task) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"

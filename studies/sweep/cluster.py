@@ -1,15 +1,15 @@
-"""The same tasks on a Dask cluster; its scheduler is told where they are, and does the rest."""
+"""A function of many things on a Dask cluster, as :mod:`tympan.studies.parallel` has it on one machine."""
 
 from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 
 from tympan.geometry.errors import InputError
-from tympan.studies.parallel import Found, outcome
-from tympan.studies.sweep.task import Result, Task
+from tympan.studies.parallel import Failure, Item, Value, settled
 
 _PATIENCE = "10s"
 
@@ -19,10 +19,11 @@ _TRIM, _MAP = (-1, 64 << 20), (-3, 32 << 20)
 _TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
 
 
-def cluster(tasks: Sequence[Task], address: str) -> Iterator[Found]:
-    """Hand the tasks to the scheduler at an address such as ``tcp://10.0.0.5:8786``, as they come back.
+def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str
+            ) -> Iterator[tuple[str, Value | Failure]]:
+    """Values by key as they come back from the scheduler at an address such as ``tcp://10.0.0.5:8786``.
 
-    Dask tries a task again when its worker dies; one over which several died is given up, as Dask
+    Dask tries an item again when its worker dies; one over which several died is given up, as Dask
     is set up to.
 
     Raises
@@ -38,23 +39,25 @@ def cluster(tasks: Sequence[Task], address: str) -> Iterator[Found]:
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler answers there within {_PATIENCE}: {str(error) or type(error).__name__}",
-                         key="--scheduler", given=address) from None
+        raise InputError(f"no Dask scheduler answers there within {_PATIENCE}: "
+                         f"{str(error) or type(error).__name__}", key="--scheduler",
+                         given=address) from None
     try:
-        futures = client.map(_run, tasks, key=[f"tympan-{task.id}" for task in tasks], pure=False)
-        wanted = dict(zip((future.key for future in futures), tasks, strict=True))
+        futures = client.map(partial(_hoarded, function), list(items.values()),
+                             key=[f"tympan-{key}" for key in items], pure=False)
+        keys = dict(zip((future.key for future in futures), items, strict=True))
         done = as_completed(futures, loop=client.loop)
         futures.clear()
         for future in done:
-            yield wanted[future.key], outcome(future)
+            yield keys[future.key], settled(future)
             future.release()
     finally:
         client.close(timeout=2)
 
 
-def _run(task: Task) -> Result:
+def _hoarded(function: Callable[[Item], Value], item: Item) -> Value:
     with _hoarding():
-        return task.run()
+        return function(item)
 
 
 @contextmanager

@@ -3,47 +3,79 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tympan.studies import files as store
-from tympan.studies.parallel import Found
-from tympan.studies.sweep.checkpoint import Shelf
+from tympan.studies.files import from_json, read_json, remove, write_json
+from tympan.studies.parallel import Failure
+from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep
-from tympan.studies.sweep.table import FILES, write_tables
-from tympan.studies.sweep.task import Row, Task, solver
+from tympan.studies.sweep.table import FILES, dataset, read_table, write_tables
+from tympan.studies.sweep.task import Row, Task, TaskResult, solver
 
-#: Solves tasks in any order.
-Solve = Callable[[Sequence[Task]], Iterator[Found]]
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Runs a function of tasks, by id, in any order.
+Pool = Callable[[Callable[[Task], TaskResult], Mapping[str, Task]],
+                Iterator[tuple[str, TaskResult | Failure]]]
 
 #: Called with the number of cases that are ready and of those that were so from the start.
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Summary:
-    """What a run of a sweep did: cases by status, how many were solved now and how many were there already."""
+class SweepResult:
+    """What a run of a sweep did: cases by status, how many were solved now and how many were there.
+
+    ``table`` has all cases, as :func:`tympan.studies.sweep.table.dataset` lays it out; ``source``
+    is SWEEP.toml and ``solver`` what solved it.
+    """
 
     statuses: dict[str, int]
     solved: int
     kept: int
+    solver: str
+    source: str
+    table: xr.Dataset = field(repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """As a JSON object; without the table."""
         return {"cases": sum(self.statuses.values()), "statuses": self.statuses,
-                "solved": self.solved,
-                "kept": self.kept}
+                "solved": self.solved, "kept": self.kept}
+
+    def save(self, folder: Path) -> None:
+        """Write ``sweep.nc``, ``sweep.parquet``, ``sweep.csv`` and last ``sweep.json``."""
+        write_tables(folder, self.table)
+        write_json(folder / "sweep.json",
+                   {"solver": self.solver, "source": self.source, **self.json()})
+
+    @classmethod
+    def load(cls, folder: Path) -> SweepResult:
+        """What was saved.
+
+        Raises
+        ------
+        InputError
+            When a file is missing or damaged.
+        """
+        file = folder / "sweep.json"
+        record = from_json(dict[str, Any], read_json(file), file)
+        solved, kept = (from_json(int, record.get(key), file, key) for key in ("solved", "kept"))
+        version, source = (from_json(str, record.get(key), file, key)
+                           for key in ("solver", "source"))
+        statuses = from_json(dict[str, int], record.get("statuses"), file, "statuses")
+        return cls(statuses, solved, kept, version, source, read_table(folder / "sweep.nc"))
 
 
-def run(sweep: Sweep, folder: Path, solve: Solve,
-        progress: Progress = lambda done, kept: None) -> Summary:
+def run(sweep: Sweep, folder: Path, pool: Pool,
+        progress: Progress = lambda done, kept: None) -> SweepResult:
     """Solve what is not finished in a folder yet, and write its tables.
 
-    Leaves ``sweep.nc``, ``sweep.parquet``, ``sweep.csv``, ``sweep.json`` and ``tasks/``, with
-    fields also ``fields/``. It may be ended at any moment, and run again: no finished task is
-    solved twice.
+    Leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
+    may be ended at any moment, and run again: no finished task is solved twice.
 
     Raises
     ------
@@ -51,31 +83,34 @@ def run(sweep: Sweep, folder: Path, solve: Solve,
         When the folder cannot be written, is full, or another sweep uses it; what was finished is
         kept.
     """
-    shelf = Shelf(folder)
-    with shelf.alone():
+    checkpoint = Checkpoint(folder)
+    with checkpoint.alone():
         tasks = {entry.task.id: entry.task for entry in sweep.entries if entry.task is not None}
-        found: dict[str, list[Row]] = {}
-        for number, task in tasks.items():
-            if (rows := shelf.get(task)) is not None:
-                found[number] = rows
-        kept = done = sum(map(len, found.values()))
+        rows: dict[str, list[Row]] = {}
+        for task_id, task in tasks.items():
+            if (finished := checkpoint.get(task)) is not None:
+                rows[task_id] = finished
+        kept = done = sum(map(len, rows.values()))
         progress(done, kept)
-        missing = [task for number, task in tasks.items() if number not in found]
-        if missing:
-            store.remove(folder,
-                         *FILES)  # what is there belongs to another plan, or to an older solver
-        for task, result in solve(missing):
-            if isinstance(result, str):
-                found[task.id] = task.failed(result)  # not kept: another run may have more luck
+        missing = {task_id: task for task_id, task in tasks.items() if task_id not in rows}
+        if missing:  # what is there belongs to another plan, or to an older solver
+            remove(folder, *FILES)
+        for task_id, answer in pool(_solve, missing):
+            task = tasks[task_id]
+            if isinstance(answer, Failure):  # not kept: another run may have more luck
+                rows[task_id] = task.failed(answer.reason)
             else:
-                shelf.put(task, result)
-                found[task.id] = result.rows
-            done += len(found[task.id])
+                checkpoint.put(task, answer)
+                rows[task_id] = answer.rows
+            done += len(rows[task_id])
             progress(done, kept)
-        rows_of = [found[entry.task.id] if entry.task is not None else None
-                   for entry in sweep.entries]
-        statuses = write_tables(folder, sweep, rows_of)
-        summary = Summary(dict(Counter(statuses)), done - kept, kept)
-        store.write_json(folder / "sweep.json",
-                         {"solver": solver(), "source": sweep.source, **summary.json()})
-    return summary
+        table = dataset(sweep, [None if entry.task is None else rows[entry.task.id]
+                                for entry in sweep.entries])
+        statuses = dict(Counter(table["status"].values.ravel().tolist()))
+        result = SweepResult(statuses, done - kept, kept, solver(), sweep.source, table)
+        result.save(folder)
+    return result
+
+
+def _solve(task: Task) -> TaskResult:
+    return task.run()

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tympan.studies.files import write_atomically
+from tympan.geometry.errors import InputError
+from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.parameters import flattened, read_quantity
 from tympan.studies.sweep.plan import Entry, Sweep
 from tympan.studies.sweep.task import COLUMNS, FAILED, Row, solver
@@ -32,9 +33,8 @@ _UNITS = {"_V_per_m": "V/m", "_m2": "m^2", "_kg": "kg", "_Pa": "Pa", "_rad": "ra
 _TEXTS = ("status", "warnings", "id")
 
 
-def write_tables(folder: Path, sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> list[str]:
-    """Write all three and return the statuses; ``rows`` of every entry, masses first, None where it has no task."""
-    table = dataset(sweep, rows)
+def write_tables(folder: Path, table: xr.Dataset) -> None:
+    """Write a table in all three formats."""
     flat = frame(table)
     parquet = io.BytesIO()
     flat.to_parquet(parquet, index=False)
@@ -42,10 +42,27 @@ def write_tables(folder: Path, sweep: Sweep, rows: Sequence[Sequence[Row] | None
     table.to_netcdf(netcdf, engine="h5netcdf")
     text = flat.to_csv(index=False, lineterminator="\n")
     write_atomically(folder / "sweep.parquet", lambda path: path.write_bytes(parquet.getvalue()))
-    write_atomically(folder / "sweep.csv", lambda path: path.write_text(text, encoding="utf-8"))
+    write_text(folder / "sweep.csv", text)
     write_atomically(folder / "sweep.nc", lambda path: path.write_bytes(netcdf.getvalue()))
-    statuses: list[str] = table["status"].values.ravel().tolist()
-    return statuses
+
+
+def read_table(file: Path) -> xr.Dataset:
+    """The table of a netCDF file.
+
+    Raises
+    ------
+    InputError
+        When the file is missing or damaged.
+    """
+    import xarray as xr
+
+    try:
+        return xr.load_dataset(file, engine="h5netcdf")
+    except FileNotFoundError:
+        raise InputError("is missing: run tympan sweep again", file=file) from None
+    except Exception as error:  # HDF5 and its readers raise whatever they meet
+        raise InputError(f"is no table of a sweep: {type(error).__name__}: {error}",
+                         file=file) from None
 
 
 def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:

@@ -13,14 +13,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from tympan.fem.equilibrium.ramp import voltage_path
-from tympan.fem.results.fields import whole
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_writer import law_content, specimen_content
-from tympan.studies.case import Case, CaseResult, Settings, build_model, summaries
-from tympan.studies.files import write_fields
+from tympan.studies.case import CaseResult, Settings, build_model, solve_grid
+from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
@@ -43,8 +41,8 @@ def solver() -> str:
 
 
 @dataclass(frozen=True)
-class Result:
-    """What a task found: a row per case, masses first, and the fields of its equilibria by case id, as VTU."""
+class TaskResult:
+    """A row per case, masses first, and the fields of a task's equilibria by case id, as VTU."""
 
     rows: list[Row]
     wall_s: float
@@ -84,7 +82,7 @@ class Task:
         """The hash of its cases and of what is kept of them."""
         return _hash([*self.ids, self.fields])
 
-    def run(self) -> Result:
+    def run(self) -> TaskResult:
         """Solve all cases; what cannot be built or meshed is a failed row each, not an error.
 
         Raises
@@ -93,38 +91,32 @@ class Task:
             When this process has another version than the one that asks.
         """
         if self.solver != solver():
-            raise InputError(f"workers must have the same version: there {solver()}, here {self.solver}",
-                             key="--scheduler")
+            raise InputError("workers must have the same version: "
+                             f"there {solver()}, here {self.solver}", key="--scheduler")
         began = time.perf_counter()
         with _TURN:
             try:
                 rows, kept = self._solved()
             except InputError as error:
                 rows, kept = self.failed(str(_nameless(error))), {}
-        return Result(rows, time.perf_counter() - began, kept)
+        return TaskResult(rows, time.perf_counter() - began, kept)
 
     def failed(self, reason: str) -> list[Row]:
         """Rows that say why there is no result."""
         empty: Row = dict.fromkeys(COLUMNS)
-        return [{**empty, "id": number, "status": FAILED, "warnings": [reason]}
-                for number in self.ids]
+        return [{**empty, "id": case_id, "status": FAILED, "warnings": [reason]}
+                for case_id in self.ids]
 
     def _solved(self) -> tuple[list[Row], dict[str, bytes]]:
         model = build_model(self.specimen, self.settings, self.rig.loading)
-        seen = [self.rig.film_voltage(voltage) for voltage in self.voltages]
         rows: list[Row] = []
         kept: dict[str, bytes] = {}
-        for mass in self.masses:
-            path = voltage_path(model, self.rig.force(mass, model.plate_area), seen,
-                                self.rig.gas_pressure,
-                                self.settings.path)
-            cases = [Case(self.specimen, mass, voltage, self.rig) for voltage in self.voltages]
-            for result, outcome in summaries(cases, model, path):
-                number = self.ids[len(rows)]
-                rows.append({"id": number} | {name: value for name, value in result.json().items()
-                                              if name in COLUMNS})
-                if self.fields and outcome.status == "equilibrium":
-                    kept[number] = _vtu(*whole(model, outcome.state))
+        solved = solve_grid(model, self.masses, self.voltages, self.rig, self.settings.path)
+        for case_id, (result, outcome) in zip(self.ids, solved, strict=True):
+            record = result.json()
+            rows.append({"id": case_id} | {name: record[name] for name in COLUMNS})
+            if self.fields and outcome.status == "equilibrium":
+                kept[case_id] = _vtu(film_surface(model, outcome.state))
         return rows, kept
 
 
@@ -133,16 +125,20 @@ def _nameless(error: InputError) -> InputError:
     return InputError(error.allowed, key=error.key)
 
 
-def _vtu(model: Any, state: Any) -> bytes:
+def _vtu(film: FilmSurface) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fields.vtu"
-        write_fields(file, model, state)
+        film.save(file)
         return file.read_bytes()
+
+
+def _law(specimen: Specimen) -> Any:
+    return law_content(specimen.membrane.material, {})
 
 
 def _content(specimen: Specimen) -> Any:
     """All of a specimen but its name, floats to the last digit."""
-    return {**specimen_content(specimen, lambda one: law_content(one.membrane.material, {})),
+    return {**specimen_content(specimen, _law),
             "name": "any"}
 
 
@@ -153,5 +149,5 @@ def _hash(value: Any) -> str:
 
 #: Columns of a result beside the inputs: those of ``solve --json`` that do not depend on the clock.
 COLUMNS: tuple[str, ...] = tuple(
-    item.name for item in fields(CaseResult) if item.name not in ("specimen", "mass_kg",
-                                                                  "voltage_V", "wall_s"))
+    item.name for item in fields(CaseResult)
+    if item.name not in ("specimen", "mass_kg", "voltage_V", "wall_s", "film"))

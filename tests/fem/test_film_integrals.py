@@ -24,7 +24,7 @@ from tympan.fem.results.fields import (
 from tympan.fem.results.film_integrals import film_integrals
 from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.specimen import Electrode
-from tympan.studies.case import Case, Settings, build_model, find, solve, summaries
+from tympan.studies.case import Case, Settings, build_model, equilibrate, solve, summaries
 
 
 @pytest.fixture(scope="module", params=["taut", "margins and grease", "wrinkled"])
@@ -81,9 +81,9 @@ def test_lost_tension_is_what_the_fields_say(several) -> None:
 
 def test_cases_summarised_together_are_those_solved_alone_also_past_pull_in() -> None:
     specimen = circular(Ogden((15e3,), (2.0,)))
-    cases = [Case(specimen, 17.9e-3, voltage) for voltage in (0.0, 4e3, 7e3, 8e3)]
+    cases = [Case(specimen, mass=17.9e-3, voltage=voltage) for voltage in (0.0, 4e3, 7e3, 8e3)]
     made = build_model(specimen, Settings())
-    together = [result for result, _ in summaries(cases, made,
-                                                  [find(case, Settings())[1] for case in cases])]
+    solved = [(case, equilibrate(case, Settings())[1]) for case in cases]
+    together = [result for result, _ in summaries(made, solved)]
     assert [result.status for result in together] == ["equilibrium"] * 2 + ["no_equilibrium"] * 2
     assert together == [replace(solve(case, Settings()), wall_s=0.0) for case in cases]

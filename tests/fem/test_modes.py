@@ -434,7 +434,7 @@ def test_refusals() -> None:
     with pytest.raises(InputError, match="at least 1"):
         vibrations(film, film.mounted(), plate_of(), count=0)
     with pytest.raises(InputError, match="point-mass"):
-        solve_modes(Case(circular(), 1e-3, 0.0), Settings(), point_mass=2e-3)
+        solve_modes(Case(circular(), mass=1e-3, voltage=0.0), Settings(), point_mass=2e-3)
 
 
 OVAL = """

@@ -166,7 +166,7 @@ def test_no_neighbour_is_better(result: Optimised) -> None:
     best, problem = optimum.best.best, result.problem
 
     def stroke(specimen: Specimen) -> float:
-        ends = [solve(Case(specimen, problem.mass, voltage), COARSE).deflection_m
+        ends = [solve(Case(specimen, mass=problem.mass, voltage=voltage), COARSE).deflection_m
                 for voltage in (problem.voltage, 0.0)]
         assert ends[0] is not None
         assert ends[1] is not None

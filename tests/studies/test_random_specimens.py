@@ -23,7 +23,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Plate
-from tympan.studies.case import Settings, find, why
+from tympan.studies.case import Settings, equilibrate, failure_reason
 
 QUICK = 40
 
@@ -120,24 +120,24 @@ def test_smooth_motions_start_before_the_film_wrinkles() -> None:
 def test_no_pull_in_is_invented(number: int) -> None:
     """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations have none."""
     drawn = next(one for one in design(number + 1) if one.number == number)
-    film, found = find(drawn.case, Settings(MESH))
+    film, found = equilibrate(drawn.case, Settings(MESH))
     assert found.status == "not_converged"
     alone = replace(PathSettings(), annular=(20,), unbalanced=np.inf)
-    wrong = find(drawn.case, Settings(MESH, path=alone))[1]
+    wrong = equilibrate(drawn.case, Settings(MESH, path=alone))[1]
     assert wrong.status == "no_equilibrium"
     assert oracle(film, drawn, wrong).says == "differs"
 
 
 def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
     drawn = next(one for one in design(88) if one.number == 87)
-    film, found = find(drawn.case, Settings(MESH))
+    film, found = equilibrate(drawn.case, Settings(MESH))
     assert found.status == "no_equilibrium"
     assert film.unbalanced(found.critical.state) > PathSettings().unbalanced
     assert 1e-3 < found.spread < PathSettings().agreement
     assert oracle(film, drawn, found).says == "agrees"
-    assert "ways to keep it from wrinkling differ" in why(found)
+    assert "ways to keep it from wrinkling differ" in failure_reason(found)
     near = np.sqrt(found.limit * 1.01)  # closer to the limits than they may be apart
-    assert find(replace(drawn.case, voltage=near), Settings(MESH))[1].status == "not_converged"
+    assert equilibrate(replace(drawn.case, voltage=near), Settings(MESH))[1].status == "not_converged"
 
 
 def test_a_film_that_locks_says_so() -> None:

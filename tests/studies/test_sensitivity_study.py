@@ -15,7 +15,7 @@ from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Magnet
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Case, Settings, find
+from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.sensitivity import case_parameters, sensitivity
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
@@ -49,8 +49,8 @@ def specimen(tmp_path: Path) -> str:
 @pytest.mark.parametrize("direction", [0.0, -1.0])
 def test_rig_and_loads_against_differences(direction: float) -> None:
     """What the rig makes of mass and voltage counts, and the pressure on the plate's own area."""
-    case = Case(skewed(), 17.9e-3, 3e3, RIG, direction=direction)
-    model, outcome = find(case, COARSE)
+    case = Case(skewed(), mass=17.9e-3, voltage=3e3, rig=RIG, direction=direction)
+    model, outcome = equilibrate(case, COARSE)
     known = case_parameters(case, model)
     names = ["mass", "voltage", "plate.outline.radius",
              *(name for name in known if name.startswith("rig"))]
@@ -101,7 +101,7 @@ def test_the_table_reads_from_the_strongest_down(specimen: str,
 
 def test_past_pull_in_it_is_the_pull_in_voltage() -> None:
     """Voltages scale as T sqrt(mu/eps), loads as mu: the elasticities of pull-in must say so."""
-    result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), 17.9e-3, 7e3), Settings())
+    result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), mass=17.9e-3, voltage=7e3), Settings())
     assert result.status == "no_equilibrium"
     found = {answer.parameter: answer.elasticity for answer in result.quantities[0].answers}
     assert result.quantities[0].quantity == "pull_in_voltage"

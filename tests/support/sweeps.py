@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
-from tympan.studies.sweep.checkpoint import Shelf
+from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep, read_sweep
 from tympan.studies.sweep.task import Task
 
@@ -64,7 +64,7 @@ def read(folder: Path, text: str = SWEEP, settings: Settings = CHEAP, **files: s
 
 def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
     """Finished tasks, each with what changes when its file is written again."""
-    shelf, found = Shelf(folder), {}
+    shelf, found = Checkpoint(folder), {}
     for entry in sweep.entries:
         if entry.task is not None and shelf.get(entry.task) is not None:
             seen = next(folder.glob(f"tasks/*/{entry.task.id}.json")).stat()

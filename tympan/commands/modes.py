@@ -37,23 +37,19 @@ def add(commands: Subcommands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.errors import InputError
-    from tympan.studies import files
-    from tympan.studies import modes as vibration
+    from tympan.studies.modes import modes
 
     if not 1 <= options.count <= 100:
         raise InputError("must be from 1 to 100", key="--count", given=options.count)
     case = read_case(options)
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
-    result, found = vibration.modes(case, read_settings(options), options.count, point_mass)
+    result = modes(case, read_settings(options), options.count, point_mass)
     if options.output is not None:
-        name = f"{case.specimen.name}-modes"
-        files.remove(options.output, *(f"{name}.{kind}" for kind in ("vtu", "png", "svg", "json")))
-        if found is not None:
+        result.save(options.output)
+        if result.film is not None:
             from tympan.reports.figures.modes import draw_modes
 
-            vibration.write_modes(options.output / f"{name}.vtu", found)
-            draw_modes(options.output, name, found, result.modes)
-        files.write_json(options.output / f"{name}.json", result.json())
+            draw_modes(options.output, f"{case.specimen.name}-modes", result)
     _show(result, options.json)
 
 

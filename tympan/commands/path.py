@@ -33,16 +33,15 @@ def add(commands: Subcommands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
-    from tympan.studies import path as branches
+    from tympan.studies.path import path
 
     case = read_case(options)
     with bar(1) as progress:
-        result, limits = branches.branch(case, read_settings(options), options.along,
-                                         progress=progress)
+        result = path(case, read_settings(options), options.along, progress=progress)
     if options.output is not None:
         from tympan.reports.figures.path import draw_path
 
-        branches.store(options.output, result, limits)
+        result.save(options.output)
         draw_path(options.output, f"{case.specimen.name}-path", result)
     if options.json:
         show(result.json(), True)

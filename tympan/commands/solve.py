@@ -33,24 +33,15 @@ def add(commands: Subcommands) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    import time
     from dataclasses import replace
 
-    from tympan.fem.results.fields import whole
     from tympan.fem.rig import DIRECTIONS
-    from tympan.studies import case as cases
-    from tympan.studies import files
+    from tympan.studies.case import solve
 
     case = replace(read_case(options),
                    elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
                    direction=DIRECTIONS[options.direction])
-    began = time.perf_counter()
-    model, outcome = cases.find(case, read_settings(options))
-    result = cases.summarise(case, model, outcome, time.perf_counter() - began)
+    result = solve(case, read_settings(options), film=options.output is not None)
     if options.output is not None:
-        name = case.specimen.name
-        files.remove(options.output, f"{name}.vtu", f"{name}.json")
-        if outcome.status == "equilibrium":
-            files.write_fields(options.output / f"{name}.vtu", *whole(model, outcome.state))
-        files.write_json(options.output / f"{name}.json", result.json())
+        result.save(options.output)
     show(result.json(), options.json)

@@ -47,8 +47,8 @@ def _run(options: argparse.Namespace) -> None:
     if not 1 <= workers <= 1024:
         raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
     sweep = read_sweep(options.file, read_settings(options))
-    solve = (partial(cluster, address=options.scheduler) if options.scheduler
-             else partial(processes, workers=workers))
+    pool = (partial(cluster, address=options.scheduler) if options.scheduler
+            else partial(processes, workers=workers))
     done = 0
     try:
         with cases(sweep.cases) as progress:
@@ -57,8 +57,8 @@ def _run(options: argparse.Namespace) -> None:
                 done = ready
                 progress(ready, kept)
 
-            summary = run(sweep, options.output, solve, seen)
+            result = run(sweep, options.output, pool, seen)
     except KeyboardInterrupt:
         kept = f"{done} of {sweep.cases} cases are kept, the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
-    show({"table": str(options.output / "sweep.nc"), **summary.json()}, options.json)
+    show({"table": str(options.output / "sweep.nc"), **result.json()}, options.json)

@@ -173,7 +173,7 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
 @pytest.mark.parametrize("voltage", [0.0, 5000.0])
 def test_quarter_and_full_models_agree(specimen, voltage) -> None:
     """In every number of the result, peaks included; and with a mesh of the whole that is not mirrored."""
-    quarter, full = (solve(Case(specimen, 17.9e-3, voltage), Settings(symmetry=symmetry))
+    quarter, full = (solve(Case(specimen, mass=17.9e-3, voltage=voltage), Settings(symmetry=symmetry))
                      for symmetry in (True, False))
     assert full.dofs > 3 * quarter.dofs
     for name, value in quarter.json().items():
@@ -225,7 +225,7 @@ alpha = [2]
             [(si, "0.0179 kg", "3500 kg*m^2/A/s^3"), (mm, "17.9 g", "3.5e12 g*mm^2/A/s^3")]):
         file = tmp_path / f"{number}.toml"
         file.write_text(template.format(**values))
-        case = Case(load_specimen(file), quantity(mass, "mass"), quantity(voltage, "voltage"))
+        case = Case(load_specimen(file), mass=quantity(mass, "mass"), voltage=quantity(voltage, "voltage"))
         deflections.append(solve(case, Settings()).deflection_m)
     assert deflections[0] == pytest.approx(deflections[1], rel=1e-10)
     assert deflections[0] > 2e-3
@@ -292,16 +292,16 @@ def test_newton_converges_quadratically(skewed_model: Model) -> None:
 
 def test_rig_edits_act_in_the_simulation() -> None:
     specimen = circular(Ogden((20e3,), (2.0,)))
-    plain = solve(Case(specimen, 17.9e-3, 3500.0), Settings())
-    heavier = solve(Case(specimen, 16.9e-3, 3500.0, Rig(unaccounted_mass=1e-3)), Settings())
-    boosted = solve(Case(specimen, 17.9e-3, 3500.0 / 1.1, Rig(amplifier_gain=0.1)), Settings())
-    sprung = solve(Case(specimen, 17.9e-3, 3500.0, Rig(spring=10.0)), Settings())
+    plain = solve(Case(specimen, mass=17.9e-3, voltage=3500.0), Settings())
+    heavier = solve(Case(specimen, mass=16.9e-3, voltage=3500.0, rig=Rig(unaccounted_mass=1e-3)), Settings())
+    boosted = solve(Case(specimen, mass=17.9e-3, voltage=3500.0 / 1.1, rig=Rig(amplifier_gain=0.1)), Settings())
+    sprung = solve(Case(specimen, mass=17.9e-3, voltage=3500.0, rig=Rig(spring=10.0)), Settings())
     assert heavier.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert boosted.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert sprung.deflection_m < 0.95 * plain.deflection_m
     assert sprung.reaction_N == pytest.approx(17.9e-3 * 9.80665 - 10 * sprung.deflection_m,
                                               rel=1e-6)
-    shown = solve(Case(specimen, 17.9e-3, 0.0, Rig(sensor_gain=0.02, sensor_zero=5e-6)), Settings())
+    shown = solve(Case(specimen, mass=17.9e-3, voltage=0.0, rig=Rig(sensor_gain=0.02, sensor_zero=5e-6)), Settings())
     assert shown.reading_m == pytest.approx(1.02 * shown.deflection_m + 5e-6)
 
 

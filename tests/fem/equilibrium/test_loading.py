@@ -235,7 +235,7 @@ def test_a_magnet_pulls_as_it_says_and_is_finite_until_contact() -> None:
 
 def test_bias_forces_hold_the_plate_as_hand_calculation_says() -> None:
     """What hangs on the film is the weight and the magnet's pull less the spring's."""
-    result = solve(Case(circular(), 17.9e-3, 0.0, Rig(biases=tuple(SAMPLES.values()), spring=3.0)),
+    result = solve(Case(circular(), mass=17.9e-3, voltage=0.0, rig=Rig(biases=tuple(SAMPLES.values()), spring=3.0)),
                    Settings())
     w = result.deflection_m
     magnet = 0.5 * (1 + (12e-3 - w) / 6e-3) ** -3.3
@@ -259,8 +259,8 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
 
 
 def test_plate_pressure_is_a_weight_of_pressure_times_area() -> None:
-    pressed = solve(Case(circular(), 0.0, 2000.0, Rig(plate_pressure=500.0)), Settings())
-    hung = solve(Case(circular(), 500 * np.pi * 1e-4 / 9.80665, 2000.0), Settings())
+    pressed = solve(Case(circular(), mass=0.0, voltage=2000.0, rig=Rig(plate_pressure=500.0)), Settings())
+    hung = solve(Case(circular(), mass=500 * np.pi * 1e-4 / 9.80665, voltage=2000.0), Settings())
     assert pressed.deflection_m == pytest.approx(hung.deflection_m, rel=1e-5)
 
 
@@ -342,6 +342,6 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
 
 
 def test_a_limit_in_pressure_is_told_in_pascal() -> None:
-    result = solve(Case(circular(), 0.0, 0.0, Rig(gas_pressure=2000.0)), Settings())
+    result = solve(Case(circular(), mass=0.0, voltage=0.0, rig=Rig(gas_pressure=2000.0)), Settings())
     assert result.status == "no_equilibrium"
     assert result.warnings[0] == "the film pulls in at 1272 Pa of gas pressure"

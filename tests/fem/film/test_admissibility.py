@@ -22,7 +22,7 @@ from tympan.fem.film.laws import (
 )
 from tympan.fem.results.fields import Fields, lost_tension
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings, field_warnings, find, node_fields, solve
+from tympan.studies.case import Case, Settings, equilibrate, field_warnings, node_fields, solve
 
 BETA, GAMMA = (13.4e3, 34.8e3, 35.8e3), (-0.41e3, -113e3, -34.2e3)
 TABLE_1 = {kind: kind(BETA, GAMMA, (2.0, 4.0, 6.0), ROOT5)
@@ -141,7 +141,7 @@ def test_an_ogden_film_written_from_its_mounted_state_is_the_same_film() -> None
 def test_visited_failure_is_found_at_its_place() -> None:
     """On a film pulled far out, a law that fails only beyond some λ₁: reported at the rim of the plate."""
     weak = Yeoh((12e3, -345.0))
-    model, outcome = find(Case(circular(), 60e-3, 0.0), Settings())
+    model, outcome = equilibrate(Case(circular(), mass=60e-3, voltage=0.0), Settings())
     assert outcome.status == "equilibrium"
     fields = node_fields(model, outcome.state)
     threshold = _first_on_path(weak, fields)
@@ -171,6 +171,6 @@ def _first_on_path(law, fields: Fields) -> float:
 
 def test_admissible_films_have_no_such_warning() -> None:
     """Also far beyond the range that materials are checked for on reading."""
-    assert solve(Case(elliptical(60e-3), 17.9e-3, 0.0), Settings()).warnings == ()
+    assert solve(Case(elliptical(60e-3), mass=17.9e-3, voltage=0.0), Settings()).warnings == ()
     specimen = circular(Ogden((20e3,), (2.0,)), prestretch=(7.0, 7.0))
-    assert solve(Case(replace(specimen), 17.9e-3, 0.0), Settings()).warnings == ()
+    assert solve(Case(replace(specimen), mass=17.9e-3, voltage=0.0), Settings()).warnings == ()

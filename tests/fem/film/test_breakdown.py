@@ -19,7 +19,7 @@ from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.specimen import Electrode, Region
 from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.files import write_fields
+from tympan.studies.film_surface import film_surface
 
 VHB = STRENGTHS["vhb-4910"].strength
 WEIGHT = 17.9e-3
@@ -61,7 +61,7 @@ def test_margin_of_the_flat_film_is_that_of_a_plate_capacitor() -> None:
 
 def test_smallest_margin_and_its_place() -> None:
     """Under load the film is thinnest at the plate, where a constant strength is used up first."""
-    case = Case(circular(strength=Constant(40e6)), WEIGHT, 5000.0)
+    case = Case(circular(strength=Constant(40e6)), mass=WEIGHT, voltage=5000.0)
     result = solve(case, Settings())
     assert result.max_field_V_per_m is not None
     assert result.breakdown_margin == pytest.approx(40e6 / result.max_field_V_per_m, rel=1e-12)
@@ -72,7 +72,7 @@ def test_smallest_margin_and_its_place() -> None:
 def test_margin_is_sought_under_the_electrode_only() -> None:
     region = Region(circular().plate.outline, (30e-3, 0.0))
     specimen = replace(circular(strength=Constant(40e6)), electrode=Electrode(outline=region))
-    result = solve(Case(specimen, WEIGHT, 4000.0), Settings())
+    result = solve(Case(specimen, mass=WEIGHT, voltage=4000.0), Settings())
     assert region.level(result.breakdown_x_m, result.breakdown_y_m) < 1e-9
 
 
@@ -80,7 +80,7 @@ def test_margin_is_sought_under_the_electrode_only() -> None:
                          [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
                                                  (40e6, None)])
 def test_warnings(strength: float, words: str | None) -> None:
-    result = solve(Case(circular(strength=Constant(strength)), WEIGHT, 5000.0), Settings())
+    result = solve(Case(circular(strength=Constant(strength)), mass=WEIGHT, voltage=5000.0), Settings())
     assert result.status == "equilibrium"
     found = [text for text in result.warnings if "break" in text]
     assert bool(found) == bool(words)
@@ -91,13 +91,13 @@ def test_warnings(strength: float, words: str | None) -> None:
 
 @pytest.mark.parametrize(("strength", "voltage"), [(None, 3000.0), (VHB, 0.0)])
 def test_no_margin_without_law_or_voltage(strength: Power | None, voltage: float) -> None:
-    result = solve(Case(circular(strength=strength), WEIGHT, voltage), Settings())
+    result = solve(Case(circular(strength=strength), mass=WEIGHT, voltage=voltage), Settings())
     assert result.breakdown_margin is result.breakdown_x_m is result.breakdown_y_m is None
 
 
 def test_stored_fields(tmp_path: Path) -> None:
     made = model(circular(NEO_HOOKE, strength=VHB), refine=0.7, order=2)
-    write_fields(tmp_path / "film.vtu", made, made.mounted(3000.0**2))
+    film_surface(made, made.mounted(3000.0**2)).save(tmp_path / "film.vtu")
     stored = meshio.read(tmp_path / "film.vtu").point_data
     share = stored["electric_field"] / VHB.field(stored["stretch_1"], stored["stretch_2"],
                                                  stored["thickness"])

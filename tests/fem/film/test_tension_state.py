@@ -19,7 +19,7 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields, lost_tension
 from tympan.geometry.mesh import ELEMENTS
 from tympan.studies.case import Case, Settings, node_fields, solve, state_warnings
-from tympan.studies.files import write_fields
+from tympan.studies.film_surface import film_surface
 
 FILM = np.pi * (45e-3**2 - 10e-3**2)
 SOFT = Ogden((15e3,), (2.0,))
@@ -83,7 +83,7 @@ def test_voltage_that_takes_the_prestress_slackens_the_flat_film(excess: float,
 
 def test_slack_zone_near_pull_in_is_that_of_the_ode() -> None:
     """Neo-Hooke 15 kPa under 17.9 g at 6.8 kV: a ring around the plate has lost its hoop tension."""
-    result = solve(Case(circular(SOFT), 17.9e-3, 6800.0), Settings())
+    result = solve(Case(circular(SOFT), mass=17.9e-3, voltage=6800.0), Settings())
     film = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
     exact = axisymmetric.solve_load(film, 17.9e-3 * 9.80665, 6800.0)
     radius = np.linspace(10e-3, 45e-3, 20_001)
@@ -95,7 +95,7 @@ def test_slack_zone_near_pull_in_is_that_of_the_ode() -> None:
 
 
 def test_taut_film_says_so() -> None:
-    result = solve(Case(circular(NEO_HOOKE), 17.9e-3, 3000.0), Settings())
+    result = solve(Case(circular(NEO_HOOKE), mass=17.9e-3, voltage=3000.0), Settings())
     assert (result.slack_area_m2, result.slack_share, result.warnings) == (0, 0, ())
 
 
@@ -110,7 +110,7 @@ def test_warning_tells_slack_from_wrinkled() -> None:
 
 def test_stored_state(tmp_path: Path) -> None:
     made = model(circular(NEO_HOOKE), refine=0.7, order=2, symmetry=False)
-    write_fields(tmp_path / "film.vtu", made, squeezed(made, 0.45, 5.0))
+    film_surface(made, squeezed(made, 0.45, 5.0)).save(tmp_path / "film.vtu")
     stored = meshio.read(tmp_path / "film.vtu").point_data
     assert set(np.unique(stored["tension"])) == {Tension.TAUT, Tension.WRINKLED}
     assert np.array_equal(stored["tension"] > 0, stored["stress_2"] <= 0)

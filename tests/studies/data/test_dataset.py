@@ -18,9 +18,9 @@ from scipy.stats import binom
 from tests.support.datasets import HEAD, write_dataset
 from tympan.cli import main
 from tympan.geometry.errors import InputError
+from tympan.studies.columns import Column, Number, read_sheet
 from tympan.studies.data import coupon, readings
 from tympan.studies.data.checks import summary, warnings
-from tympan.studies.data.columns import Column, Number, read_sheet
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.noise import pooled, reading_sigma, repeat_noise, stated_ratio
 from tympan.studies.paper.actuators import actuators

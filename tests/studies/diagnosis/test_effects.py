@@ -20,7 +20,7 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Settings, find, solve
+from tympan.studies.case import Settings, equilibrate, solve
 from tympan.studies.effects import REGISTRY, Effect, Setup, Use, extended, listing
 
 MATERIAL = NeoHooke(20e3)
@@ -206,7 +206,7 @@ def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> Non
     step = effect.parameters[0].deviation / 10
     middle = changed(effect, 0, 2 * step)
     high, low = (readings(changed(effect, 0, factor * step))[1, 0] for factor in (3, 1))
-    model, outcome = find(middle.case("ellipse 0.06", 17.9e-3, 5e3), FINE)
+    model, outcome = equilibrate(middle.case("ellipse 0.06", 17.9e-3, 5e3), FINE)
     assert (high - low) / (2 * step) == pytest.approx(
         chain * heave_gradient(model, outcome.state, [path])[path], rel=2e-3)
 

@@ -72,8 +72,8 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
     found = three_shapes.predict(hypothesis, unknowns, table)
     plain = three_shapes.predict((), unknowns[:2], table)
     for row in (3, 6):
-        result = solve(Case(setup.specimens[1], float(table.mass[row]), float(table.voltage[row]),
-                            setup.rig), FINE)
+        result = solve(Case(setup.specimens[1], mass=float(table.mass[row]), voltage=float(table.voltage[row]),
+                            rig=setup.rig), FINE)
         assert found[row] == pytest.approx(result.reading_m, abs=3e-6)
         assert abs(plain[row] - result.reading_m) > 5e-6
 
@@ -83,7 +83,7 @@ def test_stiffness_and_permittivity_scale_exactly(three_shapes: Simulation) -> N
     film = three_shapes.setup.specimens[0].membrane
     stiffer = replace(film, material=scaled(film.material, 1.3), relative_permittivity=5.0)
     specimen = replace(three_shapes.setup.specimens[0], membrane=stiffer)
-    result = solve(Case(specimen, 0.02245, 6e3), FINE)
+    result = solve(Case(specimen, mass=0.02245, voltage=6e3), FINE)
     unknowns = np.log([1.3, 5.0 / film.relative_permittivity])
     table = rows(States.of([0], [0.02245], [6e3]), "displacement", 1e-5)
     assert three_shapes.predict((), unknowns, table)[0] == pytest.approx(result.deflection_m,

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import NeoHooke
-from tympan.studies.case import Case, Settings, find
+from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
@@ -87,7 +87,7 @@ def test_taut_film_by_finite_elements(semi_axis: float) -> None:
     """A hundredth of a gram on a neo-Hookean film, whose tension is that of the flat film."""
     law, stretch = NeoHooke(20e3), 5**0.5
     specimen = circular(law) if semi_axis == 45e-3 else elliptical(semi_axis, law)
-    _, outcome = find(Case(specimen, 1e-5, 0.0), Settings())
+    _, outcome = equilibrate(Case(specimen, mass=1e-5, voltage=0.0), Settings())
     tension = 20e3 * (stretch**2 - stretch**-4) * 200e-6
     stiffness = 1e-5 * 9.80665 / outcome.state.plate.heave
     assert stiffness / tension == pytest.approx(membrane_stiffness((semi_axis, 45e-3), 10e-3),

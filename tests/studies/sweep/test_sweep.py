@@ -15,7 +15,7 @@ import xarray as xr
 from tests.support.sweeps import CHEAP, Lethal, finished, read, written
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
-from tympan.studies.parallel import here, processes
+from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import checkpoint as shelf
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.run import run
@@ -27,7 +27,7 @@ def whole(tmp_path_factory) -> tuple[Sweep, Path]:
     """A sweep run without interruption."""
     folder = tmp_path_factory.mktemp("whole")
     sweep = read(folder)
-    run(sweep, folder / "out", here)
+    run(sweep, folder / "out", serial)
     return sweep, folder / "out"
 
 
@@ -45,7 +45,7 @@ def test_every_row_is_what_solving_that_case_alone_gives(whole) -> None:
     found = table(folder)
     for entry in sweep.entries[::3]:
         for mass, number in zip(entry.masses, (0, 1), strict=True):
-            alone = solve(Case(entry.task.specimen, mass, entry.voltages[-1]), CHEAP)
+            alone = solve(Case(entry.task.specimen, mass=mass, voltage=entry.voltages[-1]), CHEAP)
             row = found.sel(specimen=entry.name).isel(mass=number, voltage=-1)
             for name in ("deflection_m", "capacitance_F", "max_true_stress_Pa", "energy_J", "dofs"):
                 assert float(row[name]) == pytest.approx(getattr(alone, name), rel=1e-7), name
@@ -81,9 +81,9 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
     gone.write_bytes(b"")
     asked: list[str] = []
 
-    def noted(tasks):
-        asked.extend(task.id for task in tasks)
-        return here(tasks)
+    def noted(function, tasks):
+        asked.extend(tasks)
+        return serial(function, tasks)
 
     summary = run(sweep, tmp_path / "out", noted)
     assert sorted(asked) == [damaged.stem, gone.stem]
@@ -100,13 +100,17 @@ def test_a_longer_sample_takes_over_what_is_finished(whole, tmp_path) -> None:
     _, folder = whole
     shutil.copytree(folder, tmp_path / "out")
     longer = read(tmp_path, written(tmp_path).read_text().replace("count = 8", "count = 9"))
-    summary = run(longer, tmp_path / "out", here)
+    summary = run(longer, tmp_path / "out", serial)
     assert (summary.solved, summary.kept) == (6, 48)
+
+
+def backwards(function, tasks):
+    return serial(function, dict(reversed(tasks.items())))
 
 
 def test_order_and_processes_change_nothing(whole, tmp_path) -> None:
     sweep, folder = whole
-    run(sweep, tmp_path / "backwards", lambda tasks: here(tasks[::-1]))
+    run(sweep, tmp_path / "backwards", backwards)
     alike(table(tmp_path / "backwards"), table(folder))
     run(sweep, tmp_path / "two", partial(processes, workers=2))
     alike(table(tmp_path / "two"), table(folder))
@@ -115,7 +119,7 @@ def test_order_and_processes_change_nothing(whole, tmp_path) -> None:
 def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
     text = ('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = ["0 kV", "30 kV"]\n'
             '[grid]\n"plate.radius" = ["1 cm", "5 cm"]')
-    summary = run(read(tmp_path, text), tmp_path / "out", here)
+    summary = run(read(tmp_path, text), tmp_path / "out", serial)
     assert summary.statuses == {"equilibrium": 1, "no_equilibrium": 1, "failed": 2}
     found = table(tmp_path / "out")
     assert "plate must lie inside the frame" in str(found["warnings"][1, 0, 0].item())
@@ -137,7 +141,7 @@ def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monke
 
     original = task.build_model
     monkeypatch.setattr(task, "build_model", build)
-    run(sweep, tmp_path / "out", here)
+    run(sweep, tmp_path / "out", serial)
     found = table(tmp_path / "out")
     assert (found["status"] == "failed").sum() == 6
     assert set(found["warnings"].values[2].ravel()) == {"frame, plate: cannot be meshed: too little room"}
@@ -164,9 +168,9 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path,
 
         patch.setattr(shelf, "write_text", full)
         with pytest.raises(InputError, match="cannot be written: No space left on device"):
-            run(sweep, tmp_path / "out", here)
+            run(sweep, tmp_path / "out", serial)
     assert len(finished(sweep, tmp_path / "out")) == 3
-    assert run(sweep, tmp_path / "out", here).kept == 18
+    assert run(sweep, tmp_path / "out", serial).kept == 18
     alike(table(tmp_path / "out"), table(folder))
 
 
@@ -176,8 +180,8 @@ def _no_space(path: Path) -> None:
 
 
 def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
-    with shelf.Shelf(tmp_path).alone(), pytest.raises(InputError, match="in use by another sweep"):
-        run(whole[0], tmp_path, here)
+    with shelf.Checkpoint(tmp_path).alone(), pytest.raises(InputError, match="in use by another sweep"):
+        run(whole[0], tmp_path, serial)
 
 
 def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, tmp_path) -> None:
@@ -192,5 +196,5 @@ def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, t
     assert "the process that solved it died" in str(found["warnings"][1, 0, 0].item())
     assert (found["deflection_m"][[0, 2]] == right["deflection_m"][[0, 2]]).all()
     # The next run may have more luck.
-    assert run(replace(sweep, entries=sweep.entries[:3]), tmp_path / "out", here).solved == 6
+    assert run(replace(sweep, entries=sweep.entries[:3]), tmp_path / "out", serial).solved == 6
     assert (table(tmp_path / "out")["deflection_m"] == right["deflection_m"][:3]).all()

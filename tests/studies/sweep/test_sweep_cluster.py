@@ -15,7 +15,7 @@ import xarray as xr
 
 from tests.support.sweeps import read
 from tympan.geometry.errors import InputError
-from tympan.studies.parallel import here
+from tympan.studies.parallel import serial
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.run import run
 
@@ -26,7 +26,7 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
     from distributed import LocalCluster
 
     sweep = read(tmp_path)
-    run(sweep, tmp_path / "here", here)
+    run(sweep, tmp_path / "here", serial)
     killed: list[int] = []
     moments = np.random.default_rng(11).choice(np.arange(1, 7), 2, replace=False)
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1",

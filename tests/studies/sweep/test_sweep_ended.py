@@ -19,7 +19,7 @@ import xarray as xr
 from tests.support.sweeps import Command, finished, read, written
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
-from tympan.studies.parallel import here
+from tympan.studies.parallel import serial
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.run import run
 
@@ -47,7 +47,7 @@ def right(tmp_path_factory) -> tuple[Sweep, xr.Dataset]:
     """The sweep, and its table from a run without interruption in this process."""
     folder = tmp_path_factory.mktemp("right")
     sweep = read(folder, MANY, COARSE)
-    run(sweep, folder / "out", here)
+    run(sweep, folder / "out", serial)
     return sweep, table(folder / "out")
 
 
@@ -60,7 +60,7 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     """What is finished there stays, and the same sweep comes to the right table."""
     sweep, whole = right
     before = finished(sweep, folder)
-    run(sweep, folder, here)
+    run(sweep, folder, serial)
     after = finished(sweep, folder)
     assert before.items() <= after.items()  # nothing is lost, nothing written again
     assert len(after) == 32
@@ -144,7 +144,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(right, tmp_path) -> None
     file = written(tmp_path, MANY)
     (tmp_path / "kept").mkdir()
     run(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out",
-        here)
+        serial)
     written(tmp_path, MANY)
     for folder in (tmp_path / "kept" / "out", tmp_path / "kept"):
         folder.chmod(0o500)
@@ -166,7 +166,7 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
     text = MANY.replace("count = 32", "count = 3").replace("specimen =",
                                                            "fields = true\nspecimen =")
     sweep, folder = read(tmp_path, text, COARSE), tmp_path / "out"
-    assert run(sweep, folder, here).solved == 6
+    assert run(sweep, folder, serial).solved == 6
     found = table(folder)
     files = sorted((folder / "fields").iterdir())
     assert [file.name for file in files] == sorted(f"{number}.vtu"
@@ -180,8 +180,12 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
     files[0].unlink()
     (folder / "fields" / ".half-written.vtu").write_text("")  # as a kill leaves it
     asked: list[str] = []
-    run(sweep, folder,
-        lambda tasks: here([task for task in tasks if asked.append(task.id) or True]))
+
+    def noted(function, tasks):
+        asked.extend(tasks)
+        return serial(function, tasks)
+
+    run(sweep, folder, noted)
     assert len(asked) == 1
     assert sorted((folder / "fields").iterdir()) == files
     xr.testing.assert_identical(table(folder), found)

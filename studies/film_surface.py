@@ -1,0 +1,133 @@
+"""A film cut into flat triangles, with values at its points, for pictures and VTU files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import meshio
+import numpy as np
+from meshio import vtu
+from numpy.typing import NDArray
+
+from tympan.fem.discretisation.isoparametric import tabulated
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import cell_fields, whole
+from tympan.geometry.errors import InputError
+from tympan.studies.files import write_atomically
+
+Array = NDArray[np.float64]
+
+#: Fields of a VTU, in SI; ParaView shows the names. ``tension`` is 0 taut, 1 wrinkled, 2 slack;
+#: ``breakdown_share`` is field over strength, 0 where the strength is unknown.
+STORED = (
+    "displacement", "stretch_1", "stretch_2", "thickness", "electric_field", "maxwell_stress",
+    "stress_1", "stress_2", "stress_radial", "stress_circumferential", "stress_shear", "tension",
+    "breakdown_share")
+
+
+@dataclass(frozen=True, eq=False)
+class FilmSurface:
+    """The deformed film: ``points`` [m], shape (n, 3), ``triangles``, shape (m, 3), values by name.
+
+    Values have shape (n,) or (n, 3), in SI. Elements share no points, so jumps between them stay
+    visible.
+    """
+
+    points: Array
+    triangles: NDArray[np.int64]
+    values: Mapping[str, Array]
+
+    @property
+    def mounted(self) -> Array:
+        """Where the points lay in the flat film [m], shape (n, 3)."""
+        return np.asarray(self.points - self.values["displacement"])
+
+    def save(self, file: Path) -> None:
+        """Write a VTU file."""
+        mesh = meshio.Mesh(self.points, [("triangle", self.triangles)],
+                           point_data=dict(self.values))
+        write_atomically(file, partial(meshio.write, mesh=mesh, file_format="vtu"))
+
+    @classmethod
+    def load(cls, file: Path) -> FilmSurface:
+        """Read what :meth:`save` wrote.
+
+        Raises
+        ------
+        InputError
+            When the file is missing, damaged, or no film.
+        """
+        if not file.is_file():
+            raise InputError("is missing: run the command that wrote the folder again", file=file)
+        try:
+            # The reader itself, since meshio.read ends the whole process on a file it cannot read.
+            mesh = vtu.read(file)
+            points = np.asarray(mesh.points, float)
+            triangles = np.asarray(mesh.cells_dict["triangle"])
+            values = {name: np.asarray(value, float) for name, value in mesh.point_data.items()}
+            if "displacement" not in values:
+                raise ValueError("no displacement")
+            if any(len(value) != len(points) for value in values.values()):
+                raise ValueError("arrays do not belong together")
+            if not len(triangles) or triangles.max() >= len(points):
+                raise ValueError("triangles without points")
+        except Exception as error:  # the reader raises whatever XML, base64, zlib and NumPy raise
+            raise InputError(f"is not a film: {type(error).__name__}: {error}",
+                             file=file) from None
+        if not all(np.isfinite(value).all() for value in (points, *values.values())):
+            raise InputError("holds values that are not finite", file=file)
+        return cls(points, triangles, values)
+
+
+def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> FilmSurface:
+    """The whole film with all fields of :data:`STORED`, each curved element as ``parts``² triangles.
+
+    Further ``nodal`` vectors of the whole film, shape (nodes, 3), are interpolated.
+    """
+    model, state = whole(model, state)
+    points, triangles = cut_triangles(model, parts)
+    fields = cell_fields(model, state, points)
+    values = {name: np.ascontiguousarray(getattr(fields, name)) for name in STORED}
+    values |= {name: interpolated(model, vector, points) for name, vector in nodal.items()}
+    return FilmSurface(fields.position + fields.displacement, triangles, values)
+
+
+def cut_triangles(model: Model, parts: int) -> tuple[Array, NDArray[np.int64]]:
+    """Reference points of one cut element, shape (2, k), and the triangles of all, element-major."""
+    points, triangles = lattice(parts)
+    offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
+    return points, (offsets + triangles).reshape(-1, 3)
+
+
+def interpolated(model: Model, nodal: Array, points: Array) -> Array:
+    """A nodal vector field, shape (nodes, 3), at the same reference points, shape (2, k), of every element.
+
+    Element-major, shape (elements · k, 3).
+    """
+    shapes = tabulated(model.discretisation.mesh.order, points)[0]
+    return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
+
+
+def lattice(parts: int) -> tuple[Array, NDArray[np.int64]]:
+    """Reference points of a triangle cut into ``parts``² equal ones, shape (2, n); these, shape (parts², 3).
+
+    Examples
+    --------
+    >>> points, triangles = lattice(2)
+    >>> points.shape, triangles.shape
+    ((2, 6), (4, 3))
+    """
+    number: dict[tuple[int, int], int] = {}
+    points: list[tuple[float, float]] = []
+    for j in range(parts + 1):
+        for i in range(parts + 1 - j):
+            number[i, j] = len(points)
+            points.append((i / parts, j / parts))
+    up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
+    down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
+            if i + j < parts - 1]
+    return np.array(points).T, np.array(up + down)
