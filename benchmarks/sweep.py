@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from tympan.geometry.outlines import REGISTRY
+from tympan.geometry.outlines import OUTLINES
 from tympan.studies.parallel import processes
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
@@ -62,7 +62,7 @@ count = {count}
 
 def planned(folder: Path, specimens: int) -> Sweep:
     """Half of the specimens of each shape that is there."""
-    shapes = [shape for shape in FRAMES if shape in REGISTRY]
+    shapes = [shape for shape in FRAMES if shape in OUTLINES]
     for shape in shapes:
         folder.joinpath(f"{shape}.toml").write_text(
             f'name = "{shape}"\n[frame]\nshape = "{shape}"\nsemi_axes = ["6 cm", "4.5 cm"]\n{FRAMES[shape]}{FILM}')

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import Any, overload
+from typing import Annotated, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.membrane.loading import BIASES, GUIDES, Bias, Guide, Loading, Spring
+from tympan.fem.membrane.loading import BIASES, Bias, Guide, Loading, Spring
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.geometry.fields import Key, read
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
@@ -25,56 +26,38 @@ DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
 @dataclass(frozen=True)
 class Rig:
-    """The test rig of design §4, in SI; the defaults are an ideal one.
+    """The test rig; the defaults are an ideal one."""
 
-    Beyond design §4: ``guide`` says how the plate may move, ``weight_offset`` where the mass hangs
-    from the plate's centre [m], ``plate_pressure`` loads the plate like a weight of pressure times
-    area [Pa], ``gas_pressure`` acts below film and plate and follows them [Pa], ``biases`` are
-    further mechanisms between plate and ground, ``drift`` is how fast the readings wander [m/s],
-    ``lag_voltage`` by how much the film is behind a rising or falling voltage [V].
-    """
-
-    gravity: float = 9.80665
-    unaccounted_mass: float = 0.0
-    spring: float = 0.0
-    amplifier_gain: float = 0.0
-    sag_voltage: float = inf
-    sensor_gain: float = 0.0
-    sensor_zero: float = 0.0
-    drift: float = 0.0
-    guide: Guide = "free"
-    weight_offset: tuple[float, float] = (0.0, 0.0)
-    plate_pressure: float = 0.0
-    gas_pressure: float = 0.0
-    biases: tuple[Bias, ...] = ()
-    lag_voltage: float = 0.0
-
-    @classmethod
-    def from_table(cls, table: Table) -> Rig:
-        """Read the keys of rig.toml, all optional."""
-        rig = cls(
-            gravity=table.quantity("gravity", "acceleration", "9.80665 m/s^2", POSITIVE),
-            unaccounted_mass=table.quantity("unaccounted_mass", "mass", "0 g", FINITE),
-            spring=table.quantity("spring", "stiffness per length", "0 N/m", NON_NEGATIVE),
-            amplifier_gain=table.number("amplifier_gain", 0.0, _GAIN),
-            sag_voltage=table.quantity("sag_voltage", "voltage", "inf kV", _SAG),
-            sensor_gain=table.number("sensor_gain", 0.0, _GAIN),
-            sensor_zero=table.quantity("sensor_zero", "length", "0 um", FINITE),
-            drift=table.quantity("drift", "speed", "0 um/min", FINITE),
-            guide=table.choice("guide", {name: name for name in GUIDES}, "free"),
-            weight_offset=table.pair("weight_offset", "length", ("0 mm", "0 mm"), FINITE),
-            plate_pressure=table.quantity("plate_pressure", "stress", "0 Pa", FINITE),
-            gas_pressure=table.quantity("gas_pressure", "stress", "0 Pa", FINITE),
-            biases=tuple(_bias(entry) for entry in table.tables("bias")),
-            lag_voltage=table.quantity("lag_voltage", "voltage", "0 kV", NON_NEGATIVE),
-        )
-        table.done()
-        return rig
+    gravity: Annotated[float, Key("fall acceleration", "acceleration", POSITIVE)] = 9.80665
+    unaccounted_mass: Annotated[float, Key("hangs on the plate beside the nominal mass", "mass")] = 0.0
+    spring: Annotated[float, Key("stiffness of a spring between plate and ground",
+                                 "stiffness per length", NON_NEGATIVE)] = 0.0
+    amplifier_gain: Annotated[float, Key("k: the film sees (1+k) U", rule=_GAIN)] = 0.0
+    sag_voltage: Annotated[float, Key("U_s: the film sees U/(1+(U/U_s)²)", "voltage", _SAG)] = inf
+    sensor_gain: Annotated[float, Key("k: readings are (1+k) y", rule=_GAIN)] = 0.0
+    sensor_zero: Annotated[float, Key("what the sensor shows at no deflection", "length")] = 0.0
+    drift: Annotated[float, Key("how fast readings wander", "speed")] = 0.0
+    guide: Annotated[Guide, Key("how the plate may move: freely, without tilting, up and down only, "
+                                "not at all")] = "free"
+    weight_offset: Annotated[tuple[float, float], Key(
+        "where the mass hangs, from the plate's centre", "length")] = (0.0, 0.0)
+    plate_pressure: Annotated[float, Key(
+        "loads the plate like a weight of pressure times area", "stress")] = 0.0
+    gas_pressure: Annotated[float, Key("acts below film and plate and follows them", "stress")] = 0.0
+    biases: Annotated[tuple[Bias, ...], Key(
+        "further mechanisms between plate and ground, a table each", name="bias", kinds=BIASES)] = ()
+    lag_voltage: Annotated[float, Key("by how much the film is behind a rising or falling voltage",
+                                      "voltage", NON_NEGATIVE)] = 0.0
 
     @classmethod
-    def read(cls, file: Path | str) -> Rig:
+    def from_table(cls, table: Table) -> Self:
+        """The rig of a table; every key may be left out."""
+        return read(cls, table)
+
+    @classmethod
+    def read(cls, file: Path | str) -> Self:
         """The rig of a TOML file."""
-        return cls.from_table(Table.read(file))
+        return read(cls, Table.read(file))
 
     @property
     def loading(self) -> Loading:
@@ -130,14 +113,8 @@ class Rig:
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
 
 
-def _bias(table: Table) -> Bias:
-    bias = table.choice("law", BIASES)(table)
-    table.done()
-    return bias
-
-
 def checked_load(mass: float, voltage: float) -> None:
-    """Refuse negative loads and those no film of this kind could bear: they are slips of a unit."""
+    """Refuse negative loads and those no such film could bear: they are slips of a unit."""
     if not 0 <= mass <= 100:
         raise InputError("must be from 0 to 100 kg", key="--mass", given=f"{mass:g} kg")
     if not 0 <= voltage <= 1e6:

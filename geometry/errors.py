@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Self
 
 
 class InputError(ValueError):
@@ -35,7 +36,7 @@ class InputError(ValueError):
             parts.append(f"given {given!r}")
         super().__init__(": ".join([*parts, allowed]))
 
-    def located(self, *, file: Path | str | None = None, key: str | None = None) -> InputError:
+    def located(self, *, file: Path | str | None = None, key: str | None = None) -> Self:
         """A copy that also names where the value stood; what is already named is kept."""
-        return InputError(self.allowed, file=self.file or file, key=self.key or key,
+        return type(self)(self.allowed, file=self.file or file, key=self.key or key,
                           given=self.given)

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Circle, Ellipse, Outline, check, read_outline
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, Rule, Table
+from tympan.geometry.fields import Key, Registry, Special, read
+from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check
+from tympan.geometry.paths import any_complex
+from tympan.geometry.toml_reader import NON_NEGATIVE, Rule, Table
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
+Pair = tuple[float, float]
+
+_NAME: Rule = (lambda text: re.fullmatch(r"\w[\w .+-]{0,99}", text) is not None,
+               "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
+               "a letter or digit first")
+_STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
+                  "must be a stretch between 0.2 and 10 (1 is unstretched)")
+_EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
+_DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
+                  "must be 0 (weightless) or from 1 to 30000 kg/m^3")
+_THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
+_PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
 class Unbuildable(InputError):
@@ -46,12 +59,17 @@ class Strength(Protocol):
         """The true field at breakdown [V/m] at the principal stretches and the stretched thickness [m]."""
 
 
+#: Laws and strengths that files may name; :mod:`tympan.fem.film` fills both.
+LAWS: Registry[Any] = Registry("law")
+STRENGTHS: Registry[Any] = Registry("law")
+
+
 @dataclass(frozen=True)
 class Plate:
     """The rigid plate; its edge clamps the film. ``offset`` of its centre from the frame's [m]."""
 
-    outline: Outline
-    offset: tuple[float, float] = (0.0, 0.0)
+    outline: Annotated[Outline, Key("shape of the plate", kinds=OUTLINES, inline=True)]
+    offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
 
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Negative inside the plate, zero at its edge [m]."""
@@ -60,21 +78,21 @@ class Plate:
 
 @dataclass(frozen=True)
 class Film:
-    """The elastomer film before it is mounted, and how it is mounted.
+    """The elastomer film before it is mounted, and how it is mounted."""
 
-    ``thickness`` is that of the virgin film [m], ``prestretch`` the stretch along x and y from it
-    to the flat mounted state; the permittivity is ε_r (J/J_p)^(-permittivity_exponent), J = λ₁λ₂,
-    J_p its mounted value. ``density`` is the film's mass per volume [kg/m³]; 0 is design §3's
-    weightless film. ``strength`` is what it withstands electrically; None where nobody says.
-    """
-
-    thickness: float
-    prestretch: tuple[float, float]
-    material: Material
-    relative_permittivity: float
-    permittivity_exponent: float = 0.0
-    density: float = 0.0
-    strength: Strength | None = None
+    thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS)]
+    prestretch: Annotated[Pair, Key("stretches along x and y from the virgin film to the flat mounted one",
+                                    rule=_STRETCH)]
+    material: Annotated[Material, Key("a law with its constants, or a name of `tympan materials`",
+                                      kinds=LAWS)]
+    relative_permittivity: Annotated[float, Key("ε_r of the mounted film", rule=_PERMITTIVITY)]
+    permittivity_exponent: Annotated[float, Key(
+        "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
+        rule=_EXPONENT)] = 0.0
+    density: Annotated[float, Key("mass per volume; 0 is a weightless film", "density", _DENSITY)] = 0.0
+    strength: Annotated[Strength | None, Key(
+        "what the film withstands electrically: a law with its constants, or a name of the library; "
+        "left out, that of the library's material", name="breakdown", kinds=STRENGTHS)] = None
 
     @property
     def area_prestretch(self) -> float:
@@ -86,8 +104,8 @@ class Film:
 class Region:
     """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
 
-    outline: Outline
-    offset: tuple[float, float] = (0.0, 0.0)
+    outline: Annotated[Outline, Key("shape of the region", kinds=OUTLINES, inline=True)]
+    offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
 
     def __str__(self) -> str:
         (a, b), (x, y) = (tuple(1e3 * length for length in pair)
@@ -106,16 +124,19 @@ class Region:
 
 @dataclass(frozen=True)
 class Electrode:
-    """Uncovered bands along frame and plate [m] and a neo-Hookean stiffness per virgin volume [Pa].
+    """What conducts on the film: between two uncovered bands, or within an outline.
 
     With an ``outline`` only the film within it is covered; it may cross frame and plate, or lie
     beside the plate.
     """
 
-    margin_frame: float = 0.0
-    margin_plate: float = 0.0
-    stiffness: float = 0.0
-    outline: Region | None = None
+    margin_frame: Annotated[float, Key("width of the uncovered band along the frame", "length",
+                                       NON_NEGATIVE)] = 0.0
+    margin_plate: Annotated[float, Key("width of the uncovered band along the plate", "length",
+                                       NON_NEGATIVE)] = 0.0
+    stiffness: Annotated[float, Key("neo-Hookean modulus per virgin volume, without stress when mounted",
+                                    "stress", NON_NEGATIVE)] = 0.0
+    outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
 
     @property
     def everywhere(self) -> bool:
@@ -127,14 +148,29 @@ class Electrode:
 class Specimen:
     """One actuator, all sizes in SI."""
 
-    name: str
-    frame: Outline
-    plate: Plate
-    membrane: Film
-    electrode: Electrode = field(default_factory=Electrode)
+    name: Annotated[str, Key("how results name it", rule=_NAME)]
+    frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES)]
+    plate: Annotated[Plate, Key("the rigid plate")]
+    membrane: Annotated[Film, Key("the film")]
+    electrode: Annotated[Electrode, Key("the electrodes; left out, they cover the whole film")] = field(
+        default_factory=Electrode)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be built."""
+        """Refuse what cannot be built; numbers with an imaginary step are not looked at.
+
+        Raises
+        ------
+        Unbuildable
+            Where parts do not fit.
+        """
+        if any_complex(self):
+            return
+        try:
+            self._check()
+        except InputError as error:
+            raise Unbuildable(error.allowed, key=error.key, given=error.given) from None
+
+    def _check(self) -> None:
         check(self.frame, "frame")
         check(self.plate.outline, "plate")
         if self.electrode.outline is not None:
@@ -213,93 +249,10 @@ def _centred(offset: tuple[float, float]) -> frozenset[str]:
     return frozenset(axis for axis, distance in zip("xy", offset, strict=True) if distance == 0)
 
 
-_NAME = re.compile(r"\w[\w .+-]{0,99}")
-_STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
-                  "must be a stretch between 0.2 and 10 (1 is unstretched)")
-_EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
-_DENSITY: Rule = (lambda x: x == 0 or 1 <= x <= 30e3,
-                  "must be 0 (weightless) or from 1 to 30000 kg/m^3")
-_THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um to 10 cm")
-_PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
+def read_specimen(source: Table | Path | str, special: Special) -> Specimen:
+    """The specimen of a table or a TOML file.
 
-
-def specimen_from_table(table: Table, read_material: Callable[[Table, str], Material],
-                        read_strength: Callable[[Table, str], Strength
-                                                | None] = lambda table, key: None) -> Specimen:
-    """A specimen from the keys of design §4.
-
-    Parameters
-    ----------
-    read_material
-        Turns the key ``material`` of the given table into a material; the caller knows the laws.
-    read_strength
-        The same for the key ``breakdown``.
+    ``special`` has the readers of the film's material and strength, which know library and limits;
+    :func:`tympan.fem.film.library.load_specimen` is the reader with all of them.
     """
-    name = table.text("name")
-    if not _NAME.fullmatch(name):
-        raise table.error("name",
-                          "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
-                          "a letter or digit first", name)
-    frame = _outline(table.table("frame"))
-    plate_table = table.table("plate")
-    offset = _offset(plate_table)
-    plate = Plate(_outline(plate_table), offset)
-    film = _film(table.table("membrane"), read_material, read_strength)
-    electrode = _electrode(table.table("electrode", {}))
-    table.done()
-    try:
-        return Specimen(name, frame, plate, film, electrode)
-    except InputError as error:
-        raise Unbuildable(error.allowed, file=error.file or table.file, key=error.key,
-                          given=error.given) from None
-
-
-def read_specimen(file: Path | str, read_material: Callable[[Table, str], Material],
-                  read_strength: Callable[[Table, str],
-                                          Strength | None] = lambda table, key: None) -> Specimen:
-    """The specimen of a TOML file."""
-    return specimen_from_table(Table.read(file), read_material, read_strength)
-
-
-def _offset(table: Table) -> tuple[float, float]:
-    x, y = table.quantities("offset", "length", ("0 mm", "0 mm"), FINITE, 2)
-    return x, y
-
-
-def _outline(table: Table) -> Outline:
-    outline = read_outline(table)
-    table.done()
-    return outline
-
-
-def _film(table: Table, read_material: Callable[[Table, str], Material],
-          read_strength: Callable[[Table, str], Strength | None]) -> Film:
-    stretch = table.numbers("prestretch", rule=_STRETCH, count=2)
-    film = Film(
-        thickness=table.quantity("thickness", "length", rule=_THICKNESS),
-        prestretch=(stretch[0], stretch[1]),
-        material=read_material(table, "material"),
-        relative_permittivity=table.number("relative_permittivity", rule=_PERMITTIVITY),
-        permittivity_exponent=table.number("permittivity_exponent", 0.0, _EXPONENT),
-        density=table.quantity("density", "density", "0 kg/m^3", _DENSITY),
-        strength=read_strength(table, "breakdown"),
-    )
-    table.done()
-    return film
-
-
-def _electrode(table: Table) -> Electrode:
-    electrode = Electrode(
-        margin_frame=table.quantity("margin_frame", "length", "0 mm", NON_NEGATIVE),
-        margin_plate=table.quantity("margin_plate", "length", "0 mm", NON_NEGATIVE),
-        stiffness=table.quantity("stiffness", "stress", "0 kPa", NON_NEGATIVE),
-        outline=_region(table.table("outline")) if "outline" in table else None,
-    )
-    table.asked.add("outline")
-    table.done()
-    return electrode
-
-
-def _region(table: Table) -> Region:
-    offset = _offset(table)
-    return Region(_outline(table), offset)
+    return read(Specimen, source if isinstance(source, Table) else Table.read(source), special)

@@ -7,17 +7,18 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.units import quantity
+from tympan.geometry.units import DIMENSIONS, quantity
 
 T = TypeVar("T")
-Rule = tuple[Callable[[float], bool], str]
+Rule = tuple[Callable[[Any], bool], str]
 
 POSITIVE: Rule = (lambda x: 0 < x < float("inf"), "must be positive")
 NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
 FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
+WHOLE: Rule = (lambda x: x == int(x), "must be a whole number")
 
 
 class _Required:
@@ -37,7 +38,7 @@ class Table:
     asked: set[str] = field(default_factory=set)
 
     @classmethod
-    def read(cls, file: Path | str) -> Table:
+    def read(cls, file: Path | str) -> Self:
         """Parse a file; an unreadable or malformed one is an :class:`InputError` naming line and column."""
         try:
             return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
@@ -73,13 +74,35 @@ class Table:
         value = self.value(key, default)
         if not isinstance(value, Mapping):
             raise self.error(key, "must be a table", value)
-        return Table(self.file, value, self.path(key))
+        return type(self)(self.file, value, self.path(key))
 
-    def text(self, key: str, default: Any = REQUIRED) -> str:
+    def spelled(self, key: str, dimension: str) -> str:
+        """The key as the file has it; ``dimension`` is "" for all but quantities."""
+        return key
+
+    def text(self, key: str, default: Any = REQUIRED, rule: Rule | None = None) -> str:
         """A non-empty string."""
         value = self.value(key, default)
         if not isinstance(value, str) or not value.strip():
             raise self.error(key, "must be a non-empty string", value)
+        if rule is not None and not rule[0](value):
+            raise self.error(key, rule[1], value)
+        return value
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of non-empty strings, or a single one."""
+        value = self.value(key)
+        items = [value] if isinstance(value, str) else self._list(key, value, None, "strings")
+        for item in items:
+            if not isinstance(item, str) or not item.strip():
+                raise self.error(key, "must be non-empty strings", item)
+        return tuple(map(str, items))
+
+    def truth(self, key: str, default: Any = REQUIRED) -> bool:
+        """True or false."""
+        value = self.value(key, default)
+        if not isinstance(value, bool):
+            raise self.error(key, "must be true or false", value)
         return value
 
     def number(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE) -> float:
@@ -96,12 +119,14 @@ class Table:
     def quantity(self, key: str, dimension: str, default: Any = REQUIRED,
                  rule: Rule = FINITE) -> float:
         """A number with a unit, in SI."""
+        key = self.spelled(key, dimension)
         return self._quantity(key, self.value(key, default), dimension, rule)
 
     def quantities(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE,
                    count: int | None = None) -> tuple[float, ...]:
         """A list of numbers with units, in SI."""
-        items = self._list(key, self.value(key, default), count, f'quantities ({dimension})')
+        key = self.spelled(key, dimension)
+        items = self._list(key, self.value(key, default), count, f"quantities ({dimension})")
         return tuple(self._quantity(key, item, dimension, rule) for item in items)
 
     def pair(self, key: str, dimension: str, default: Any = REQUIRED,
@@ -110,14 +135,20 @@ class Table:
         first, second = self.quantities(key, dimension, default, rule, 2)
         return first, second
 
-    def places(self, key: str, least: int) -> tuple[tuple[float, float], ...]:
-        """At least so many points, each a pair of lengths with units, in SI."""
-        items = self._list(key, self.value(key), None, "points, each a pair of lengths")
+    def places(self, key: str, least: int = 1,
+               count: int | None = None) -> tuple[tuple[float, float], ...]:
+        """At least, or just, so many points, each a pair of lengths with units, in SI."""
+        key = self.spelled(key, "length")
+        items = self._list(key, self.value(key), count, "points, each a pair of lengths")
         if len(items) < least:
             raise self.error(key, f"must be at least {least} points", items)
-        inner = Table(self.file, {str(number): item for number, item in enumerate(items)},
-                      self.path(key))
-        return tuple(inner.pair(str(number), "length") for number in range(len(items)))
+        points = []
+        for number, item in enumerate(items):
+            where = f"{key}.{number}"
+            x, y = self._list(where, item, 2, "quantities (length)")
+            points.append((self._quantity(where, x, "length", FINITE),
+                           self._quantity(where, y, "length", FINITE)))
+        return tuple(points)
 
     def tables(self, key: str) -> tuple[Table, ...]:
         """Sub-tables of a list, or a single one; none if the key is missing."""
@@ -125,7 +156,7 @@ class Table:
         entries = [value] if isinstance(value, dict) else value
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise self.error(key, "must be a table, or a list of tables", value)
-        return tuple(Table(self.file, entry, f"{self.path(key)}.{number}")
+        return tuple(type(self)(self.file, entry, f"{self.path(key)}.{number}")
                      for number, entry in enumerate(entries))
 
     def choice(self, key: str, options: Mapping[str, T], default: Any = REQUIRED) -> T:
@@ -168,3 +199,14 @@ class Table:
         if not holds(number):
             raise self.error(key, words, given)
         return number
+
+
+@dataclass
+class PlainTable(Table):
+    """A table whose quantities are plain SI numbers under keys that end with the unit: ``radius_m``."""
+
+    def spelled(self, key: str, dimension: str) -> str:
+        return key + DIMENSIONS[dimension].suffix if dimension else key
+
+    def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:
+        return self._number(key, value, rule)

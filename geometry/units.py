@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -11,23 +12,47 @@ from tympan.geometry.errors import InputError
 if TYPE_CHECKING:
     import pint
 
-#: What may be asked of a quantity: its name, the SI unit the code uses inside, and an example for
-#: messages.
-DIMENSIONS: dict[str, tuple[str, str]] = {
-    "length": ("m", "1 mm"),
-    "mass": ("kg", "17.9 g"),
-    "stress": ("Pa", "16 kPa"),
-    "voltage": ("V", "3.5 kV"),
-    "acceleration": ("m/s^2", "9.80665 m/s^2"),
-    "stiffness per length": ("N/m", "5 N/m"),
-    "density": ("kg/m^3", "960 kg/m^3"),
-    "force": ("N", "0.2 N"),
-    "field": ("V/m", "30 MV/m"),
-    "speed": ("m/s", "1 um/min"),
-    "time": ("s", "30 s"),
-    "viscosity": ("Pa s", "62.4 kPa s"),
-    "capacitance": ("F", "800 pF"),
-    "angle": ("rad", "5 mrad"),
+
+@dataclass(frozen=True)
+class Dimension:
+    """What may be asked of a quantity.
+
+    ``si`` is the unit the code uses inside, ``example`` one for messages, ``usual`` the units
+    people write, the preferred one first.
+    """
+
+    si: str
+    example: str
+    usual: tuple[str, ...] = ()
+
+    @property
+    def symbol(self) -> str:
+        """The SI unit for people: "kg/m³"."""
+        return self.si.replace("^2", "²").replace("^3", "³")
+
+    @property
+    def suffix(self) -> str:
+        """The SI unit as the end of a name: "_kg_per_m3"."""
+        return "_" + self.si.replace("/", "_per_").replace("^", "").replace(" ", "_")
+
+
+DIMENSIONS: dict[str, Dimension] = {
+    "length": Dimension("m", "1 mm", ("mm", "um")),
+    "mass": Dimension("kg", "17.9 g", ("g",)),
+    "stress": Dimension("Pa", "16 kPa", ("kPa",)),
+    "voltage": Dimension("V", "3.5 kV", ("kV",)),
+    "acceleration": Dimension("m/s^2", "9.80665 m/s^2"),
+    "stiffness per length": Dimension("N/m", "5 N/m"),
+    "density": Dimension("kg/m^3", "960 kg/m^3"),
+    "force": Dimension("N", "0.2 N"),
+    "field": Dimension("V/m", "30 MV/m", ("MV/m",)),
+    "speed": Dimension("m/s", "1 um/min", ("um/min",)),
+    "time": Dimension("s", "30 s"),
+    "viscosity": Dimension("Pa s", "62.4 kPa s"),
+    "capacitance": Dimension("F", "800 pF"),
+    "angle": Dimension("rad", "5 mrad", ("deg",)),
+    "area": Dimension("m^2", "3 cm^2"),
+    "energy": Dimension("J", "2 mJ"),
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
@@ -47,7 +72,7 @@ def _registry() -> pint.UnitRegistry:
 def _factor(unit: str, dimension: str) -> float:
     """SI value of one ``unit``; raises pint's errors when it is no unit or of another dimension."""
     registry = _registry()
-    return float(registry.Quantity(1.0, registry.Unit(unit)).to(DIMENSIONS[dimension][0]).magnitude)
+    return float(registry.Quantity(1.0, registry.Unit(unit)).to(DIMENSIONS[dimension].si).magnitude)
 
 
 def quantity(text: object, dimension: str) -> float:
@@ -73,7 +98,7 @@ def quantity(text: object, dimension: str) -> float:
     """
     import pint
 
-    _, example = DIMENSIONS[dimension]
+    example = DIMENSIONS[dimension].example
     allowed = f'must be a {dimension} with its unit, such as "{example}"'
     if not isinstance(text, str):
         raise InputError(f"has no unit: {allowed}", given=text)
@@ -106,7 +131,7 @@ def unit_factor(unit: str, dimension: str) -> float:
     """
     import pint
 
-    example = DIMENSIONS[dimension][1].split()[1]
+    example = DIMENSIONS[dimension].example.split()[1]
     try:
         if not unit.isalpha():
             raise ValueError
@@ -117,3 +142,37 @@ def unit_factor(unit: str, dimension: str) -> float:
     except Exception:  # as in quantity()
         raise InputError(f"unknown unit: must be a unit of {dimension}, such as {example}",
                          given=unit) from None
+
+
+def quantity_text(value: float, dimension: str) -> str:
+    """A quantity as number and unit that :func:`quantity` reads back as the very same number.
+
+    Examples
+    --------
+    >>> quantity_text(0.045, "length"), quantity_text(float("inf"), "voltage")
+    ('45 mm', 'inf kV')
+    >>> quantity_text(1 / 3, "stress")
+    '0.3333333333333333 Pa'
+    """
+    value, units = float(value), DIMENSIONS[dimension]
+    for unit in (*units.usual, units.si):
+        text = f"{value / quantity(f'1 {unit}', dimension):.12g} {unit}"
+        if quantity(text, dimension) == value:
+            return text
+    return f"{value!r} {units.si}"
+
+
+def any_quantity(text: object) -> tuple[float, str] | None:
+    """The SI value of a quantity and its dimension, whatever that is; None of what is none.
+
+    Examples
+    --------
+    >>> any_quantity("8 mm"), any_quantity("ellipse")
+    ((0.008, 'length'), None)
+    """
+    for dimension in DIMENSIONS:
+        try:
+            return quantity(text, dimension), dimension
+        except InputError:
+            continue
+    return None

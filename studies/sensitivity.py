@@ -9,15 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.parameters import (
-    Parameter,
-    Parameters,
-    at,
-    film_names,
-    numbers,
-    shape_names,
-    with_change,
-)
+from tympan.fem.derivatives.parameters import Parameter, Parameters, film_names, shape_names
 from tympan.fem.derivatives.quantities import Quantity, quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import velocities
@@ -25,6 +17,7 @@ from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
 
 #: Units of quantities; a pull-in load is the last three.

@@ -7,8 +7,7 @@ changes, which check them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from typing import Any, Protocol
@@ -19,6 +18,7 @@ from tympan.fem.derivatives.shape import Velocities, moved_by, velocities
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import at, at_name, numbers, with_change
 from tympan.geometry.specimen import Specimen
 
 #: Loads by name: node positions hold, the load changes.
@@ -195,49 +195,3 @@ def shape_names(specimen: Specimen) -> tuple[str, ...]:
     # Moving one corner alone would break a mirror symmetry that the model may use.
     drawn = {"vertices", "through"} if specimen.mirror_planes else set()
     return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
-
-
-def numbers(value: Any, path: str) -> tuple[str, ...]:
-    """Paths of all numbers within a dataclass or tuple."""
-    if isinstance(value, float | int):
-        return (path,)
-    if isinstance(value, tuple):
-        return tuple(name for index, item in enumerate(value)
-                     for name in numbers(item, f"{path}.{index}"))
-    if is_dataclass(value):
-        inner = ((getattr(value, item.name), f"{path}.{item.name}") for item in fields(value)
-                 if not item.metadata.get("discrete"))
-        return tuple(name for item, below in inner for name in numbers(item, below))
-    return ()
-
-
-def at(value: Any, path: Sequence[str]) -> Any:
-    """What stands at a path within dataclasses and tuples."""
-    for key in path:
-        value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
-    return value
-
-
-def at_name(value: Any, name: str) -> Any:
-    """The same for a name with dots."""
-    return at(value, name.split("."))
-
-
-def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
-    """A copy with something added to the number at a path; a complex specimen is not checked for being one."""
-    if not path:
-        return value + change
-    if isinstance(value, tuple):
-        index = int(path[0])
-        return (*value[:index], with_change(value[index], path[1:], change), *value[index + 1 :])
-    inner = with_change(getattr(value, path[0]), path[1:], change)
-    if isinstance(value, Specimen) and np.iscomplexobj(change):
-        return unchecked(value, **{path[0]: inner})
-    return replace(value, **{path[0]: inner})
-
-
-def unchecked(specimen: Specimen, **changes: Any) -> Specimen:
-    """A copy of a specimen made without looking whether it can be built, which complex lengths cannot tell."""
-    copy: Specimen = object.__new__(type(specimen))
-    vars(copy).update(vars(specimen) | changes)
-    return copy

@@ -23,6 +23,7 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.curve import Foot
+from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 
 Array = NDArray[Any]
@@ -66,8 +67,6 @@ class Velocities:
             Where an edge of the electrode runs into another edge, so that nodes would have to slide
             along it, or where the film's stress is infinite at a sharp corner.
         """
-        from tympan.fem.derivatives.parameters import with_change
-
         key = tuple(path)
         if key not in self._by_path:
             stepped = _edges(with_change(self.specimen, key, 1j * STEP))

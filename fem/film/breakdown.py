@@ -2,49 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.specimen import Strength
+from tympan.geometry.fields import Key
+from tympan.geometry.specimen import STRENGTHS, Strength
 from tympan.geometry.toml_reader import Rule, Table
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be from 0.1 um to 10 cm")
 
-REGISTRY: dict[str, Callable[[Table], Strength]] = {}
-
-
-def register(cls: type[Any]) -> type[Any]:
-    """Make a strength law known to specimen files under its ``law`` name."""
-    REGISTRY[cls.law] = cls.from_table
-    return cls
-
-
-@register
+@STRENGTHS.register
 @dataclass(frozen=True)
-class Constant:
+class ConstantStrength:
     """The same ``strength`` [V/m] however the film is stretched."""
 
     law: ClassVar[str] = "constant"
-    strength: float
-
-    @classmethod
-    def from_table(cls, table: Table) -> Constant:
-        """Read ``strength``."""
-        return cls(table.quantity("strength", "field", rule=_FIELD))
+    strength: Annotated[float, Key("field at breakdown", "field", _FIELD)]
 
     def field(self, l1: Any, l2: Any, thickness: Any) -> Any:
         """The strength at every point [V/m]."""
         return self.strength + 0 * (l1 + l2 + thickness)
 
 
-@register
+@STRENGTHS.register
 @dataclass(frozen=True)
-class Power:
+class PowerStrength:
     """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂), h the stretched thickness.
 
     The strengths of films were measured in equibiaxial stretch; λ carries them to other stretches
@@ -52,25 +38,18 @@ class Power:
 
     Examples
     --------
-    >>> law = Power(30e6, 1.0, 0.5, 1e-3)
+    >>> law = PowerStrength(30e6, 1.0, 0.5, 1e-3)
     >>> print(f"{law.field(4.0, 1.0, 0.25e-3) / 1e6:.6g} MV/m")
     120 MV/m
     """
 
     law: ClassVar[str] = "power"
-    strength: float  #: of the unstretched film of that ``thickness`` [V/m]
-    exponent: float
-    thickness_exponent: float = 0.0
-    thickness: float = 1e-3  #: [m]
-
-    @classmethod
-    def from_table(cls, table: Table) -> Power:
-        """Read ``strength``, ``exponent``, and optionally ``thickness_exponent`` with ``thickness``."""
-        by_thickness = table.number("thickness_exponent", 0.0, _EXPONENT)
-        return cls(table.quantity("strength", "field", rule=_FIELD),
-                   table.number("exponent", rule=_EXPONENT),
-                   by_thickness, *([table.quantity("thickness", "length", rule=_THICKNESS)]
-                                   if by_thickness else []))
+    strength: Annotated[float, Key("of the unstretched film of that thickness", "field", _FIELD)]
+    exponent: Annotated[float, Key("power of the stretch √(λ₁λ₂)", rule=_EXPONENT)]
+    thickness_exponent: Annotated[float, Key(
+        "power of the inverse stretched thickness", rule=_EXPONENT)] = 0.0
+    thickness: Annotated[float, Key("stretched thickness that the strength is of", "length",
+                                    _THICKNESS, needs="thickness_exponent")] = 1e-3
 
     def field(self, l1: Any, l2: Any, thickness: Any) -> Any:
         """E_b [V/m]."""
@@ -79,7 +58,7 @@ class Power:
 
 
 @dataclass(frozen=True)
-class StrengthEntry:
+class LibraryStrength:
     """A strength of the library: where it comes from, what to beware of, and the library materials it holds for.
 
     It is the default of materials whose name starts with ``film``; of none if that is empty.
@@ -91,9 +70,9 @@ class StrengthEntry:
     film: str = ""
 
 
-STRENGTHS: dict[str, StrengthEntry] = {
-    "vhb-4910": StrengthEntry(
-        Power(30.6e6, 1.13),
+STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
+    "vhb-4910": LibraryStrength(
+        PowerStrength(30.6e6, 1.13),
         "Koh, Li, Zhou, Zhao, Hong, Zhu, Suo, J. Polym. Sci. B 49, 504 (2011): E_b = 30.6 MV/m λ^1.13, after "
         "measurements of Kofod, Sommer-Larsen, Kornbluh, Pelrine, J. Intell. Mater. Syst. Struct. 14, 787 (2003)",
         "prestretched films in equibiaxial stretch λ; breakdown scatters by tens of per cent and falls with time, area "
@@ -101,8 +80,8 @@ STRENGTHS: dict[str, StrengthEntry] = {
         "Constants as quoted from the source, not read in it again",
         film="vhb-49",
     ),
-    "vhb-4910-embedded": StrengthEntry(
-        Power(51e6, 0.63, 0.25, 1e-3),
+    "vhb-4910-embedded": LibraryStrength(
+        PowerStrength(51e6, 0.63, 0.25, 1e-3),
         "Huang, Shian, Diebold, Suo, Clarke, Appl. Phys. Lett. 101, 122905 (2012): E_b = 51 h^−0.25 λ^0.63, between "
         "crossed wires embedded in a stiff polymer, without thinning",
         "little area, few flaws and no thinning, so stronger than an actuator's film. Formula read in the "
@@ -121,10 +100,8 @@ def read_strength(table: Table, key: str) -> Strength | None:
         material = table.data.get("material")
         return default_strength(material) if isinstance(material, str) else None
     if isinstance(table.value(key), str):
-        return table.choice(key, STRENGTHS).strength
-    constants = table.table(key)
-    strength = constants.choice("law", REGISTRY)(constants)
-    constants.done()
+        return table.choice(key, STRENGTH_LIBRARY).strength
+    strength: Strength = STRENGTHS.read(table.table(key))
     return strength
 
 
@@ -134,8 +111,8 @@ def default_strength(material: str) -> Strength | None:
     Examples
     --------
     >>> default_strength("vhb-4910-gent"), default_strength("rubber")
-    (Power(strength=30600000.0, exponent=1.13, thickness_exponent=0.0, thickness=0.001), None)
+    (PowerStrength(strength=30600000.0, exponent=1.13, thickness_exponent=0.0, thickness=0.001), None)
     """
-    fitting = (entry for entry in STRENGTHS.values() if entry.film
+    fitting = (entry for entry in STRENGTH_LIBRARY.values() if entry.film
                and material.startswith(entry.film))
     return next((entry.strength for entry in fitting), None)

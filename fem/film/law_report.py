@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.laws import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
-from tympan.fem.film.library import EXAMINED, MATERIALS, examine_material
+from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Material, read_specimen
+from tympan.geometry.specimen import Film, Material, read_specimen
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -83,7 +83,7 @@ def subject(name: str, held: float | None = None) -> tuple[Material, float]:
     if not Path(name).suffix:
         raise InputError(f"must be a specimen file or one of {', '.join(known)}", key="material",
                          given=name)
-    film = read_specimen(name, examine_material).membrane
+    film = read_specimen(name, {**READERS, (Film, "material"): examine_material}).membrane
     return film.material, held or film.area_prestretch**0.5
 
 

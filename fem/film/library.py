@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tympan.fem.film.breakdown import read_strength
-from tympan.fem.film.laws import REGISTRY as LAWS
 from tympan.fem.film.laws import (
+    LAWS,
     STRETCH_RANGE,
     Gent,
     NeoHooke,
@@ -18,12 +18,13 @@ from tympan.fem.film.laws import (
     checked,
 )
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Material, Specimen, read_specimen
+from tympan.geometry.fields import Special
+from tympan.geometry.specimen import Film, Material, Specimen, read_specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
 
 
 @dataclass(frozen=True)
-class Entry:
+class LibraryMaterial:
     """A material of the library: its constants, where they come from and what to beware of.
 
     Where a caveat says so, the constants are those the literature quotes from the source, not read
@@ -44,8 +45,8 @@ DEFAULT = "vhb-4910"
 _VHB = ("density 960 kg/m³: 3M's data sheet; relative permittivity 4.7: Wissler, Mazza, Sens. Actuators A 138 (2007), "
         "falling to about 2.6 at large prestretch by others; both as commonly quoted, not read again")
 
-MATERIALS: dict[str, Entry] = {
-    DEFAULT: Entry(
+MATERIALS: dict[str, LibraryMaterial] = {
+    DEFAULT: LibraryMaterial(
         Ogden((18.4e3, 210.0), (2.0, 4.0)),
         "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, a Gent law with μ 18 kPa "
         "and J_lim 110, here as two Ogden terms fitted to its biaxial stress",
@@ -55,21 +56,21 @@ MATERIALS: dict[str, Entry] = {
         "again",
         960.0, 4.7, _VHB,
     ),
-    "vhb-4910-gent": Entry(
+    "vhb-4910-gent": LibraryMaterial(
         Gent(18e3, 110.0),
         "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, the Gent law itself",
         "the relaxed tape only: it creeps, and in the first seconds after loading it is up to three times stiffer. "
         "Constants as quoted from the source, not read in it again",
         960.0, 4.7, _VHB,
     ),
-    "vhb-4910-neo-hooke": Entry(
+    "vhb-4910-neo-hooke": LibraryMaterial(
         Ogden((20e3,), (2.0,)),
         "neo-Hookean modulus implied by the actuators' measured ranges (17.9 g and 22.45 g, 0 to 7 kV) with a "
         "membrane instead of a cone",
         "one number: it does not stiffen at large stretch",
         960.0, 4.7, _VHB,
     ),
-    "vhb-4910-long-time": Entry(
+    "vhb-4910-long-time": LibraryMaterial(
         Ogden((13.5e3,), (2.0,)),
         "Kumar, Lopez-Pamies, C. R. Mecanique 344 (2016): leading term 13.54 kPa of the equilibrium branch fitted to "
         "Hossain, Vu, Steinmann, Comput. Mater. Sci. 59 (2012)",
@@ -77,7 +78,7 @@ MATERIALS: dict[str, Entry] = {
         "in it again",
         960.0, 4.7, _VHB,
     ),
-    "vhb-4905": Entry(
+    "vhb-4905": LibraryMaterial(
         NeoHooke(13.4e3),
         "equilibrium branch 13.4 ± 0.24 kPa of the neo-Hookean viscoelastic fit in github.com/miguelmaso/"
         "2026-ViscousPolyconvex (README), to the cyclic tests of Liao, Hossain, Yao, Mehnert, Steinmann, Int. J. "
@@ -87,7 +88,7 @@ MATERIALS: dict[str, Entry] = {
         "acrylic of 4910 at half the thickness (0.5 mm)",
         960.0, 4.7, _VHB,
     ),
-    "ecoflex-00-30": Entry(
+    "ecoflex-00-30": LibraryMaterial(
         Ogden((14.17e3, 346.0), (2.0722, 3.8807)),
         "silicone Ecoflex 00-30 (Smooth-On): fitted with `tympan material fit` to 40 readings, stretch 1.1 to 6, of "
         "the tensile test in github.com/LucMarechal/Soft-Robotics-Materials-Database (Marechal, Balland, Lindenroth, "
@@ -131,7 +132,7 @@ def read_material(table: Table, key: str) -> Material:
 
 
 def examine_material(table: Table, key: str) -> Material:
-    """The same without asking whether it is admissible, also of the refused names: to look at, not to solve with."""
+    """The material under a key, admissible or not, also of the refused names: to look at only."""
     name = table.value(key)
     if isinstance(name, str) and name in EXAMINED:
         return EXAMINED[name]
@@ -146,17 +147,17 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
     if not low < high <= 20:
         raise constants.error("range", "must be two stretches, the smaller first, at most 20",
                               [low, high])
+    material = LAWS.read(constants)
     try:
-        material = check(constants.choice("law", LAWS)(constants), low, high)
+        return check(material, low, high)
     except InputError as error:
-        if error.file is not None:
-            raise
-        where = constants.path(error.key) if error.key else constants.where
-        raise InputError(error.allowed, file=table.file, key=where, given=error.given) from None
-    constants.done()
-    return material
+        raise error.located(file=table.file, key=constants.where) from None
 
 
-def load_specimen(file: Path | str) -> Specimen:
-    """The specimen of a TOML file (design §4), its material from the laws and the library known here."""
-    return read_specimen(file, read_material, read_strength)
+#: Readers of what of a film a file may also name.
+READERS: Special = {(Film, "material"): read_material, (Film, "strength"): read_strength}
+
+
+def load_specimen(source: Table | Path | str) -> Specimen:
+    """The specimen of a TOML file or table, with the laws and the library known here."""
+    return read_specimen(source, READERS)

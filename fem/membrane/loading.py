@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,12 @@ from numpy.typing import NDArray
 from tympan.fem.membrane.enclosed_volume import plate_volume
 from tympan.fem.membrane.plate import HEAVE, PlateMotion
 from tympan.fem.membrane.state import State
-from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.geometry.fields import Key, Registry
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 
 Array = NDArray[Any]
+
+_POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 
 #: How the plate may move: freely; without tilting; up and down only; not at all.
 Guide = Literal["free", "level", "vertical", "fixed"]
@@ -39,19 +41,14 @@ class Bias(Protocol):
         """Energy [J], its derivative [N] (positive pushes the plate back), its second derivative [N/m]."""
 
 
-BIASES: dict[str, Callable[[Table], Bias]] = {}
+#: Bias mechanisms that rig files may name.
+BIASES: Registry[Any] = Registry("law")
 
 
-def register(cls: type[Any]) -> type[Any]:
-    """Make a bias mechanism known to rig files under its ``law`` name."""
-    BIASES[cls.law] = cls.from_table
-    return cls
-
-
-@register
+@BIASES.register
 @dataclass(frozen=True)
 class Spring:
-    """A linear spring, unloaded at the heave ``rest`` [m]; ``stiffness`` in N/m.
+    """A linear spring.
 
     Examples
     --------
@@ -60,14 +57,8 @@ class Spring:
     """
 
     law: ClassVar[str] = "spring"
-    stiffness: float
-    rest: float = 0.0
-
-    @classmethod
-    def from_table(cls, table: Table) -> Spring:
-        """Read ``stiffness`` and ``rest``."""
-        return cls(table.quantity("stiffness", "stiffness per length", rule=NON_NEGATIVE),
-                   table.quantity("rest", "length", "0 mm", FINITE))
+    stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
+    rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
 
     def derivatives(self, heave: float) -> tuple[float, float, float]:
         """½k(w − rest)², and its derivatives."""
@@ -75,29 +66,20 @@ class Spring:
         return self.stiffness * stretch**2 / 2, self.stiffness * stretch, self.stiffness
 
 
-@register
+@BIASES.register
 @dataclass(frozen=True)
 class Magnet:
     """A magnet below the plate that pulls it down with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
 
-    ``force`` F₀ at contact [N], ``gap`` at the mounted plate [m], ``decay`` d [m], ``power`` n > 1.
     Far away the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the
     actuator snap through.
     """
 
     law: ClassVar[str] = "magnet"
-    force: float
-    gap: float
-    decay: float
-    power: float = 4.0
-
-    @classmethod
-    def from_table(cls, table: Table) -> Magnet:
-        """Read ``force``, ``gap``, ``decay`` and ``power``."""
-        return cls(table.quantity("force", "force", rule=POSITIVE),
-                   table.quantity("gap", "length", rule=POSITIVE),
-                   table.quantity("decay", "length", rule=POSITIVE),
-                   table.number("power", 4.0, _POWER))
+    force: Annotated[float, Key("F₀ at contact", "force", POSITIVE)]
+    gap: Annotated[float, Key("gap at the mounted plate", "length", POSITIVE)]
+    decay: Annotated[float, Key("d", "length", POSITIVE)]
+    power: Annotated[float, Key("n", rule=_POWER)] = 4.0
 
     def derivatives(self, heave: float) -> tuple[float, float, float]:
         """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
@@ -107,9 +89,6 @@ class Magnet:
             return np.nan, np.nan, np.nan
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
                 -self.force * n / d * near ** (-n - 1))
-
-
-_POWER: Rule = (lambda x: 1 < x <= 12, "must be above 1 and at most 12")
 
 
 @dataclass(frozen=True)

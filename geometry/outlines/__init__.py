@@ -6,39 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.checks import check
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.outline import CLASSES, REGISTRY, Outline, Pieced, register
+from tympan.geometry.outlines.outline import OUTLINES, Outline, Pieced, Rotated
 from tympan.geometry.outlines.shapes.circle import Circle
 from tympan.geometry.outlines.shapes.drawn import Drawn
 from tympan.geometry.outlines.shapes.ellipse import Ellipse
-from tympan.geometry.outlines.shapes.files import FILES
+from tympan.geometry.outlines.shapes.files import DxfFile, StepFile
 from tympan.geometry.outlines.shapes.polygon import Polygon, RegularPolygon
-from tympan.geometry.outlines.shapes.rotated import Rotated
 from tympan.geometry.outlines.shapes.rounded_rectangle import RoundedRectangle
 from tympan.geometry.outlines.shapes.spline import ClosedSpline
 from tympan.geometry.outlines.shapes.stadium import Stadium
 from tympan.geometry.outlines.shapes.superellipse import Superellipse
-from tympan.geometry.toml_reader import Table
 
-__all__ = ["REGISTRY", "Circle", "ClosedSpline", "Curve", "Drawn", "Ellipse", "Outline", "Pieced",
-           "Polygon",
-           "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "Superellipse", "area",
-           "check", "examples",
-           "perimeter", "read_outline", "register"]
-
-REGISTRY.update(FILES)
-
-
-def read_outline(table: Table) -> Outline:
-    """The outline a table describes: its ``shape``, the shape's own keys, and ``rotation``."""
-    try:
-        outline = table.choice("shape", REGISTRY)(table)
-    except InputError as error:
-        raise error.located(file=table.file, key=table.where) from None
-    rotation = table.quantity("rotation", "angle", "0 rad")
-    return outline if rotation == 0 or isinstance(outline, Circle) else Rotated(outline, rotation)
+__all__ = [
+    "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline", "Pieced",
+    "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "StepFile",
+    "Superellipse", "area", "check", "examples", "perimeter",
+]
 
 
 def examples() -> dict[str, Outline]:
@@ -49,7 +34,7 @@ def examples() -> dict[str, Outline]:
     >>> "stadium" in examples()
     True
     """
-    return {name: cls.example() for name, cls in CLASSES.items()}
+    return {name: cls.example() for name, cls in OUTLINES.items() if hasattr(cls, "example")}
 
 
 def area(outline: Outline) -> Any:
@@ -74,5 +59,5 @@ def perimeter(outline: Outline) -> Any:
     return _real(outline.curve.length)
 
 
-def _real(found: Any) -> Any:
-    return found if np.iscomplexobj(found) else float(found)
+def _real(measure: Any) -> Any:
+    return measure if np.iscomplexobj(measure) else float(measure)

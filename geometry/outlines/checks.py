@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -16,7 +19,7 @@ SMALLEST = 1e-3
 _POINTS = 6000
 
 
-def check(outline: Outline, key: str) -> None:
+def check(outline: Any, key: str) -> None:
     """Refuse what encloses no area that could be made and meshed.
 
     Raises
@@ -25,28 +28,33 @@ def check(outline: Outline, key: str) -> None:
         Naming the place [mm], of an outline that runs clockwise, crosses or touches itself, or has
         features smaller than a thousandth of its size.
     """
-    if "checked" in vars(outline):
-        return
+    try:
+        _check(outline)
+    except InputError as error:
+        raise error.located(key=key) from None
+
+
+@lru_cache(maxsize=256)
+def _check(outline: Any) -> None:
     curve = outline.curve
     size = float(max(outline.semi_axes))
     short = [(float(piece_length(piece)), start) for piece, start in zip(curve.pieces, curve.starts,
                                                                          strict=True)]
     length, start = min(short, key=lambda item: item[0])
     if length < SMALLEST * size:
-        raise _error(outline, key, start,
+        raise _error(outline, start,
                      f"has a piece {length * 1e3:.3g} mm long, less than {SMALLEST:g} of its "
                      f"larger half extent of {size * 1e3:.4g} mm")
-    _curvature(outline, curve, size, key)
+    _curvature(outline, curve, size)
     if not outline.simple:
-        _crossing(outline, curve, size, key)
+        _crossing(outline, curve, size)
         if curve.area < 0:
-            raise _error(outline, key, curve.starts[0],
+            raise _error(outline, curve.starts[0],
                          "runs clockwise, with its inside out: list its points "
                          "counterclockwise, beginning")
-    vars(outline)["checked"] = True
 
 
-def _curvature(outline: Outline, curve: Curve, size: float, key: str) -> None:
+def _curvature(outline: Outline, curve: Curve, size: float) -> None:
     for piece in curve.pieces:
         value, slope, bend = piece.at(np.linspace(0, 1, 8 * len(piece.breaks)))
         squared = (slope * slope).sum(axis=1)
@@ -55,12 +63,12 @@ def _curvature(outline: Outline, curve: Curve, size: float, key: str) -> None:
         if tight.any():
             worst = int(tight.argmax())
             radius = squared[worst] ** 1.5 / cross[worst]
-            raise _error(outline, key, value[worst],
+            raise _error(outline, value[worst],
                          f"bends with a radius of {radius * 1e3:.3g} mm, less than "
                          f"{SMALLEST:g} of its larger half extent of {size * 1e3:.4g} mm")
 
 
-def _crossing(outline: Outline, curve: Curve, size: float, key: str) -> None:
+def _crossing(outline: Outline, curve: Curve, size: float) -> None:
     """Points near each other though far apart along the curve."""
     count = max(_POINTS, 8 * len(curve.pieces))
     points = curve.points(count).T
@@ -75,9 +83,9 @@ def _crossing(outline: Outline, curve: Curve, size: float, key: str) -> None:
         for first, second in meet:
             crossing = _meeting(points, first, second)
             if crossing is not None:
-                raise _error(outline, key, crossing, "crosses itself")
+                raise _error(outline, crossing, "crosses itself")
         first, second = points[meet[0, 0]], points[meet[0, 1]]
-        raise _error(outline, key, (first + second) / 2,
+        raise _error(outline, (first + second) / 2,
                      f"has a neck narrower than {near * 1e3:.3g} mm")
 
 
@@ -98,7 +106,7 @@ def _meeting(points: Array, first: int, second: int) -> Array | None:
     return None
 
 
-def _error(outline: Outline, key: str, place: Array, words: str) -> InputError:
+def _error(outline: Outline, place: Array, words: str) -> InputError:
     x, y = np.round(1e3 * place, 9) + 0.0
-    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre", key=key,
+    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre",
                       given=outline.shape)

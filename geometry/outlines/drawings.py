@@ -19,7 +19,7 @@ from OCP.GeomConvert import GeomConvert
 from scipy.interpolate import BSpline
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, fitted, graded
+from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, graded, spline_through
 
 _MILLI = 1e-3
 _FLAT = 1e-9
@@ -117,7 +117,7 @@ def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[
             return local(np.clip(place, low, high))
 
         size = float(np.ptp(poles, axis=0).max())
-        result.append(fitted(within, own if exact else graded(within, own, size)))
+        result.append(spline_through(within, own if exact else graded(within, own, size)))
     return result
 
 

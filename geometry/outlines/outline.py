@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, Protocol, TypeVar, cast
+from typing import Annotated, Any, Protocol, cast
 
+from tympan.geometry.fields import Content, Key, Registry, write
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import Array, Piece
 from tympan.geometry.toml_reader import Rule, Table
@@ -50,17 +50,6 @@ SIZE: Rule = (lambda x: 1e-5 <= x <= 10, "must be positive, from 10 um to 10 m")
 ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,
                   "must be 0 (sharp corners) or from 1 um to 10 m")
 
-REGISTRY: dict[str, Callable[[Table], Outline]] = {}
-CLASSES: dict[str, type[Any]] = {}
-Shape = TypeVar("Shape", bound=type[Any])
-
-
-def register(cls: Shape) -> Shape:
-    """Make a shape known to specimen files under its ``shape`` name."""
-    REGISTRY[cls.shape], CLASSES[cls.shape] = cls.from_table, cls
-    return cls
-
-
 class Pieced(ABC):
     """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
 
@@ -97,7 +86,7 @@ class Pieced(ABC):
 
 
 class Symmetric(Pieced):
-    """The same for shapes that both axes mirror; they give their half extents themselves."""
+    """Shapes that both axes mirror; they give their half extents themselves."""
 
     @property
     def mirror_planes(self) -> frozenset[str]:
@@ -106,7 +95,7 @@ class Symmetric(Pieced):
 
 
 class Boxed(Pieced):
-    """The same for shapes that are not given by the half extents of their box."""
+    """Shapes that are not given by the half extents of their box."""
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -118,3 +107,45 @@ class Boxed(Pieced):
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the curve."""
         return self.curve.mirror_planes
+
+
+@dataclass(frozen=True)
+class Rotated(Boxed):
+    """Another outline turned counterclockwise by ``rotation`` about the centre of its bounding box."""
+
+    outline: Outline
+    rotation: Annotated[float, Key("of any shape, counterclockwise about the centre of its box", "angle")]
+
+    @property
+    def shape(self) -> str:
+        return self.outline.shape
+
+    @property
+    def simple(self) -> bool:
+        return self.outline.simple
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The outline's, turned and centred anew."""
+        return self.outline.curve.placed(self.rotation).centred()
+
+    def pieces(self) -> tuple[Piece, ...]:
+        return self.curve.pieces
+
+
+class OutlineRegistry(Registry[Any]):
+    """Shapes; beside their own keys, tables of all of them may say ``rotation``."""
+
+    def read(self, table: Table) -> Any:
+        rotation = table.quantity("rotation", "angle", "0 rad")
+        outline = super().read(table)
+        return outline if rotation == 0 or outline.shape == "circle" else Rotated(outline, rotation)
+
+    def write(self, value: Any, plain: bool = False) -> Content:
+        if isinstance(value, Rotated):
+            return self.write(value.outline, plain) | write(value, plain)
+        return super().write(value, plain)
+
+
+#: Shapes that files may name.
+OUTLINES = OutlineRegistry("shape")

@@ -10,28 +10,36 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 from scipy.spatial import cKDTree
 
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, Registry
+
 Array = NDArray[Any]
 Point = tuple[Any, Any]
 Local = tuple[Array, Array, Array]
+
+#: Kinds of pieces that files may spell out.
+PIECES: Registry[Any] = Registry("kind")
 
 _PANEL = np.pi / 8
 _FINE = 1e-10
 _SETTLED = 1e-13
 
 
+@PIECES.register
 @dataclass(frozen=True)
 class Line:
     """A straight line."""
 
-    start: Point
-    end: Point
+    kind: ClassVar[str] = "line"
+    start: Annotated[Point, Key("where it starts", "length")]
+    end: Annotated[Point, Key("where it ends", "length")]
 
     @property
     def breaks(self) -> Array:
@@ -61,22 +69,21 @@ class Line:
         return Line((x + dx, y + dy), (u + dx, v + dy))
 
     def backwards(self) -> Line:
-        """The same from its end to its start."""
+        """The piece from its end to its start."""
         return Line(self.end, self.start)
 
 
+@PIECES.register
 @dataclass(frozen=True)
 class Arc:
-    """An arc of an ellipse around ``centre`` with ``radii``, the first along ``turn`` [rad].
+    """An arc of an ellipse, from the eccentric angle ``start`` over ``sweep``."""
 
-    From the eccentric angle ``start`` over ``sweep`` [rad], counterclockwise if positive.
-    """
-
-    centre: Point
-    radii: Point
-    start: Any = 0.0
-    sweep: Any = 2 * np.pi
-    turn: Any = 0.0
+    kind: ClassVar[str] = "arc"
+    centre: Annotated[Point, Key("centre of its ellipse", "length")]
+    radii: Annotated[Point, Key("semi-axes of its ellipse", "length")]
+    start: Annotated[Any, Key("eccentric angle where it starts", "angle")] = 0.0
+    sweep: Annotated[Any, Key("how far it runs, counterclockwise if positive", "angle")] = 2 * np.pi
+    turn: Annotated[Any, Key("direction of the first semi-axis", "angle")] = 0.0
 
     @property
     def circular(self) -> bool:
@@ -85,21 +92,18 @@ class Arc:
 
     @cached_property
     def breaks(self) -> Array:
-        """As for :class:`Line`."""
         return np.linspace(0, 1, int(np.ceil(abs(np.real(self.sweep)) / _PANEL - 1e-9)) + 1)
 
     def at(self, t: Array) -> Local:
-        """As for :class:`Line`."""
         a, b = self.radii
         angle = self.start + t * self.sweep
-        x, y = np.array([a * np.cos(angle), b * np.sin(angle)]), np.array([-a * np.sin(angle),
-                                                                           b * np.cos(angle)])
+        x = np.array([a * np.cos(angle), b * np.sin(angle)])
+        y = np.array([-a * np.sin(angle), b * np.cos(angle)])
         turn = _rotation(self.turn)
-        return (turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep, -(turn
-                                                                                  @ x).T * self.sweep**2
+        return ((turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep,
+                -(turn @ x).T * self.sweep**2)
 
     def nearest(self, places: Array) -> Array:
-        """As for :class:`Line`."""
         if not self.circular:
             return self._samples.nearest(places)
         x, y = (places - np.array(self.centre)).T
@@ -109,42 +113,46 @@ class Arc:
         return np.where(t <= 1, t, np.where(beyond, 0.0, 1.0))
 
     def placed(self, angle: Any, shift: Point) -> Arc:
-        """As for :class:`Line`."""
         return Arc(_placed(self.centre, angle, shift), self.radii, self.start, self.sweep,
                    self.turn + angle)
 
     def beside(self, distance: Any) -> Piece:
-        """As for :class:`Line`; that of an ellipse is a spline close to it."""
+        """That of an ellipse is a spline close to it."""
         if self.circular:
             radius = self.radii[0] + distance * np.sign(np.real(self.sweep))
             return Arc(self.centre, (radius, radius), self.start, self.sweep, self.turn)
         return _beside(self, distance)
 
     def backwards(self) -> Arc:
-        """As for :class:`Line`."""
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
     @cached_property
-    def _samples(self) -> Samples:
-        return Samples(self, 8)
+    def _samples(self) -> PieceSamples:
+        return PieceSamples(self, 8)
 
 
+@PIECES.register
 @dataclass(frozen=True)
 class Spline:
-    """The cubic spline with continuous curvature through points at ascending ``knots``, with given end derivatives."""
+    """The cubic spline with continuous curvature through points at knots."""
 
-    knots: tuple[Any, ...]
-    points: tuple[Point, ...]
-    slopes: tuple[Point, Point]
+    kind: ClassVar[str] = "spline"
+    knots: Annotated[tuple[Any, ...], Key("ascending numbers, one a point")]
+    points: Annotated[tuple[Point, ...], Key("what it runs through", "length", least=2)]
+    slopes: Annotated[tuple[Point, Point], Key("derivatives by the knots at both ends", "length")]
+
+    def __post_init__(self) -> None:
+        """Refuse knots that do not ascend or do not match the points."""
+        if len(self.knots) != len(self.points) or np.diff(np.real(self.knots)).min() <= 0:
+            raise InputError("must be ascending numbers, one a point", key="knots")
 
     @cached_property
     def breaks(self) -> Array:
-        """As for :class:`Line`."""
         knots = np.real(np.array(self.knots))
         return (knots - knots[0]) / (knots[-1] - knots[0])
 
     def at(self, t: Array) -> Local:
-        """As for :class:`Line`. Between two knots ``t`` is a share of the way, also where knots are complex."""
+        """Between two knots ``t`` is a share of the way, also where knots are complex."""
         coefficients, widths = self._cubics
         k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(widths) - 1)
         a, b, c, d = coefficients[:, k]
@@ -179,35 +187,31 @@ class Spline:
         return np.asarray(solve_banded((1, 1), bands, right))
 
     def nearest(self, places: Array) -> Array:
-        """As for :class:`Line`."""
         return self._samples.nearest(places)
 
     def placed(self, angle: Any, shift: Point) -> Spline:
-        """As for :class:`Line`."""
         first, last = (_placed(slope, angle, (0.0, 0.0)) for slope in self.slopes)
         return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points),
                       (first, last))
 
     def beside(self, distance: Any) -> Spline:
-        """As for :class:`Line`, close to it."""
         return _beside(self, distance)
 
     def backwards(self) -> Spline:
-        """As for :class:`Line`."""
         (u, v), (x, y) = self.slopes
         knots = tuple(self.knots[0] + self.knots[-1] - knot for knot in reversed(self.knots))
         return Spline(knots, self.points[::-1], ((-x, -y), (-u, -v)))
 
     @cached_property
-    def _samples(self) -> Samples:
-        return Samples(self, 4)
+    def _samples(self) -> PieceSamples:
+        return PieceSamples(self, 4)
 
 
 Piece = Line | Arc | Spline
 
 
 @dataclass(frozen=True)
-class Samples:
+class PieceSamples:
     """Points along a curved piece from which the nearest ones are searched; ``each`` of them between two breaks."""
 
     piece: Arc | Spline
@@ -226,13 +230,13 @@ class Samples:
     def nearest(self, places: Array) -> Array:
         """Parameters of the points nearest to places: Newton's method from the two nearest samples."""
         seeds = self._tree.query(places, k=2)[1]
-        found = [self._refined(places, seed) for seed in seeds.T]
-        first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in found)
-        return np.where(first <= second, *found)
+        near = [self._refined(places, seed) for seed in seeds.T]
+        first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in near)
+        return np.where(first <= second, *near)
 
     def _refined(self, places: Array, seed: Array) -> Array:
-        low, high = self._t[np.maximum(seed - 1, 0)], self._t[np.minimum(seed + 1,
-                                                                         len(self._t) - 1)]
+        low = self._t[np.maximum(seed - 1, 0)]
+        high = self._t[np.minimum(seed + 1, len(self._t) - 1)]
         t = self._t[seed]
         for _ in range(12):
             before = t
@@ -248,7 +252,7 @@ class Samples:
         return t
 
 
-def fitted(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
+def spline_through(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
     """The spline through a curve at knots; ``curve`` gives points and derivatives, shape (n, 2) each."""
     points, slopes = curve(knots)
     first, last = _pairs(slopes[[0, -1]])
@@ -265,8 +269,8 @@ def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: fl
         step = (high - low)[:, None]
         guess = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
         miss = guess - middle
-        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1]
-                        * tangent[:, 0]) / np.hypot(*tangent.T)
+        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1] * tangent[:, 0])
+        across /= np.hypot(*tangent.T)
         wide = across > _FINE * size
         if not wide.any():
             break
@@ -283,7 +287,7 @@ def _beside(piece: Arc | Spline, distance: Any) -> Spline:
         return value + distance * normal, slope * (1 + distance * turn)
 
     size = float(np.abs(np.diff(piece.at(piece.breaks)[0], axis=0)).sum())
-    return fitted(curve, graded(curve, piece.breaks, size))
+    return spline_through(curve, graded(curve, piece.breaks, size))
 
 
 def _placed(point: Point, angle: Any, shift: Point) -> Point:
@@ -308,5 +312,5 @@ def direction(x: Any, y: Any) -> Any:
     angle = np.arctan2(np.real(y), np.real(x))
     if not (np.iscomplexobj(x) or np.iscomplexobj(y)):
         return float(angle)
-    along, across = np.real(x) * np.imag(y) - np.real(y) * np.imag(x), np.real(x) ** 2 + np.real(y) ** 2
-    return angle + 1j * along / across
+    turned = np.real(x) * np.imag(y) - np.real(y) * np.imag(x)
+    return angle + 1j * turned / (np.real(x) ** 2 + np.real(y) ** 2)

@@ -9,11 +9,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
-from tympan.fem.film.breakdown import read_strength
-from tympan.fem.film.library import read_material
+from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen, specimen_from_table
+from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
 from tympan.studies.columns import Column, Sheet, read_sheet
 from tympan.studies.data import coupon, readings
@@ -135,7 +134,7 @@ def _specimens(table: Table) -> tuple[Specimen, ...]:
     entries = table.tables("specimen")
     if not entries:
         raise table.error("specimen", "is missing: write one [[specimen]] table for each specimen")
-    specimens = tuple(specimen_from_table(entry, read_material, read_strength) for entry in entries)
+    specimens = tuple(load_specimen(entry) for entry in entries)
     names = [specimen.name for specimen in specimens]
     for entry, name in zip(entries, names, strict=True):
         if names.count(name) > 1:

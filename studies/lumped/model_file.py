@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from tympan.fem.film.breakdown import read_strength
-from tympan.fem.film.library import read_material
-from tympan.fem.toml_writer import specimen_to_toml
-from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import specimen_from_table
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.fem.film.library import load_specimen
+from tympan.fem.toml_writer import specimen_content
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, PlainTable, Rule, Table
 from tympan.geometry.toml_writer import toml
-from tympan.geometry.units import DIMENSIONS, quantity
 from tympan.studies.files import write_text
 from tympan.studies.lumped.actuator import Correction, Viscous
 from tympan.studies.lumped.membrane import LumpedModel
@@ -36,12 +28,6 @@ _HEAD = """\
 
 """
 
-#: Suffixes of keys that hold quantities, and what these are; the longest ending counts.
-_SUFFIXES = {"_m": "length", "_kg": "mass", "_Pa": "stress", "_kg_per_m3": "density",
-             "_V_per_m": "field",
-             "_rad": "angle"}
-
-_QUANTITY = re.compile(r"[-+]?(?:\d|inf)[^ ]* (\S.*)")
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
 
@@ -60,7 +46,7 @@ def model_to_toml(model: LumpedModel) -> str:
         "viscous": {"k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2},
         "circle": [{"radius_m": radius, "alpha": weight}
                    for radius, weight in zip(model.radii, model.weights, strict=True)],
-        "specimen": _plain(tomllib.loads(specimen_to_toml(model.specimen))),
+        "specimen": specimen_content(model.specimen, plain=True),
     }
     return _HEAD + toml(content)
 
@@ -79,9 +65,7 @@ def read_model(file: Path | str) -> LumpedModel:
         Naming file, key, what was given and what is allowed.
     """
     table = Table.read(file)
-    inner = table.table("specimen")
-    specimen = specimen_from_table(Table(file, _with_units(inner.data), "specimen"), read_material,
-                                   read_strength)
+    specimen = load_specimen(PlainTable(file, table.table("specimen").data, "specimen"))
     circles = table.tables("circle")
     if not circles:
         raise table.error("circle", "must be at least one circle")
@@ -105,52 +89,3 @@ def read_model(file: Path | str) -> LumpedModel:
     if abs(sum(weights) - 1) > 1e-9:
         raise table.error("circle", "alpha of all circles must add up to 1", sum(weights))
     return LumpedModel(specimen, radii, weights, correction, flat, highest, branch)
-
-
-def _plain(content: Any) -> Any:
-    """Quantities with their unit as plain SI numbers under keys that name it."""
-    if not isinstance(content, Mapping):
-        return [_plain(one) for one in content] if isinstance(content, list) else content
-    return dict(_named(key, value) if key != "name" else (key, value)
-                for key, value in content.items())
-
-
-def _named(key: str, value: Any) -> tuple[str, Any]:
-    for suffix, dimension in _SUFFIXES.items():
-        numbers = _numbers(value, dimension)
-        if numbers is not None:
-            return key + suffix, numbers
-    return key, _plain(value)
-
-
-def _numbers(value: Any, dimension: str) -> Any:
-    """A quantity, or nested lists of them, as numbers; None where it is something else."""
-    if isinstance(value, list) and value:
-        found = [_numbers(one, dimension) for one in value]
-        return None if any(one is None for one in found) else found
-    if not isinstance(value, str) or not _QUANTITY.fullmatch(value):
-        return None
-    try:
-        return quantity(value, dimension)
-    except InputError:
-        return None
-
-
-def _with_units(content: Any) -> Any:
-    """The inverse of :func:`_plain`."""
-    if not isinstance(content, Mapping):
-        return [_with_units(one) for one in content] if isinstance(content, list) else content
-    return dict(_unnamed(key, value) for key, value in content.items())
-
-
-def _unnamed(key: str, value: Any) -> tuple[str, Any]:
-    for suffix in sorted(_SUFFIXES, key=len, reverse=True):
-        if key.endswith(suffix):
-            return key.removesuffix(suffix), _texts(value, DIMENSIONS[_SUFFIXES[suffix]][0])
-    return key, _with_units(value)
-
-
-def _texts(value: Any, unit: str) -> Any:
-    if isinstance(value, list):
-        return [_texts(one, unit) for one in value]
-    return value if isinstance(value, str) else f"{value!r} {unit}"

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.parameters import Parameter, with_change
+from tympan.fem.derivatives.parameters import Parameter
 from tympan.fem.derivatives.quantities import Field, Largest, larger_stress, true_field
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import Edge
@@ -19,6 +19,7 @@ from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model
 from tympan.fem.results.fields import Fields, strength
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Rule, Table
 from tympan.studies.case import Case, node_fields

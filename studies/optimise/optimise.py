@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.parameters import at, shape_names, with_change
+from tympan.fem.derivatives.parameters import shape_names
 from tympan.fem.derivatives.shape import velocities
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, state_warnings
 from tympan.studies.optimise.design import Bench, Design

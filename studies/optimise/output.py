@@ -100,7 +100,7 @@ def _design(problem: Problem, design: Design) -> dict[str, Any]:
 
 
 def _header(problem: Problem) -> list[str]:
-    variables = [f"{variable.key}_mm" if variable.dimension == "length" else variable.key
+    variables = [f"{variable.key}_mm" if variable.dimension(problem.specimen) == "length" else variable.key
                  for variable in problem.variables]
     return ["held", "start", "trial", "accepted", *variables, "stroke_mm",
             *(f"{limit.name}_{limit.unit}".removesuffix("_1") for limit in problem.limits),
@@ -112,7 +112,7 @@ def _rows(result: Optimised) -> Iterator[list[object]]:
     for run in (*(run for optimum in result.optima for run in optimum.runs), *result.failed):
         for number, station in enumerate(run.stations):
             design = station.design
-            values = [1e3 * float(value) if variable.dimension == "length" else float(value)
+            values = [1e3 * float(value) if variable.dimension(problem.specimen) == "length" else float(value)
                       for variable, value in zip(problem.variables, design.values, strict=True)]
             limited = [design.limited.get(limit.name, float("nan")) for limit in problem.limits]
             yield [run.held, run.start + 1, number, int(station.accepted), *values,

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.parameters import at, numbers, with_change
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import field_at
 from tympan.geometry.outlines import area, perimeter
+from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
-from tympan.geometry.toml_writer import outline_dimension
 from tympan.studies.case import Case
 from tympan.studies.optimise.limits import LIMITS, Limit
 from tympan.studies.paper.actuators import FILES
@@ -48,10 +48,10 @@ class Variable:
         """As parameter of a model."""
         return ".".join(self.path)
 
-    @property
-    def dimension(self) -> str | None:
-        """None for plain numbers."""
-        return outline_dimension(next(word for word in reversed(self.path) if not word.isdigit()))
+    def dimension(self, specimen: Specimen) -> str:
+        """What it is in a specimen, "" for plain numbers."""
+        field = field_at(specimen, self.path)
+        return field.says.dimension if field is not None else ""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def read_problem(file: Path) -> Problem:
     held = _held(table)
     limits = _limits(table.table("limits", {}), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
-    starts = (given, *(_start(one, variables, given) for one in table.tables("start")))
+    starts = (given, *(_start(start, variables, specimen) for start in table.tables("start")))
     problem = Problem(
         table.text("name", file.stem), specimen, _specimen(table, "reference", PAPER),
         table.quantity("mass", "mass", "17.9 g", POSITIVE),
@@ -165,7 +165,7 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
         if key not in known:
             raise table.error(key, f"must be one of {', '.join(known)}", "vary")
         variable = Variable(key, 0.0, 1.0)
-        low, high = _bounds(table, variable)
+        low, high = _bounds(table, variable, variable.dimension(specimen))
         value = float(at(specimen, variable.path))
         if not low < high:
             raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
@@ -180,23 +180,21 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     return tuple(variables)
 
 
-def _bounds(table: Table, variable: Variable) -> tuple[float, float]:
-    if variable.dimension is None:
-        low, high = table.numbers(variable.key, count=2)
-    else:
-        low, high = table.pair(variable.key, variable.dimension)
+def _bounds(table: Table, variable: Variable, dimension: str) -> tuple[float, float]:
+    low, high = (table.pair(variable.key, dimension) if dimension
+                 else table.numbers(variable.key, count=2))
     return low, high
 
 
-def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ...]) -> tuple[float,
-                                                                                             ...]:
+def _start(table: Table, variables: tuple[Variable, ...],
+           specimen: Specimen) -> tuple[float, ...]:
     """A further start: what it does not name is the specimen's own."""
     values = []
-    for variable, own in zip(variables, given, strict=True):
-        value = own
+    for variable in variables:
+        value, dimension = at(specimen, variable.path), variable.dimension(specimen)
         if variable.key in table:
-            value = (table.number(variable.key) if variable.dimension is None
-                     else table.quantity(variable.key, variable.dimension))
+            value = (table.quantity(variable.key, dimension) if dimension
+                     else table.number(variable.key))
             if not variable.low <= value <= variable.high:
                 raise table.error(variable.key, "must lie within the variable's bounds",
                                   table.data[variable.key])

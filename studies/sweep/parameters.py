@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import Rule, Table
-from tympan.geometry.units import DIMENSIONS, quantity
+from tympan.geometry.units import DIMENSIONS, any_quantity
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
 Choice = dict[str, Any]
@@ -62,12 +61,8 @@ def read_quantity(value: Any) -> tuple[float, str] | None:
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
-    for dimension, (unit, _) in DIMENSIONS.items():
-        try:
-            return quantity(value, dimension), unit
-        except InputError:
-            continue
-    return None
+    read = any_quantity(value)
+    return None if read is None else (read[0], DIMENSIONS[read[1]].si)
 
 
 def _set(content: dict[str, Any], key: str, value: Any, table: Table) -> None:

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.film.breakdown import read_strength
-from tympan.fem.film.library import load_specimen, read_material
+from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Specimen, Unbuildable, specimen_from_table
+from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.geometry.toml_reader import Table
 from tympan.geometry.units import quantity
 from tympan.studies.case import Settings
@@ -130,8 +129,7 @@ class _Reader:
             return load_specimen(base.file)
         content = with_choice(base.content, changes, self.table)
         try:
-            return specimen_from_table(Table(self.table.file, content), read_material,
-                                       read_strength)
+            return load_specimen(Table(self.table.file, content))
         except Unbuildable:
             raise
         except InputError as error:

@@ -15,8 +15,8 @@ from typing import Any
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import write
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_writer import law_content, specimen_content
 from tympan.studies.case import CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import FilmSurface, film_surface
 
@@ -132,14 +132,20 @@ def _vtu(film: FilmSurface) -> bytes:
         return file.read_bytes()
 
 
-def _law(specimen: Specimen) -> Any:
-    return law_content(specimen.membrane.material, {})
-
-
 def _content(specimen: Specimen) -> Any:
     """All of a specimen but its name, floats to the last digit."""
-    return {**specimen_content(specimen, _law),
-            "name": "any"}
+    content = write(specimen)
+    content["membrane"]["material"] = _constants(specimen.membrane.material)
+    return {**content, "name": "any"}
+
+
+def _constants(law: Any) -> Any:
+    """A law's name and constants as plain numbers."""
+    if isinstance(law, tuple):
+        return [_constants(part) for part in law]
+    if not hasattr(law, "law"):
+        return float(law)
+    return {"law": law.law, **{name: _constants(part) for name, part in vars(law).items()}}
 
 
 def _hash(value: Any) -> str:

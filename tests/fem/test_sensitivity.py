@@ -10,7 +10,7 @@ import pytest
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical, skewed
 from tympan.fem.derivatives.adjoint import Adjoint
-from tympan.fem.derivatives.parameters import LOADS, Parameters, film_names, numbers, shape_names
+from tympan.fem.derivatives.parameters import LOADS, Parameters, film_names, shape_names
 from tympan.fem.derivatives.quantities import (
     QUANTITIES,
     Heave,
@@ -32,6 +32,7 @@ from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading, Magnet, Spring
 from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import numbers
 
 FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
 LOADING = Loading((Spring(4.0, 1e-4), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)

@@ -11,7 +11,7 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.support.models import model
 from tests.support.specimens import ROOT5, circular, skewed
-from tympan.fem.derivatives.parameters import Parameters, with_change
+from tympan.fem.derivatives.parameters import Parameters
 from tympan.fem.derivatives.residual_derivative import Work
 from tympan.fem.derivatives.sensitivity import heave_gradient, limit_gradient, morphed
 from tympan.fem.derivatives.shape import velocities
@@ -32,6 +32,7 @@ from tympan.geometry.outlines import (
     Stadium,
     Superellipse,
 )
+from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
 
 FORCE, VOLTAGE = 0.2, 3000.0

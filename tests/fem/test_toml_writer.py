@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
 from tests.support.specimens import circular, elliptical, skewed
-from tympan.fem.film.breakdown import REGISTRY as STRENGTHS
-from tympan.fem.film.breakdown import Constant, Power
-from tympan.fem.film.laws import REGISTRY as LAWS
-from tympan.fem.film.laws import Ogden
+from tympan.fem.film.breakdown import STRENGTHS, ConstantStrength, PowerStrength
+from tympan.fem.film.laws import LAWS, Ogden
 from tympan.fem.film.library import EXAMINED, MATERIALS, load_specimen
 from tympan.fem.membrane.loading import BIASES, Magnet, Spring
 from tympan.fem.rig import Rig
@@ -22,13 +20,12 @@ from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Rotated, examples
 from tympan.geometry.specimen import Electrode, Plate, Region
-from tympan.geometry.toml_writer import quantity_text
-from tympan.geometry.units import DIMENSIONS, quantity
+from tympan.geometry.units import DIMENSIONS, quantity, quantity_text
 
 OUTLINES = examples()
 MECHANISMS = {"spring": Spring(3.0, 1e-3), "magnet": Magnet(0.1, 4e-3, 3e-3, 3.5)}
-FIELDS = {"constant": (Constant(31e6),),
-          "power": (Power(30.6e6, 1.13), Power(51e6, 0.63, 0.25, 2e-3))}
+FIELDS = {"constant": (ConstantStrength(31e6),),
+          "power": (PowerStrength(30.6e6, 1.13), PowerStrength(51e6, 0.63, 0.25, 2e-3))}
 
 #: No field has its default.
 RIG = Rig(9.81, 1e-3, 4.0, 0.03, 20e3, 0.01, -3e-6, 1e-7 / 60, "level", (1e-3, -2e-3), 12.0, -3.5,

@@ -20,6 +20,7 @@ from tympan.geometry.cad import parts
 from tympan.geometry.cad.parts import PartOptions
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import (
+    OUTLINES,
     Circle,
     Drawn,
     Outline,
@@ -27,7 +28,6 @@ from tympan.geometry.outlines import (
     area,
     check,
     examples,
-    read_outline,
 )
 from tympan.geometry.outlines.drawings import dxf_pieces, edge_pieces
 from tympan.geometry.outlines.shapes.drawn import joined
@@ -47,7 +47,7 @@ def specimen(frame: Outline) -> Specimen:
 
 
 def imported(folder: Path, **keys: str) -> Outline:
-    return read_outline(Table(folder / "specimen.toml", keys, "frame"))
+    return OUTLINES.read(Table(folder / "specimen.toml", keys, "frame"))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -96,7 +96,7 @@ def known_outlines() -> dict[str, Outline]:
 
 @pytest.mark.parametrize("shape", sorted(known_outlines()))
 def test_every_number_of_an_outline_has_its_slope_or_is_refused(shape: str) -> None:
-    from tympan.fem.derivatives.parameters import at, numbers
+    from tympan.geometry.paths import at, numbers
 
     outline = known_outlines()[shape]
     specimen = replace(elliptical(60e-3), frame=outline)

@@ -14,14 +14,12 @@ from tympan.fem.film.laws.admissible import (
 from tympan.fem.film.laws.first_invariant import ArrudaBoyce, Gent, NeoHooke, Yeoh
 from tympan.fem.film.laws.mooney import MooneyRivlin
 from tympan.fem.film.laws.ogden import Ogden
-from tympan.fem.film.laws.registry import REGISTRY, register
 from tympan.fem.film.laws.separable import PrestretchedOgden, Separable
 from tympan.fem.film.laws.stiffened import Stiffened
+from tympan.geometry.specimen import LAWS
 
 __all__ = [
-    "REGISTRY", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden",
-    "PrestretchedOgden",
-    "Separable", "Stiffened", "Yeoh", "checked", "ellipticity_margin", "hill_margin",
-    "inadmissible_stretch",
-    "reachable_stretches", "register",
+    "LAWS", "STRETCH_RANGE", "ArrudaBoyce", "Gent", "MooneyRivlin", "NeoHooke", "Ogden",
+    "PrestretchedOgden", "Separable", "Stiffened", "Yeoh", "checked", "ellipticity_margin",
+    "hill_margin", "inadmissible_stretch", "reachable_stretches",
 ]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from tympan.fem.film.laws.invariants import FirstInvariantLaw
-from tympan.fem.film.laws.registry import register, require_above
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import POSITIVE, Rule, Table
+from tympan.geometry.fields import Key, require
+from tympan.geometry.specimen import LAWS
+from tympan.geometry.toml_reader import POSITIVE, Rule
+
+_ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"),
+                    "must be above 1 (at 1 the chains would be taut at rest)")
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class NeoHooke(FirstInvariantLaw):
     """The neo-Hookean law (Rivlin, Phil. Trans. R. Soc. A 240, 459, 1948; Treloar's Gaussian network).
@@ -30,23 +34,17 @@ class NeoHooke(FirstInvariantLaw):
     """
 
     law: ClassVar[str] = "neo_hooke"
-    mu: float
+    mu: Annotated[float, Key("shear modulus", "stress", POSITIVE)]
 
     def __post_init__(self) -> None:
-        """Refuse a modulus that is not positive."""
-        require_above(0, mu=self.mu)
-
-    @classmethod
-    def from_table(cls, table: Table) -> NeoHooke:
-        """Read ``mu`` (stress)."""
-        return cls(table.quantity("mu", "stress", rule=POSITIVE))
+        require(self)
 
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """μ/2 (I₁ − 3) and its derivatives."""
         return self.mu / 2 * excess, self.mu / 2, 0.0
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class Yeoh(FirstInvariantLaw):
     """Yeoh's law (Rubber Chem. Technol. 66, 754, 1993) with any number of terms; he used three.
@@ -62,24 +60,18 @@ class Yeoh(FirstInvariantLaw):
     """
 
     law: ClassVar[str] = "yeoh"
-    c: tuple[float, ...]
+    c: Annotated[tuple[float, ...], Key("c₁₀, c₂₀, …", "stress")]
 
     def __post_init__(self) -> None:
-        """Refuse an empty list."""
         if not self.c:
             raise InputError("must be a list of at least one stress", key="c", given=self.c)
-
-    @classmethod
-    def from_table(cls, table: Table) -> Yeoh:
-        """Read ``c`` (stresses)."""
-        return cls(table.quantities("c", "stress"))
 
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """Σ c_k0 (I₁ − 3)ᵏ and its derivatives."""
         return _polynomial(self.c, excess)
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class Gent(FirstInvariantLaw):
     """Gent's law (Rubber Chem. Technol. 69, 59, 1996), whose stress grows without bound at a finite stretch.
@@ -97,18 +89,11 @@ class Gent(FirstInvariantLaw):
     """
 
     law: ClassVar[str] = "gent"
-    mu: float
-    j_lim: float
+    mu: Annotated[float, Key("shear modulus", "stress", POSITIVE)]
+    j_lim: Annotated[float, Key("the I₁ − 3 at which it locks", rule=POSITIVE)]
 
     def __post_init__(self) -> None:
-        """Refuse constants that are not positive."""
-        require_above(0, mu=self.mu, j_lim=self.j_lim)
-
-    @classmethod
-    def from_table(cls, table: Table) -> Gent:
-        """Read ``mu`` (stress) and ``j_lim`` (number)."""
-        return cls(table.quantity("mu", "stress", rule=POSITIVE),
-                   table.number("j_lim", rule=POSITIVE))
+        require(self)
 
     @property
     def locking(self) -> float:
@@ -118,12 +103,11 @@ class Gent(FirstInvariantLaw):
     def energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """−μ J/2 ln(1 − (I₁ − 3)/J) and its derivatives."""
         slope = self.mu / (2 * (1 - excess / self.j_lim))
-        return -self.mu * self.j_lim / 2 * np.log1p(-excess
-                                                    / self.j_lim), slope, slope / (self.j_lim
-                                                                                   - excess)
+        energy = -self.mu * self.j_lim / 2 * np.log1p(-excess / self.j_lim)
+        return energy, slope, slope / (self.j_lim - excess)
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class ArrudaBoyce(FirstInvariantLaw):
     """The eight-chain law of Arruda and Boyce (J. Mech. Phys. Solids 41, 389, 1993), as their series of five terms.
@@ -146,19 +130,11 @@ class ArrudaBoyce(FirstInvariantLaw):
     """
 
     law: ClassVar[str] = "arruda_boyce"
-    mu: float
-    lambda_lock: float
+    mu: Annotated[float, Key("rubbery modulus of the chains", "stress", POSITIVE)]
+    lambda_lock: Annotated[float, Key("stretch of a taut chain", rule=_ABOVE_ONE)]
 
     def __post_init__(self) -> None:
-        """Refuse a modulus that is not positive and chains that are taut at rest."""
-        require_above(0, mu=self.mu)
-        require_above(1, lambda_lock=self.lambda_lock)
-
-    @classmethod
-    def from_table(cls, table: Table) -> ArrudaBoyce:
-        """Read ``mu`` (stress) and ``lambda_lock`` (number)."""
-        return cls(table.quantity("mu", "stress", rule=POSITIVE),
-                   table.number("lambda_lock", rule=_ABOVE_ONE))
+        require(self)
 
     @property
     def locking(self) -> float:
@@ -174,8 +150,6 @@ class ArrudaBoyce(FirstInvariantLaw):
 
 
 _LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-_ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"),
-                    "must be above 1 (at 1 the chains would be taut at rest)")
 
 
 def _polynomial(c: tuple[float, ...], x: Any) -> tuple[Any, Any, Any]:

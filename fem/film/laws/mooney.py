@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from tympan.fem.film.laws.invariants import first_invariant, second_invariant
-from tympan.fem.film.laws.registry import register
-from tympan.geometry.toml_reader import Table
+from tympan.geometry.fields import Key
+from tympan.geometry.specimen import LAWS
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class MooneyRivlin:
     """The law of Mooney (J. Appl. Phys. 11, 582, 1940) and Rivlin (Phil. Trans. R. Soc. A 241, 379, 1948).
@@ -29,13 +29,8 @@ class MooneyRivlin:
 
     law: ClassVar[str] = "mooney_rivlin"
     stress_free_when_virgin: ClassVar[bool] = True
-    c10: float
-    c01: float
-
-    @classmethod
-    def from_table(cls, table: Table) -> MooneyRivlin:
-        """Read ``c10`` and ``c01`` (stresses)."""
-        return cls(table.quantity("c10", "stress"), table.quantity("c01", "stress"))
+    c10: Annotated[float, Key("c₁₀", "stress")]
+    c01: Annotated[float, Key("c₀₁", "stress")]
 
     @property
     def shear_modulus(self) -> float:
@@ -43,6 +38,5 @@ class MooneyRivlin:
         return 2 * (self.c10 + self.c01)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
         pairs = zip(first_invariant(l1, l2), second_invariant(l1, l2), strict=True)
         return tuple(self.c10 * first + self.c01 * second for first, second in pairs)

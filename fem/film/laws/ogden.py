@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from tympan.fem.film.laws.registry import register
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.fields import Key
+from tympan.geometry.specimen import LAWS
+from tympan.geometry.toml_reader import Rule
+
+_POWER: Rule = (lambda x: 0 < abs(x) <= 50, "must not be zero, nor beyond 50")
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class Ogden:
     """Ogden's law with any number of terms, incompressible.
@@ -31,8 +34,8 @@ class Ogden:
 
     law: ClassVar[str] = "ogden"
     stress_free_when_virgin: ClassVar[bool] = True
-    mu: tuple[float, ...]
-    alpha: tuple[float, ...]
+    mu: Annotated[tuple[float, ...], Key("μ_p", "stress")]
+    alpha: Annotated[tuple[float, ...], Key("α_p", rule=_POWER)]
 
     def __post_init__(self) -> None:
         """Refuse lists that do not match and powers of zero."""
@@ -41,11 +44,6 @@ class Ogden:
                              key="mu", given=f"{len(self.mu)} and {len(self.alpha)} values")
         if 0 in self.alpha:
             raise InputError("must not be zero", key="alpha", given=self.alpha)
-
-    @classmethod
-    def from_table(cls, table: Table) -> Ogden:
-        """Read ``mu`` (stresses) and ``alpha`` (numbers)."""
-        return cls(table.quantities("mu", "stress"), table.numbers("alpha", rule=_POWER))
 
     @classmethod
     def from_abaqus(cls, mu: tuple[float, ...], alpha: tuple[float, ...]) -> Ogden:
@@ -64,7 +62,6 @@ class Ogden:
         return sum(m * a for m, a in zip(self.mu, self.alpha, strict=True)) / 2
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
         w = w1 = w2 = w11 = w12 = w22 = 0.0
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
             p1, p2 = l1**alpha, l2**alpha
@@ -77,5 +74,3 @@ class Ogden:
             w12 = w12 + mu * alpha * p3 / (l1 * l2)
         return w, w1, w2, w11, w12, w22
 
-
-_POWER: Rule = (lambda x: 0 < abs(x) <= 50, "must not be zero, nor beyond 50")

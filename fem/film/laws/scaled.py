@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
+from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
-
-#: Constants of laws that are stresses [Pa]; all others are plain numbers.
-STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 
 
 def scaled(material: Material, factor: float) -> Material:
@@ -22,12 +20,12 @@ def scaled(material: Material, factor: float) -> Material:
     """
     law: Any = material
     changed: dict[str, Any] = {}
-    for item in fields(law):
-        value = getattr(law, item.name)
-        if hasattr(value, "law"):
-            changed[item.name] = scaled(value, factor)
-        elif item.name in STRESSES:
-            changed[item.name] = tuple(factor * one for one in value) if isinstance(value,
-                                                                                    tuple) else factor * value
-    found: Material = replace(law, **changed)
-    return found
+    for field in fields_of(type(law)):
+        value = getattr(law, field.name)
+        if field.says.kinds is not None:
+            changed[field.name] = scaled(value, factor)
+        elif field.says.dimension == "stress":
+            changed[field.name] = (tuple(factor * stress for stress in value) if field.several
+                                   else factor * value)
+    stiffer: Material = replace(law, **changed)
+    return stiffer

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from tympan.fem.film.laws.registry import register, require_above
 from tympan.geometry.errors import InputError
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.fields import Key, require
+from tympan.geometry.specimen import LAWS
+from tympan.geometry.toml_reader import Rule
+
+_POWER: Rule = (lambda x: 0 < x <= 50, "must be above 0, at most 50")
+_REFERENCE: Rule = (lambda x: 0.2 <= x <= 10,
+                    "must be a stretch between 0.2 and 10 (from the virgin film)")
 
 
 @dataclass(frozen=True)
@@ -27,27 +32,23 @@ class Prestretched(ABC):
     """
 
     stress_free_when_virgin: ClassVar[bool] = False
-    beta: tuple[float, ...]
-    gamma: tuple[float, ...]
-    alpha: tuple[float, ...]
-    reference: float
+    beta: Annotated[tuple[float, ...], Key("β_p", "stress")]
+    gamma: Annotated[tuple[float, ...], Key("γ_p", "stress")]
+    alpha: Annotated[tuple[float, ...], Key("α_p", rule=_POWER, default="2, 4, 6, …")]
+    reference: Annotated[float, Key("λ_r, from the virgin film", rule=_REFERENCE)]
 
     def __post_init__(self) -> None:
-        """Refuse lists that do not match, powers that are not positive and a reference that is no stretch."""
         if not len(self.beta) == len(self.gamma) == len(self.alpha) > 0:
             raise InputError("beta, gamma and alpha must be lists of the same length, at least one",
                              key="beta",
                              given=f"{len(self.beta)}, {len(self.gamma)} and {len(self.alpha)} values")
-        require_above(0, reference=self.reference, alpha=min(power.real for power in self.alpha))
+        require(self)
 
     @classmethod
-    def from_table(cls, table: Table) -> Prestretched:
-        """Read ``beta`` and ``gamma`` (stresses), ``alpha`` (numbers, 2, 4, 6, … by default) and ``reference``."""
-        beta = table.quantities("beta", "stress")
-        gamma = table.quantities("gamma", "stress", count=len(beta))
-        powers = tuple(2.0 * (number + 1) for number in range(len(beta)))
-        return cls(beta, gamma, table.numbers("alpha", powers, _POWER, len(beta)),
-                   table.number("reference", rule=_REFERENCE))
+    def completed(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """With the paper's powers where a file leaves them out."""
+        powers = tuple(2.0 * (number + 1) for number in range(len(values["beta"])))
+        return {"alpha": powers} | values
 
     @property
     @abstractmethod
@@ -62,7 +63,7 @@ class Prestretched(ABC):
         return zip(self.beta, self.gamma, self.alpha, strict=True)
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class Separable(Prestretched):
     """Eq. (8) of the source paper with every in-plane stretch on its own: W = w(λ₁/λ_r) + w(λ₂/λ_r).
@@ -90,7 +91,6 @@ class Separable(Prestretched):
         return sum(a * (b + g) for b, g, a in self._terms()) / 2
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches from the virgin film (arrays of one shape)."""
         (w, w1, w11), (v, w2, w22) = self._axis(l1), self._axis(l2)
         return w + v, w1, w2, w11, 0 * (l1 * l2), w22
 
@@ -106,7 +106,7 @@ class Separable(Prestretched):
         return w, slope, bend
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class PrestretchedOgden(Prestretched):
     """Eq. (8) of the source paper with γ carried by the thickness: an Ogden law written for the mounted film.
@@ -131,7 +131,6 @@ class PrestretchedOgden(Prestretched):
         return sum(a * b for b, _, a in self._terms()) / 2
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches from the virgin film (arrays of one shape)."""
         w = w1 = w2 = w11 = w12 = w22 = 0.0
         x1, x2 = l1 / self.reference, l2 / self.reference
         for beta, gamma, alpha in self._terms():
@@ -144,7 +143,3 @@ class PrestretchedOgden(Prestretched):
             w12 = w12 + alpha * p3 / (l1 * l2)
         return w, w1, w2, w11, w12, w22
 
-
-_POWER: Rule = (lambda x: 0 < x <= 50, "must be above 0, at most 50")
-_REFERENCE: Rule = (lambda x: 0.2 <= x <= 10,
-                    "must be a stretch between 0.2 and 10 (from the virgin film)")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from tympan.fem.film.laws.invariants import first_invariant
-from tympan.fem.film.laws.registry import REGISTRY, register, require_above
-from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Material
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.fields import Key, require
+from tympan.geometry.specimen import LAWS, Material
+from tympan.geometry.toml_reader import Rule
+
+_EXPONENT: Rule = (lambda x: -1 < x <= 10, "must be above -1 and at most 10")
+_INVARIANT: Rule = (lambda x: 3 <= x <= 1000, "must be from 3 (the virgin film's) to 1000")
 
 
-@register
+@LAWS.register
 @dataclass(frozen=True)
 class Stiffened:
     """Another law, plus an energy φ of the first invariant that hardens it without stress where the film is mounted.
@@ -39,25 +41,13 @@ class Stiffened:
     """
 
     law: ClassVar[str] = "stiffened"
-    nominal: Material
-    exponent: float
-    invariant: float
+    nominal: Annotated[Material, Key("the law that is hardened", kinds=LAWS)]
+    exponent: Annotated[float, Key("h: above 0 hardens, below softens", rule=_EXPONENT)]
+    invariant: Annotated[float, Key("I_m, the first invariant of the mounted film",
+                                    rule=_INVARIANT)]
 
     def __post_init__(self) -> None:
-        """Refuse an invariant no film has, and powers without a finite energy."""
-        require_above(-1, exponent=self.exponent)
-        if not self.invariant.real >= 3:
-            raise InputError("must be at least 3, the virgin film's", key="invariant",
-                             given=self.invariant)
-
-    @classmethod
-    def from_table(cls, table: Table) -> Stiffened:
-        """Read ``nominal``, a table like this one of another law, ``exponent`` and ``invariant`` (numbers)."""
-        inner = table.table("nominal")
-        nominal = inner.choice("law", REGISTRY)(inner)
-        inner.done()
-        return cls(nominal, table.number("exponent", rule=_EXPONENT),
-                   table.number("invariant", rule=_INVARIANT))
+        require(self)
 
     @property
     def stress_free_when_virgin(self) -> bool:
@@ -76,14 +66,13 @@ class Stiffened:
         return self.nominal.derivatives(np.ones(()), np.ones(()))[3] / 8
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
         excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
         f, slope, bend = self._energy(excess)
         bend1, bend2 = bend * i1, bend * i2
         added = (f, slope * i1, slope * i2,
                  slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
-        return tuple(own + more for own, more in zip(self.nominal.derivatives(l1, l2), added,
-                                                     strict=True))
+        nominal = self.nominal.derivatives(l1, l2)
+        return tuple(value + more for value, more in zip(nominal, added, strict=True))
 
     def _energy(self, excess: Any) -> tuple[Any, Any, Any]:
         """φ counted from the virgin film, φ′ and φ″."""
@@ -91,9 +80,6 @@ class Stiffened:
         ratio = (excess + 3) / mounted
         power = ratio**h
         energy = mounted / (1 + h) * (power * ratio - (3 / mounted) ** (1 + h)) - excess
-        return self._scale * energy, self._scale * (power - 1), self._scale * h * power / (ratio
-                                                                                           * mounted)
+        bend = h * power / (ratio * mounted)
+        return self._scale * energy, self._scale * (power - 1), self._scale * bend
 
-
-_EXPONENT: Rule = (lambda x: -1 < x <= 10, "must be above -1 and at most 10")
-_INVARIANT: Rule = (lambda x: 3 <= x <= 1000, "must be from 3 (the virgin film's) to 1000")

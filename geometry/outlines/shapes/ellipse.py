@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from tympan.geometry.outlines.outline import SIZE, Symmetric, register
+from tympan.geometry.fields import Key
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Symmetric
 from tympan.geometry.outlines.pieces import Arc, Array, Piece
-from tympan.geometry.toml_reader import Table
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class Ellipse(Symmetric):
     """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
 
     shape: ClassVar[str] = "ellipse"
-    semi_axes: tuple[float, float]
-
-    @classmethod
-    def from_table(cls, table: Table) -> Ellipse:
-        """Read ``semi_axes``."""
-        return cls(table.pair("semi_axes", "length", rule=SIZE))
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
 
     @classmethod
     def example(cls) -> Ellipse:
@@ -38,7 +33,6 @@ class Ellipse(Symmetric):
         return (root - 1) / np.maximum(slope, 1 / max(a, b))
 
     def points(self, count: int) -> Array:
-        """Points on the curve, shape (2, count) [m]."""
         angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
         a, b = self.semi_axes
         return np.array([a * np.cos(angle), b * np.sin(angle)])

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from tympan.geometry.fields import Key
 from tympan.geometry.outlines.corners import filleted
-from tympan.geometry.outlines.outline import ROUNDING, SIZE, Boxed, register
+from tympan.geometry.outlines.outline import OUTLINES, ROUNDING, SIZE, Boxed
 from tympan.geometry.outlines.pieces import Piece
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.toml_reader import Rule
 
 _SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number from 3 to 100")
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class RegularPolygon(Boxed):
     """Equal ``sides``, corners on a circle of ``radius``, one on the x axis, rounded by ``fillet`` [m].
@@ -25,16 +26,9 @@ class RegularPolygon(Boxed):
     """
 
     shape: ClassVar[str] = "regular_polygon"
-    sides: int = field(metadata={"discrete": True})
-    radius: float
-    fillet: float = 0.0
-
-    @classmethod
-    def from_table(cls, table: Table) -> RegularPolygon:
-        """Read ``sides``, ``radius`` and ``fillet``."""
-        return cls(int(table.number("sides", rule=_SIDES)),
-                   table.quantity("radius", "length", rule=SIZE),
-                   table.quantity("fillet", "length", "0 mm", ROUNDING))
+    sides: Annotated[int, Key("number of its sides", rule=_SIDES)]
+    radius: Annotated[float, Key("of the circle through its corners", "length", SIZE)]
+    fillet: Annotated[float, Key("radius of the rounded corners", "length", ROUNDING)] = 0.0
 
     @classmethod
     def example(cls) -> RegularPolygon:
@@ -49,20 +43,15 @@ class RegularPolygon(Boxed):
         return filleted(corners, self.fillet)
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class Polygon(Boxed):
     """Corners at ``vertices`` counterclockwise, wherever they lie, rounded by ``fillet`` [m]."""
 
     shape: ClassVar[str] = "polygon"
-    vertices: tuple[tuple[float, float], ...]
-    fillet: float = 0.0
-
-    @classmethod
-    def from_table(cls, table: Table) -> Polygon:
-        """Read ``vertices`` and ``fillet``."""
-        return cls(table.places("vertices", 3),
-                   table.quantity("fillet", "length", "0 mm", ROUNDING))
+    vertices: Annotated[tuple[tuple[float, float], ...],
+                        Key("its corners, counterclockwise", "length", least=3)]
+    fillet: Annotated[float, Key("radius of the rounded corners", "length", ROUNDING)] = 0.0
 
     @classmethod
     def example(cls) -> Polygon:

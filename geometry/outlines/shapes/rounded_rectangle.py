@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+import numpy as np
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
 from tympan.geometry.outlines.corners import filleted
-from tympan.geometry.outlines.outline import ROUNDING, SIZE, Symmetric, register
+from tympan.geometry.outlines.outline import OUTLINES, ROUNDING, SIZE, Symmetric
 from tympan.geometry.outlines.pieces import Piece
-from tympan.geometry.toml_reader import Table
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class RoundedRectangle(Symmetric):
     """A rectangle of given half sides along x and y and corner radius [m]; 0 leaves its corners sharp."""
 
     shape: ClassVar[str] = "rounded_rectangle"
-    semi_axes: tuple[float, float]
-    corner_radius: float
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", ROUNDING)]
 
-    @classmethod
-    def from_table(cls, table: Table) -> RoundedRectangle:
-        """Read ``semi_axes`` and ``corner_radius``."""
-        axes = table.pair("semi_axes", "length", rule=SIZE)
-        radius = table.quantity("corner_radius", "length", rule=ROUNDING)
-        if radius > min(axes) * (1 + 1e-12):
-            raise table.error("corner_radius",
-                              "must not exceed the smaller half side: use a stadium or a circle there",
-                              table.value("corner_radius"))
-        return cls(axes, radius)
+    def __post_init__(self) -> None:
+        """Refuse corners larger than the rectangle."""
+        if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):
+            raise InputError("must not exceed the smaller half side: use a stadium or a circle there",
+                             key="corner_radius",
+                             given=f"{np.real(self.corner_radius) * 1e3:.4g} mm")
 
     @classmethod
     def example(cls) -> RoundedRectangle:

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from tympan.geometry.outlines.outline import Boxed, register
+from tympan.geometry.fields import Key
+from tympan.geometry.outlines.outline import OUTLINES, Boxed
 from tympan.geometry.outlines.pieces import Array, Piece, Spline
-from tympan.geometry.toml_reader import Table
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class ClosedSpline(Boxed):
     """The periodic cubic spline through ``through``, points counterclockwise [m], over the length of their chords."""
 
     shape: ClassVar[str] = "spline"
-    through: tuple[tuple[float, float], ...]
-
-    @classmethod
-    def from_table(cls, table: Table) -> ClosedSpline:
-        """Read ``through``."""
-        return cls(table.places("through", 3))
+    through: Annotated[tuple[tuple[float, float], ...],
+                       Key("points on it, counterclockwise", "length", least=3)]
 
     @classmethod
     def example(cls) -> ClosedSpline:

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from tympan.geometry.outlines.outline import SIZE, Symmetric, register
+from tympan.geometry.fields import Key
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Symmetric
 from tympan.geometry.outlines.pieces import Arc, Line, Piece
-from tympan.geometry.toml_reader import Table
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class Stadium(Symmetric):
     """Half circles at both ends of the longer one of the semi-axes [m], of the shorter one's radius."""
 
     shape: ClassVar[str] = "stadium"
-    semi_axes: tuple[float, float]
-
-    @classmethod
-    def from_table(cls, table: Table) -> Stadium:
-        """Read ``semi_axes``."""
-        return cls(table.pair("semi_axes", "length", rule=SIZE))
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
 
     @classmethod
     def example(cls) -> Stadium:

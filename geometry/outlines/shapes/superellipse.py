@@ -4,32 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from tympan.geometry.fields import Key
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.outline import SIZE, Symmetric, register
-from tympan.geometry.outlines.pieces import Array, Piece, fitted, graded
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Symmetric
+from tympan.geometry.outlines.pieces import Array, Piece, graded, spline_through
+from tympan.geometry.toml_reader import Rule
 
 _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (nearly a rectangle)")
 
 
-@register
+@OUTLINES.register
 @dataclass(frozen=True)
 class Superellipse(Symmetric):
     """The curve |x/a|ⁿ + |y/b|ⁿ = 1 of semi-axes a, b [m] and exponent n, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
-    semi_axes: tuple[float, float]
-    exponent: float
-
-    @classmethod
-    def from_table(cls, table: Table) -> Superellipse:
-        """Read ``semi_axes`` and ``exponent``."""
-        return cls(table.pair("semi_axes", "length", rule=SIZE),
-                   table.number("exponent", rule=_EXPONENT))
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    exponent: Annotated[float, Key("n: 2 is an ellipse", rule=_EXPONENT)]
 
     @classmethod
     def example(cls) -> Superellipse:
@@ -39,7 +34,7 @@ class Superellipse(Symmetric):
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
         angles = _angles(float(np.real(self.exponent)))
-        return tuple(fitted(self._quadrant(number), angles) for number in range(4))
+        return tuple(spline_through(self._quadrant(number), angles) for number in range(4))
 
     @cached_property
     def curve(self) -> Curve:

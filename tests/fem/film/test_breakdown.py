@@ -11,7 +11,13 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, PATCH_TOML, ROOT5, circular
-from tympan.fem.film.breakdown import REGISTRY, STRENGTHS, Constant, Power, read_strength
+from tympan.fem.film.breakdown import (
+    STRENGTH_LIBRARY,
+    STRENGTHS,
+    ConstantStrength,
+    PowerStrength,
+    read_strength,
+)
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
@@ -21,14 +27,14 @@ from tympan.geometry.toml_reader import Table
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.film_surface import film_surface
 
-VHB = STRENGTHS["vhb-4910"].strength
+VHB = STRENGTH_LIBRARY["vhb-4910"].strength
 WEIGHT = 17.9e-3
 
 
-@pytest.mark.parametrize("name", STRENGTHS)
+@pytest.mark.parametrize("name", STRENGTH_LIBRARY)
 def test_library(name: str) -> None:
     """Every strength has a source and a caveat, and grows with the stretch at one virgin thickness."""
-    entry = STRENGTHS[name]
+    entry = STRENGTH_LIBRARY[name]
     assert entry.source
     assert entry.caveat
     stretch = np.linspace(1, 6, 11)
@@ -40,19 +46,19 @@ def test_library(name: str) -> None:
 def test_sources_agree_on_the_exponent_at_one_virgin_thickness() -> None:
     """E_b ∝ h^−0.25 λ^0.63 with h = H/λ² is ∝ λ^1.13: that of Koh et al."""
     stretch = np.array([1.5, 3.0])
-    for entry in STRENGTHS.values():
+    for entry in STRENGTH_LIBRARY.values():
         first, last = entry.strength.field(stretch, stretch, 1e-3 / stretch**2)
         assert np.log(last / first) / np.log(2.0) == pytest.approx(1.13, rel=1e-12)
 
 
 def test_laws_by_hand() -> None:
     assert VHB.field(5.0, 5.0, 1.0) == pytest.approx(30.6e6 * 6.1637, rel=1e-4)  # 5^1.13 = 6.1637
-    assert Constant(20e6).field(2.0, 3.0, 1e-4) == 20e6
-    assert Power(10e6, 2.0, 1.0, 2e-4).field(8.0, 2.0, 1e-4) == pytest.approx(10e6 * 16 * 2)
+    assert ConstantStrength(20e6).field(2.0, 3.0, 1e-4) == 20e6
+    assert PowerStrength(10e6, 2.0, 1.0, 2e-4).field(8.0, 2.0, 1e-4) == pytest.approx(10e6 * 16 * 2)
 
 
 def test_margin_of_the_flat_film_is_that_of_a_plate_capacitor() -> None:
-    specimen = circular(strength=Power(30e6, 0.8, 0.3, 5e-4))
+    specimen = circular(strength=PowerStrength(30e6, 0.8, 0.3, 5e-4))
     made = model(specimen)
     fields = cell_fields(made, made.mounted(4000.0**2), ELEMENTS[4].doflocs.T)
     field, strength = 4000.0 / 0.2e-3, 30e6 * ROOT5**0.8 * (0.2 / 0.5) ** -0.3
@@ -61,7 +67,7 @@ def test_margin_of_the_flat_film_is_that_of_a_plate_capacitor() -> None:
 
 def test_smallest_margin_and_its_place() -> None:
     """Under load the film is thinnest at the plate, where a constant strength is used up first."""
-    case = Case(circular(strength=Constant(40e6)), mass=WEIGHT, voltage=5000.0)
+    case = Case(circular(strength=ConstantStrength(40e6)), mass=WEIGHT, voltage=5000.0)
     result = solve(case, Settings())
     assert result.max_field_V_per_m is not None
     assert result.breakdown_margin == pytest.approx(40e6 / result.max_field_V_per_m, rel=1e-12)
@@ -71,7 +77,7 @@ def test_smallest_margin_and_its_place() -> None:
 
 def test_margin_is_sought_under_the_electrode_only() -> None:
     region = Region(circular().plate.outline, (30e-3, 0.0))
-    specimen = replace(circular(strength=Constant(40e6)), electrode=Electrode(outline=region))
+    specimen = replace(circular(strength=ConstantStrength(40e6)), electrode=Electrode(outline=region))
     result = solve(Case(specimen, mass=WEIGHT, voltage=4000.0), Settings())
     assert region.level(result.breakdown_x_m, result.breakdown_y_m) < 1e-9
 
@@ -80,7 +86,7 @@ def test_margin_is_sought_under_the_electrode_only() -> None:
                          [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
                                                  (40e6, None)])
 def test_warnings(strength: float, words: str | None) -> None:
-    result = solve(Case(circular(strength=Constant(strength)), mass=WEIGHT, voltage=5000.0), Settings())
+    result = solve(Case(circular(strength=ConstantStrength(strength)), mass=WEIGHT, voltage=5000.0), Settings())
     assert result.status == "equilibrium"
     found = [text for text in result.warnings if "break" in text]
     assert bool(found) == bool(words)
@@ -90,7 +96,7 @@ def test_warnings(strength: float, words: str | None) -> None:
 
 
 @pytest.mark.parametrize(("strength", "voltage"), [(None, 3000.0), (VHB, 0.0)])
-def test_no_margin_without_law_or_voltage(strength: Power | None, voltage: float) -> None:
+def test_no_margin_without_law_or_voltage(strength: PowerStrength | None, voltage: float) -> None:
     result = solve(Case(circular(strength=strength), mass=WEIGHT, voltage=voltage), Settings())
     assert result.breakdown_margin is result.breakdown_x_m is result.breakdown_y_m is None
 
@@ -117,13 +123,13 @@ def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("line", "strength"), [
-    ('breakdown = "vhb-4910-embedded"', STRENGTHS["vhb-4910-embedded"].strength),
-    ('breakdown = { law = "constant", strength = "20 kV/mm" }', Constant(20e6)),
+    ('breakdown = "vhb-4910-embedded"', STRENGTH_LIBRARY["vhb-4910-embedded"].strength),
+    ('breakdown = { law = "constant", strength = "20 kV/mm" }', ConstantStrength(20e6)),
     ('breakdown = { law = "power", strength = "30.6 MV/m", exponent = 1.13 }', VHB),
     ('breakdown = { law = "power", strength = "51 MV/m", exponent = 0.63, thickness_exponent = 0.25, '
-     'thickness = "1 mm" }', STRENGTHS["vhb-4910-embedded"].strength),
+     'thickness = "1 mm" }', STRENGTH_LIBRARY["vhb-4910-embedded"].strength),
 ])
-def test_strength_in_a_file(tmp_path: Path, line: str, strength: Power | Constant) -> None:
+def test_strength_in_a_file(tmp_path: Path, line: str, strength: PowerStrength | ConstantStrength) -> None:
     file = tmp_path / "film.toml"
     file.write_text(PATCH_TOML.replace("thickness =", f"{line}\nthickness ="))
     assert load_specimen(file).membrane.strength == strength
@@ -155,5 +161,5 @@ def test_bad_strengths_are_named(tmp_path: Path, line: str, key: str, words: str
 
 
 def test_registered_laws_name_themselves() -> None:
-    assert {name: made.__self__.law for name, made in REGISTRY.items()} == {"constant": "constant",
-                                                                            "power": "power"}
+    assert {name: kind.law for name, kind in STRENGTHS.items()} == {"constant": "constant",
+                                                                    "power": "power"}

@@ -20,7 +20,7 @@ from tympan.fem.equilibrium.constraints import Heave
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import (
-    REGISTRY,
+    LAWS,
     STRETCH_RANGE,
     ArrudaBoyce,
     Gent,
@@ -34,6 +34,7 @@ from tympan.fem.film.laws import (
 )
 from tympan.fem.film.library import MATERIALS
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import read
 from tympan.geometry.toml_reader import Table
 
 STEP = 1e-30
@@ -43,15 +44,14 @@ each_law = pytest.mark.parametrize("sample", SAMPLES.values(), ids=SAMPLES)
 
 
 def test_every_registered_law_has_a_sample() -> None:
-    assert set(SAMPLES) == set(REGISTRY)
+    assert set(SAMPLES) == set(LAWS)
     assert all(type(sample.law).law == name for name, sample in SAMPLES.items())
 
 
 @each_law
 def test_law_is_read_from_its_lines(sample: Sample) -> None:
     table = Table("sample.toml", tomllib.loads(sample.lines), "membrane.material")
-    law = REGISTRY[sample.law.law](table)
-    table.done()
+    law = read(LAWS[sample.law.law], table)
     assert type(law) is type(sample.law)
     for item in fields(law):
         got, stated = getattr(law, item.name), getattr(sample.law, item.name)

@@ -9,7 +9,7 @@ from contextlib import redirect_stdout
 import pytest
 
 from tympan.cli import main
-from tympan.geometry.outlines import REGISTRY, examples
+from tympan.geometry.outlines import OUTLINES, examples
 from tympan.studies.alpha.table import HEADER
 
 
@@ -25,7 +25,7 @@ def test_every_registered_outline_has_its_row(folder) -> None:
     with (folder / "outlines.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["shape"] for row in rows] == list(examples())
-    assert set(examples()) <= set(REGISTRY)
+    assert set(examples()) <= set(OUTLINES)
     assert tuple(rows[0]) == HEADER
     assert (folder / "outlines.png").stat().st_size > 10_000
 

@@ -16,7 +16,7 @@ def add(commands: Subcommands) -> None:
 def _run(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from tympan.fem.film.breakdown import STRENGTHS
+    from tympan.fem.film.breakdown import STRENGTH_LIBRARY
     from tympan.fem.film.library import MATERIALS
 
     if options.json:
@@ -32,6 +32,6 @@ def _run(options: argparse.Namespace) -> None:
                                if value is not None)
             print(f"  film: {stated} (kg/m³); {entry.film_source}")
     print("\nelectric strengths, for membrane.breakdown")
-    for name, strength in STRENGTHS.items():
+    for name, strength in STRENGTH_LIBRARY.items():
         print(f"{name}\n  {strength.strength}\n  source: {strength.source}\n"
               f"  beware: {strength.caveat}")

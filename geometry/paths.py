@@ -1,0 +1,61 @@
+"""Numbers within dataclasses by their path: attributes and numbers of elements, "membrane.material.mu.0"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+from tympan.geometry.fields import fields_of
+
+
+def numbers(value: Any, path: str) -> tuple[str, ...]:
+    """Paths of all numbers within a dataclass or tuple that have values between their values.
+
+    Examples
+    --------
+    >>> from tympan.geometry.outlines import Ellipse
+    >>> numbers(Ellipse((0.06, 0.045)), "frame")
+    ('frame.semi_axes.0', 'frame.semi_axes.1')
+    """
+    if isinstance(value, float | int | complex):
+        return (path,)
+    if isinstance(value, tuple):
+        return tuple(name for index, item in enumerate(value)
+                     for name in numbers(item, f"{path}.{index}"))
+    if not is_dataclass(value):
+        return ()
+    discrete = {field.name for field in fields_of(type(value)) if field.discrete}
+    return tuple(name for item in fields(value) if item.name not in discrete
+                 for name in numbers(getattr(value, item.name), f"{path}.{item.name}"))
+
+
+def at(value: Any, path: Sequence[str]) -> Any:
+    """What stands at a path within dataclasses and tuples."""
+    for key in path:
+        value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
+    return value
+
+
+def at_name(value: Any, name: str) -> Any:
+    """What stands at a path written with dots."""
+    return at(value, name.split("."))
+
+
+def with_change(value: Any, path: Sequence[str], change: Any) -> Any:
+    """A copy with something added to the number at a path."""
+    if not path:
+        return value + change
+    if isinstance(value, tuple):
+        index = int(path[0])
+        return (*value[:index], with_change(value[index], path[1:], change), *value[index + 1 :])
+    return replace(value, **{path[0]: with_change(getattr(value, path[0]), path[1:], change)})
+
+
+def any_complex(value: Any) -> bool:
+    """Whether any number within a dataclass or tuple is complex."""
+    if isinstance(value, tuple):
+        return any(map(any_complex, value))
+    if is_dataclass(value):
+        return any(any_complex(getattr(value, item.name)) for item in fields(value))
+    return isinstance(value, complex)
