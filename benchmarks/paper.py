@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tympan.reports.paper.figures import read_paper
-from tympan.reports.paper.page import CAPTIONS, shown
+from tympan.reports.paper.page import caption, number_text
 from tympan.studies.files import write_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices
@@ -74,7 +74,7 @@ def page(content: Any, seeds: list[str]) -> str:
                   f"{one['at_levels_percent']:.1f}", f"{one['at_rest_percent']:.1f}")
                  for one in ranges["rows"])), "",
         *(f"* {words}" for words in ranges["why"]), "",
-        f"![{CAPTIONS['fig14']}]({_FIGURES['fig14']})", "",
+        f"![{caption('fig14')}]({_FIGURES['fig14']})", "",
         "## Settling times of the oscillation [s]", "",
         *_table(("within", *(f"{name}, {mass} g" for name, mass in columns), "off by (rms)"),
                 [("paper", *(f"{value:.2f}" for value in SETTLING.ravel()), ""),
@@ -96,9 +96,9 @@ def page(content: Any, seeds: list[str]) -> str:
         for words in one["words"]:
             lines += [words, ""]
         if one["key"] == "lost":
-            lines += [f"![{CAPTIONS['misfit']}]({_FIGURES['misfit']})", "", *seeds, ""]
+            lines += [f"![{caption('misfit')}]({_FIGURES['misfit']})", "", *seeds, ""]
         lines += [*_table(("number", "value"),
-                          ((item["what"], shown(item)) for item in one["numbers"])), ""]
+                          ((item["what"], number_text(item)) for item in one["numbers"])), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
-from tympan.reports.template import sentence_list
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def rebuild(folder: Path) -> list[Path]:
              for file in kind.draw(marker)]
     if not files:
         markers = ", ".join(kind.marker for kind in KINDS)
-        commands = sentence_list([f"tympan {kind.command}" for kind in KINDS])
-        raise InputError(f"holds none of {markers}: only what {commands} wrote is rebuilt",
+        commands = ", ".join(f"tympan {kind.command}" for kind in KINDS)
+        raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
     return files

@@ -9,6 +9,7 @@ from math import ceil, cos, floor, radians, sin, sqrt
 
 import numpy as np
 import pyvista as pv
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  makes vtkRenderWindow() one of OpenGL
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow

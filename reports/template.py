@@ -1,7 +1,8 @@
-"""Pages: Jinja templates of this package, filled, and pictures embedded in them."""
+"""Pages and sentences: Jinja templates of this package, filled, and pictures embedded in them."""
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Callable
 from importlib import resources
@@ -10,20 +11,27 @@ from typing import Any
 
 import jinja2
 
+from tympan.reports.scales import digits, percent
 
-def page_template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
-    """A template by its path within this package, such as "study/report.html", with filters."""
+
+def template(name: str, **filters: Callable[[Any], str]) -> jinja2.Template:
+    """A template by its path within this package, such as "study/report.html".
+
+    ``digits`` and ``percent`` and the given filters write its numbers; text put into a page, not
+    into sentences (.txt), is escaped.
+    """
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(package_text), autoescape=True,
+        loader=jinja2.FunctionLoader(_text), autoescape=jinja2.select_autoescape(("html",)),
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"sentence_list": sentence_list, **filters}
-    environment.globals["css"] = package_text("page.css")
+    environment.filters |= {"digits": digits, "percent": percent, **filters}
+    environment.globals["css"] = _text("page.css")
     return environment.get_template(name)
 
 
-def package_text(name: str) -> str:
-    """A file of this package."""
-    return resources.files("tympan.reports").joinpath(name).read_text(encoding="utf-8")
+def sentence(words: jinja2.Template, part: str, *values: Any) -> str:
+    """What the macro ``part`` of a template says about values, on one line."""
+    macro = getattr(words.module, part)
+    return re.sub(r"[ \n]+", " ", str(macro(*values))).strip()
 
 
 def embedded_picture(file: Path) -> str:
@@ -32,13 +40,5 @@ def embedded_picture(file: Path) -> str:
     return f"data:{kind};base64,{b64encode(file.read_bytes()).decode()}"
 
 
-def sentence_list(parts: Any) -> str:
-    """Parts with commas and a final "and".
-
-    Examples
-    --------
-    >>> sentence_list(["a"]), sentence_list(["a", "b"]), sentence_list(["a", "b", "c"])
-    ('a', 'a and b', 'a, b and c')
-    """
-    *first, last = parts or [""]
-    return f"{', '.join(first)} and {last}" if first else last
+def _text(name: str) -> str:
+    return resources.files("tympan.reports").joinpath(name).read_text(encoding="utf-8")

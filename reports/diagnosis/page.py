@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Template
 
 from tympan.geometry.errors import InputError
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
-from tympan.reports.template import embedded_picture, page_template, sentence_list
+from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.effects import REGISTRY
 from tympan.studies.files import write_text
 
@@ -21,15 +22,6 @@ Content = Mapping[str, Any]
 
 #: Standard deviations of the noise from which a ratio is clearly wrong.
 CLEARLY = 3.0
-
-#: What a reader is told first.
-HEADLINES = {
-    "nothing": "The simulation agrees with these readings.",
-    "named": "The simulation is wrong, and the cause stands out.",
-    "ambiguous": "The simulation is wrong, and more than one cause could explain it.",
-    "unexplained": "The simulation is wrong, and no effect in the library explains it.",
-}
-
 
 def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file.
@@ -48,70 +40,55 @@ def build_diagnosis_page(folder: Path) -> Path:
 
 def render_diagnosis(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
-    template = page_template("diagnosis/diagnosis.html", number=number, percent=probability_text,
-                             chance=chance, error=error)
-    return template.render(
-        found=content, headline=HEADLINES[content["verdict"]],
-        sentence=verdict_sentence(content),
-        figure=figure, causes=[told(one) for one in content["causes"]],
-        attempts=[told(one) for one in content["attempts"]])
+    return _template("diagnosis/diagnosis.html").render(
+        diagnosis=content, headline=headline(content["verdict"]), verdict=verdict_words(content),
+        figure=figure, causes=_explained(content["causes"]),
+        attempts=_explained(content["attempts"]))
 
 
-def told(cause: Content) -> Content:
-    """A cause with its words."""
-    return {**cause, "label": cause_label(cause), "values": values(cause),
-            "explanation": REGISTRY[cause["effect"]].explanation}
+def headline(verdict: str) -> str:
+    """What a reader is told first."""
+    return sentence(_template("diagnosis/words.txt"), "headline", verdict)
 
 
-def verdict_sentence(content: Content) -> str:
+def verdict_words(content: Content) -> str:
     """The verdict in one or two sentences.
 
     Examples
     --------
     >>> misfit = {"baseline_rmse_um": 21.0, "noise_um": 20.0, "where": "nowhere"}
-    >>> verdict_sentence({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})
-    'With stiffness and permittivity fitted, it misses the readings by 21 µm; the noise alone is 20 µm.'
+    >>> verdict_words({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})[:55]
+    'With stiffness and permittivity fitted, it misses the r'
     """
-    misfit, causes = content["misfit"], content["causes"]
-    missed = (f"With stiffness and permittivity fitted, it misses the readings by {number(misfit['baseline_rmse_um'])} "
-              f"µm; the noise alone is {number(misfit['noise_um'])} µm")
-    if content["verdict"] == "nothing":
-        return f"{missed}."
-    missed = f"{missed}: {misfit['where']}."
-    if content["verdict"] == "unexplained":
-        return (f"{missed}{ratio_words(misfit)} Something is at work that tympan does not know, or the dataset states "
-                "something wrongly.")
-    if content["verdict"] == "named":
-        named = [one for one in causes if cause_label(one) in content["after"]["effects"]]
-        told = " ".join(f"{REGISTRY[one['effect']].explanation} Found: {values(one)}."
-                        for one in named)
-        return f"{missed} {told} With that it misses them by {number(content['after']['rmse_um'])} µm."
-    several = [cause_label(one) for one in causes if one["probability"] >= 0.05][:4]
-    return f"{missed} These readings cannot decide between {sentence_list(several)}."
+    causes = _explained(content["causes"])
+    named = [cause for cause in causes
+             if content["after"] and cause["label"] in content["after"]["effects"]]
+    suspects = [cause for cause in causes if cause["probability"] >= 0.05][:4]
+    return sentence(_template("diagnosis/words.txt"), "verdict", content, named, suspects,
+                    _worst_ratios(content["misfit"]))
 
 
-def ratio_words(misfit: Content) -> str:
+def _worst_ratios(misfit: Content) -> list[Content]:
     """The worst ratio of strokes of each kind that is clearly wrong."""
-    found = []
-    for kind in ("shape", "mass"):
-        worst = max((one for one in misfit["ratios"] if one["kind"] == kind
-                     and abs(one["off_by_noise"]) > CLEARLY),
-                    key=lambda one: abs(one["off_by_noise"]), default=None)
-        if worst:
-            found.append(f"{worst['what']} is {worst['read']:.2f} as read, {worst['simulated']:.2f} as simulated")
-    return f" The ratio of strokes {sentence_list(found)}." if found else ""
+    clear = [ratio for ratio in misfit.get("ratios", ()) if abs(ratio["off_by_noise"]) > CLEARLY]
+    of_kind = [[ratio for ratio in clear if ratio["kind"] == kind] for kind in ("shape", "mass")]
+    return [max(ratios, key=lambda ratio: abs(ratio["off_by_noise"])) for ratios in of_kind
+            if ratios]
+
+
+def _explained(causes: Iterable[Content]) -> list[Content]:
+    """Causes with their names and what they mean."""
+    return [{**cause, "label": cause_label(cause),
+             "explanation": REGISTRY[cause["effect"]].explanation} for cause in causes]
+
+
+def _template(name: str) -> Template:
+    return template(name, number=number, error=error, probability=probability_text, chance=chance)
 
 
 def cause_label(cause: Content) -> str:
     """An effect, with the specimen it happens to."""
     return cause["effect"] if cause["which"] is None else f"{cause['effect']} of {cause['which']}"
-
-
-def values(cause: Content) -> str:
-    """The parameters of a cause with their limits."""
-    return ", ".join(
-        f"{name} = {number(one['value'])} {one['unit']} (95 %: {number(one['low'])} to {number(one['high'])})"
-        .replace("  ", " ") for name, one in cause["parameters"].items())
 
 
 def number(value: float | None) -> str:
@@ -126,14 +103,17 @@ def error(value: float | None) -> str:
 
 def probability_text(share: float) -> str:
     """A probability, never rounded to certainty."""
-    return "above 99 %" if share > 0.99 else "below 1 %" if share < 0.01 else f"{100 * share:.0f} %"
+    if not 0.01 <= share <= 0.99:
+        return "above 99 %" if share > 0.5 else "below 1 %"
+    return f"{100 * share:.0f} %"
 
 
 def chance(p_value: float) -> str:
     """How often noise alone would look like that."""
     if p_value >= 0.01:
         return f"{100 * p_value:.0f} times in a hundred"
-    return f"once in {10 ** max(3, round(-np.log10(max(p_value, 1e-9)))):,} times or less".replace(",", " ")
+    times = 10 ** max(3, round(-np.log10(max(p_value, 1e-9))))
+    return f"once in {times:,} times or less".replace(",", " ")
 
 
 def _read(folder: Path) -> tuple[Content, Residuals]:

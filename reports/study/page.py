@@ -11,7 +11,7 @@ from tympan.reports.scales import digits, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
 from tympan.reports.study.load import Run, Stored, read_run
-from tympan.reports.template import embedded_picture, page_template
+from tympan.reports.template import embedded_picture, template
 from tympan.studies.alpha import AlphaResult, Weights
 from tympan.studies.files import write_text
 
@@ -73,7 +73,7 @@ def build_study_page(folder: Path) -> Path:
 
 def render_study(run: Run, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
-    return page_template("study/report.html").render(
+    return template("study/report.html").render(
         run=run, summary=words.study_summary(run), warnings=words.study_warnings(run),
         fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),

@@ -1,47 +1,34 @@
-"""The results in plain sentences, made from the numbers."""
+"""What the results say: the numbers behind the sentences of ``words.txt``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
+from jinja2 import Template
 
-from tympan.reports.scales import digits, percent
+from tympan.reports.scales import percent
 from tympan.reports.study.load import Curve, Run, Stored
-from tympan.reports.template import sentence_list
+from tympan.reports.template import sentence, template
 from tympan.studies.alpha import AlphaResult
 
 
 def study_summary(run: Run) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
-    stress = stress_at_plate(run.specimens, run.stress_range[0])
-    said = (deflections(run), stress, tension(run), breakdown(run), strokes(run),
-            weights(run.alphas))
-    return tied(" ".join(filter(None, said)))
-
-
-def tied(text: str) -> str:
-    r"""The text with its numbers and units kept on one line.
-
-    Examples
-    --------
-    >>> tied("2.18 mm (a 2 by 3 thing)")
-    '2.18\xa0mm (a 2 by 3 thing)'
-    """
-    return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}", text)
-
-
-def deflections(run: Run) -> str:
-    """How far each plate sinks, and how much farther than that of the reference."""
     first = reference(run.specimens)
-    each = sentence_list([f"{digits(item.deflection)} mm ({item.name})" for item in run.specimens])
-    sentence = f"Under {run.mass:g} g at {run.voltage:g} kV the plate sinks {each}."
-    others = [item for item in run.specimens if item is not first]
-    if not others or not first.deflection:
-        return sentence
-    ratios = sentence_list([f"{item.name} {more(item.deflection / first.deflection)}" for item in others])
-    return f"{sentence} At this equal load, compared with {first.name}, {ratios}."
+    sentences = (
+        _say("deflections", run, first, [item for item in run.specimens if item is not first]),
+        stress_at_plate(run.specimens, run.stress_range[0]),
+        _say("tension", [item for item in run.specimens if item.loose]),
+        _say("breakdown", [item for item in run.specimens
+                           if item.result.breakdown_margin is not None]),
+        strokes(run), _mixtures(run.alphas))
+    # Numbers and their units stay on one line.
+    return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}",
+                  " ".join(filter(None, sentences)))
 
 
 def reference(specimens: Sequence[Stored]) -> Stored:
@@ -49,143 +36,96 @@ def reference(specimens: Sequence[Stored]) -> Stored:
     return next((item for item in specimens if item.round), specimens[0])
 
 
-def more(ratio: float) -> str:
-    r"""A ratio as a difference in words.
-
-    Examples
-    --------
-    >>> more(1.0756), more(0.88), more(1.0)
-    ('sinks 7.6\u202f% more', 'sinks 12\u202f% less', 'sinks as much')
-    """
-    if abs(ratio - 1) < 5e-4:
-        return "sinks as much"
-    return f"sinks {percent(abs(ratio - 1))} {'more' if ratio > 1 else 'less'}"
-
-
-def tension(run: Run) -> str:
-    """Which films of the picture have lost tension, and over how much of their area."""
-    lost = [f"{percent(item.result.slack_share)} of {item.name}" for item in run.specimens
-            if item.loose]
-    return f"Tension is lost in {sentence_list(lost)}: the film wrinkles there (hatched)." if lost else ""
-
-
-def breakdown(run: Run) -> str:
-    """How far each film of the picture is from electrical breakdown, where a strength is known."""
-    known = [(item, item.result.breakdown_margin) for item in run.specimens
-             if item.result.breakdown_margin is not None]
-    if not known:
-        return ""
-    each = sentence_list([f"{digits(margin)} ({item.name})" for item, margin in known])
-    return f"The film's electric strength is at least {each} times its field."
-
-
 def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
-    """On which axis the stress at the plate is larger, and by how much; ``least`` stress of all films [kPa]."""
-    parts, where = [], "The largest principal true stress at the plate"
-    for axis in dict.fromkeys(_larger(item) for item in specimens if not item.alike):
-        chosen = [item for item in specimens if not item.alike and _larger(item) == axis]
-        parts.append(f"{where} is higher on the {axis} axis {sentence_list([_difference(item) for item in chosen])}. "
-                     f"{_above(chosen, least)}".strip())
-    alike = [f"{item.name} ({digits(item.long.at_plate, 4)} kPa)" for item in specimens
-             if item.alike]
-    if alike:
-        parts.append(f"{'It' if parts else where} is the same on both axes in {sentence_list(alike)}.")
-    return " ".join(parts)
+    """On which axis the stress at the plate is larger, and by how much.
+
+    ``least`` is the smallest stress of all films [kPa].
+    """
+    different = [item for item in specimens if not item.alike]
+    groups = []
+    for axis in dict.fromkeys(map(_larger_axis, different)):
+        ends = [{"name": item.name, "high": max(item.short.at_plate, item.long.at_plate),
+                 "low": min(item.short.at_plate, item.long.at_plate)}
+                for item in different if _larger_axis(item) == axis]
+        groups.append({"axis": axis, "ends": ends, "shares": _shares_of_load(ends, least)})
+    return _say("stress_at_plate", groups, [item for item in specimens if item.alike], least)
 
 
-def _larger(specimen: Stored) -> str:
-    return specimen.axes[0] if specimen.short.at_plate > specimen.long.at_plate else specimen.axes[1]
+def _larger_axis(specimen: Stored) -> str:
+    return specimen.axes[specimen.short.at_plate <= specimen.long.at_plate]
 
 
-def _difference(specimen: Stored) -> str:
-    high, low = _ends(specimen)
-    return f"by {digits(high - low, 2)} kPa in {specimen.name} ({digits(high, 4)} against {digits(low, 4)} kPa)"
-
-
-def _above(specimens: Sequence[Stored], least: float) -> str:
-    """The difference as a share of what the load adds, where the film is stressed without it."""
-    ends = [_ends(item) for item in specimens]
-    if least < max(high for high, _ in ends) / 2 or min(low for _, low in ends) <= least:
-        return ""
-    shares = sentence_list([percent((high - least) / (low - least) - 1) for high, low in ends])
-    return (f"The prestretch alone makes most of this stress; counted from the smallest in these films, "
-            f"{digits(least, 4)} kPa, the difference is {shares}.")
-
-
-def _ends(specimen: Stored) -> tuple[float, float]:
-    """The larger and the smaller stress at the plate on the two axes [kPa]."""
-    pair = specimen.short.at_plate, specimen.long.at_plate
-    return max(pair), min(pair)
+def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]:
+    """Differences as shares of what the load adds, where the film is stressed without it."""
+    low = min(end["low"] for end in ends)
+    if least < max(end["high"] for end in ends) / 2 or low <= least:
+        return []
+    return [(end["high"] - least) / (end["low"] - least) - 1 for end in ends]
 
 
 def strokes(run: Run) -> str:
     """How far the voltage moves each plate under the picture's mass, or the lightest of the curves."""
-    there = sorted({curve.mass for item in run.specimens for curve in item.curves})
-    if not there:
+    masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
+    if not masses:
         return ""
-    mass = run.mass if run.mass in there else there[0]
+    mass = run.mass if run.mass in masses else masses[0]
     pairs = [(item.name, curve) for item in run.specimens for curve in item.curves
              if curve.mass == mass]
     low = min(float(curve.voltage[0]) for _, curve in pairs)
     high = max(float(curve.voltage[-1]) for _, curve in pairs)
-    return (f"Raising the voltage from {low:g} to {high:g} kV under {mass:g} g lowers the plate by up to another "
-            f"{sentence_list([stroke(name, curve) for name, curve in pairs])}.")
+    return _say("strokes", mass, low, high, [stroke(name, curve) for name, curve in pairs])
 
 
-def stroke(name: str, curve: Curve) -> str:
-    """Largest travel of one plate from where it is at the first voltage with an equilibrium, before any pull-in."""
-    if not curve.found.any():
-        return f"unknown distance ({name}: no equilibrium)"
-    above = curve.pull_in[1] if curve.pull_in else np.inf
-    reached = curve.deflection[curve.found & (curve.voltage < above)]
-    if not len(reached):
-        return f"unknown distance ({name}: it pulls in at once)"
-    end = f", before it pulls in below {above:g} kV" if curve.pull_in else ""
-    return f"{digits(float(reached.max() - reached[0]))} mm ({name}{end})"
+def stroke(name: str, curve: Curve) -> dict[str, Any]:
+    """Largest travel of one plate [mm] from its first equilibrium, before any pull-in [kV]."""
+    above = curve.pull_in[1] if curve.pull_in else None
+    reached = curve.deflection[curve.found & (curve.voltage < (above or np.inf))]
+    trouble = ("no equilibrium" if not curve.found.any()
+               else "" if len(reached) else "it pulls in at once")
+    return {"name": name, "trouble": trouble, "pull_in": above,
+            "stroke": float(reached.max() - reached[0]) if len(reached) else None}
 
 
-def weights(alphas: Sequence[AlphaResult]) -> str:
+def _mixtures(alphas: Sequence[AlphaResult]) -> str:
     """Which mixture of circles each elongated shape behaves as."""
-    found = [item for item in alphas if len(item.circles) > 1]
-    if not found:
-        return ""
-    worst = percent(max(item.by_basis["membrane"].fit_error for item in found))
-    return (f"As a mixture of circular membranes, {', '.join(map(_mixture, found))}; "
-            f"the force is met within {worst.removeprefix('< ')}.")
-
-
-def _mixture(item: AlphaResult) -> str:
-    parts = zip(item.by_basis["membrane"].alpha, item.circles, strict=True)
-    mixed = " + ".join(f"{weight:.2f} of radius {radius * 1e3:g} mm" for weight, radius in parts)
-    return f"{item.specimen} is {mixed}"
+    elongated = [(item, item.by_basis["membrane"]) for item in alphas if len(item.circles) > 1]
+    worst = max((weights.fit_error for _, weights in elongated), default=0.0)
+    return _say("mixtures", [
+        {"specimen": item.specimen, "parts": list(zip(weights.alpha, item.circles, strict=True))}
+        for item, weights in elongated], percent(worst).removeprefix("< "))
 
 
 def study_warnings(run: Run) -> list[str]:
-    """Every warning stored, and every point of the curves without a result, each with its specimen."""
+    """Every warning stored, and every point of the curves without a result, with its specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
-            *(text for item in run.specimens for text in _gaps(item)),
+            *(text for item in run.specimens for curve in item.curves
+              for text in _curve_warnings(item.name, curve)),
             *(f"{item.specimen}, α: {text}" for item in run.alphas for text in item.warnings
               if not text.startswith("the semi-axes are equal"))]
 
 
-def _gaps(specimen: Stored) -> Iterator[str]:
-    for curve in specimen.curves:
-        lost = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
+def _curve_warnings(name: str, curve: Curve) -> Iterator[str]:
+    unsolved = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
                 if status not in ("equilibrium", "no_equilibrium")]
-        if lost:
-            yield (f"{specimen.name}: the curve for {curve.mass:g} g has no result at "
-                   f"{', '.join(f'{voltage:g}' for voltage in lost)} kV (not converged)")
-        slack = curve.voltage[curve.loose]
-        if len(slack):
-            yield (f"{specimen.name}: under {curve.mass:g} g the film loses tension from {slack[0]:g} kV on, over up "
-                   f"to {percent(float(np.nanmax(curve.slack)))} of it")
-        broken = curve.voltage[curve.margin < 1]
-        if len(broken):
-            yield f"{specimen.name}: under {curve.mass:g} g the film would break down from {broken[0]:g} kV on"
-        if curve.pull_in is not None:
-            below, above = curve.pull_in
-            first = "at no voltage tried" if np.isnan(below) else f"only up to between {below:g} and {above:g} kV"
-            again = curve.voltage[curve.found & (curve.voltage > above)]
-            then = f"; there is one again from {again[0]:g} kV" if len(again) else ""
-            yield (f"{specimen.name}: under {curve.mass:g} g there is an equilibrium {first}; beyond, the film "
-                   f"pulls in{then}")
+    if unsolved:
+        yield _say("no_result", name, curve.mass, unsolved)
+    slack = curve.voltage[curve.loose]
+    if len(slack):
+        yield _say("slack", name, curve.mass, slack[0], float(np.nanmax(curve.slack)))
+    broken = curve.voltage[curve.margin < 1]
+    if len(broken):
+        yield _say("broken", name, curve.mass, broken[0])
+    if curve.pull_in is not None:
+        below, above = curve.pull_in
+        again = curve.voltage[curve.found & (curve.voltage > above)]
+        yield _say("pulled_in", name, curve.mass, None if np.isnan(below) else below, above,
+                   again[0] if len(again) else None)
+
+
+def _say(part: str, *values: Any) -> str:
+    return sentence(_words(), part, *values)
+
+
+@cache
+def _words() -> Template:
+    return template("study/words.txt")

@@ -340,7 +340,7 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 def test_curve_without_any_equilibrium() -> None:
     curve = Curve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
     assert curves.curve_label("a", curve) == "a: no equilibrium"
-    assert words.stroke("a", curve) == "unknown distance (a: no equilibrium)"
+    assert words.stroke("a", curve)["trouble"] == "no equilibrium"
 
 
 @pytest.mark.parametrize(("low", "high"), [

@@ -56,13 +56,13 @@ def _run(options: argparse.Namespace) -> None:
         print_json(content)
         return
     from tympan.reports.diagnosis.page import (
-        HEADLINES,
         cause_label,
+        headline,
         probability_text,
-        verdict_sentence,
+        verdict_words,
     )
 
-    print(f"{HEADLINES[content['verdict']]} {verdict_sentence(content)}")
+    print(f"{headline(content['verdict'])} {verdict_words(content)}")
     for cause in content["causes"]:
         print(f"  {probability_text(cause['probability']):>10}  {cause_label(cause)}")
     for warning in content["warnings"]:
