@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
-from tympan.studies.estimation.identifiability import Judgement
+from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.collocation import Follower
 from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
 from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
@@ -60,7 +60,7 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
                   float(read[0]))
 
 
-def show(words: str, judgement: Judgement) -> None:
+def show(words: str, judgement: Identifiability) -> None:
     """One line: every constant with its limits, in per cent of its value."""
     found = [f"{one.name} " + ("-" if one.low is None or one.high is None else
                                f"{100 * (one.low / one.value - 1):+.2f}/{100 * (one.high / one.value - 1):+.2f} %")

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.estimation.identifiability import Judgement
+from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.estimation.profile import Profile
 from tympan.studies.identify.dynamic_search import DynamicFit
 from tympan.studies.identify.responses import Record
@@ -36,7 +36,7 @@ def draw_dynamic(fit: DynamicFit, folder: Path) -> list[Path]:
     return style.save_figure(folder, "dynamic", lambda: _dynamic(fit))
 
 
-def draw_profiles(judgement: Judgement, folder: Path, name: str = "profiles") -> list[Path]:
+def draw_profiles(judgement: Identifiability, folder: Path, name: str = "profiles") -> list[Path]:
     """Draw folder/name: of each constant that has one, √Δχ² over its value, with the 95 % limits.
 
     A straight V is a linear problem; a branch that never meets the dotted line leaves its side
@@ -45,7 +45,7 @@ def draw_profiles(judgement: Judgement, folder: Path, name: str = "profiles") ->
     return style.save_figure(folder, name, lambda: _profiles(judgement))
 
 
-def draw_correlations(judgement: Judgement, folder: Path,
+def draw_correlations(judgement: Identifiability, folder: Path,
                       name: str = "correlations") -> list[Path]:
     """Draw folder/name: the linearised correlations of the constants.
 
@@ -137,7 +137,7 @@ def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, en
                rasterized=True)
 
 
-def _profiles(judgement: Judgement) -> Figure:
+def _profiles(judgement: Identifiability) -> Figure:
     drawn = [(constant, profile) for constant, profile
              in zip(judgement.constants, judgement.profiles, strict=True) if profile is not None]
     rows = max(1, -(-len(drawn) // _COLUMNS))
@@ -176,7 +176,7 @@ def _span(profile: Profile, values: np.ndarray) -> tuple[float, float]:
     return low - edge, high + edge
 
 
-def _correlations(judgement: Judgement) -> Figure:
+def _correlations(judgement: Identifiability) -> Figure:
     names = [_symbol(constant.name) for constant in judgement.constants]
     sure = np.array([constant.low is not None for constant in judgement.constants])
     size = _CELL * len(names)

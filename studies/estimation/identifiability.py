@@ -1,4 +1,4 @@
-"""What readings determine of a model's constants: independent combinations, and 95 % limits of each constant."""
+"""What readings determine of a model's constants: their independent combinations, and 95 % limits."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.estimation.least_squares import Noise
-from tympan.studies.estimation.profile import Misfit, Profile, profile, settled
+from tympan.studies.estimation.least_squares import LeastSquares
+from tympan.studies.estimation.profile import Profile, profile, settled
 
 Array = NDArray[np.float64]
 
@@ -26,10 +26,6 @@ _WORTH = 4.0
 CREDIBLE = 10.0
 #: A profile so many times narrower than the linearised limits comes of a fit that did not arrive.
 _DOUBTFUL = 5.0
-#: A misfit above so many times the stated noise is the law's, not the noise's.
-MISFIT = 2.0
-
-
 class Named(Protocol):
     """A constant as the limits need it."""
 
@@ -57,11 +53,11 @@ class Combination:
 
 
 @dataclass(frozen=True)
-class Found:
-    """One constant found; ``low``, ``high`` are 95 % limits by profile, None where the data do not determine it.
+class Estimate:
+    """A constant's value in its ``unit``, and its 95 % limits.
 
-    ``linear_low`` and ``linear_high`` are the linearised ones, None where they are wider than its
-    scale allows.
+    ``low`` and ``high`` are by profile, None where the data do not determine it; ``linear_low`` and
+    ``linear_high`` are the linearised ones, None where they are wider than its scale allows.
     """
 
     name: str
@@ -74,15 +70,15 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
-    """Of every constant its limits and, where one was made, its profile (in units of the scales); the combinations.
+class Identifiability:
+    """Of every constant its limits and, where one was made, its profile (in units of the scales).
 
     ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
     errors along them are independent. ``correlations`` are of the constants, linearised.
     ``quantile`` of the noise makes the 95 % limits.
     """
 
-    constants: tuple[Found, ...]
+    constants: tuple[Estimate, ...]
     combinations: tuple[Combination, ...]
     correlations: Array
     profiles: tuple[Profile | None, ...]
@@ -92,47 +88,42 @@ class Judgement:
     @property
     def determined(self) -> int:
         """How many independent numbers the data determine."""
-        return sum(one.half is not None for one in self.combinations)
+        return sum(combination.half is not None for combination in self.combinations)
 
     @property
     def undetermined(self) -> list[str]:
         """Names of the constants the data do not determine."""
-        return [one.name for one in self.constants if one.low is None]
+        return [constant.name for constant in self.constants if constant.low is None]
 
     def to_value(self, name: str, z: float) -> float:
         """The value of a constant that is z in the search's unit."""
-        return self.values_of([one.name for one in self.constants].index(name), z)
+        return self.values_of([constant.name for constant in self.constants].index(name), z)
 
     def json(self) -> dict[str, Any]:
         """As the command prints it."""
-        names = [one.name for one in self.constants]
+        names = [constant.name for constant in self.constants]
         return {
             "determined": self.determined,
-            "constants": [vars(one) for one in self.constants],
+            "constants": [vars(constant) for constant in self.constants],
             "not_determined": self.undetermined,
-            "combinations": [{"coefficients": dict(zip(names, one.coefficients, strict=True)),
-                              "value": one.value,
-                              "half_width": one.half} for one in self.combinations],
+            "combinations": [{"coefficients": dict(zip(names, combination.coefficients,
+                                                       strict=True)),
+                              "value": combination.value,
+                              "half_width": combination.half}
+                             for combination in self.combinations],
             "correlations": self.correlations.tolist(),
         }
 
 
-def noise_of(squares: float, freedom: int, given: float | None) -> Noise:
-    """The noise stated, or that of the residuals; their misfit where the stated noise cannot explain it."""
-    estimated = Noise.of(squares, freedom, None)
-    if given is None:
-        return estimated
-    stated = Noise.of(squares, freedom, given)
-    # A misfit that noise cannot explain widens the limits, which it would make too narrow.
-    return stated if estimated.sigma < MISFIT * given else Noise(estimated.sigma, stated.quantile)
+def seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
+    """How well, and along which directions (rows), readings see the first ``count`` unknowns.
 
-
-def seen(misfit: Misfit, at: Array, count: int) -> tuple[Array, Array]:
-    """How well, and along which directions (rows), readings see the first ``count`` constants, the others left free."""
-    _, slopes = misfit.both(at)
+    The others are left free.
+    """
+    slopes = problem.at(at).jacobian
     free = np.linalg.qr(slopes[:, count:])[0]
-    own = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
-    _, singular, right = np.linalg.svd(own, full_matrices=False)
+    constants = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
+    _, singular, right = np.linalg.svd(constants, full_matrices=False)
     return singular, right
 
 
@@ -141,61 +132,92 @@ def seen(misfit: Misfit, at: Array, count: int) -> tuple[Array, Array]:
 _FIRM = 100.0
 
 
-def unseen(misfit: Misfit, at: Array, count: int) -> tuple[Array, int]:
-    """Rows that hold what readings do not see of the first constants where a search began; and what they do see.
+def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
+    """Rows that hold what readings do not see of the first unknowns, and how many they do see.
 
-    Left to itself it would follow the noise to the ends of its bounds.
+    For :meth:`LeastSquares.with_rows`, centred where the search began: left to itself it would
+    follow the noise to the ends of its bounds.
     """
-    singular, right = seen(misfit, at, count)
-    known = int(np.sum(singular > 2 / DETERMINED))
-    rows = np.zeros((count - known, len(at)))
-    rows[:, :count] = _FIRM * right[known:]
-    return rows, known
+    singular, right = seen(problem, at, count)
+    determined = int(np.sum(singular > 2 / DETERMINED))
+    rows = np.zeros((count - determined, len(at)))
+    rows[:, :count] = _FIRM * right[determined:]
+    return rows, determined
 
 
-def judge(misfit: Misfit, best: Array, constants: Sequence[Named], quantile: float,
-          values_of: Callable[[int, float], float], profiles: bool = True) -> Judgement:
-    """Limits at a minimum of a misfit in units of the noise; ``values_of(index, z)`` turns z into a constant's value.
+def covariance(jacobian: Array, sigma: float) -> Array:
+    """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one at all.
 
-    What the misfit depends on beyond these constants is left to fit. Without ``profiles`` the
-    limits are linearised.
+    Parameters
+    ----------
+    jacobian
+        Of the residuals, shape (n, p), in units in which a reading's standard deviation is
+        ``sigma``.
+    """
+    lengths = np.linalg.norm(jacobian, axis=0)
+    safe = np.where(lengths > 0, lengths, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
+    kept = singular > 1e-10 * singular[0]
+    unit = (right[kept].T / singular[kept] ** 2) @ right[kept]
+    result = sigma**2 * unit / np.outer(safe, safe)
+    hidden = (np.abs(right[~kept]) > 1e-6).any(axis=0) | (lengths == 0)
+    result[np.diag_indices_from(result)] = np.where(hidden, np.inf, np.diag(result))
+    return np.asarray(result)
+
+
+def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Named],
+                    quantile: float, values_of: Callable[[int, float], float],
+                    profiles: bool = True) -> Identifiability:
+    """Limits at a minimum of a problem in units of the noise, each constant in units of its scale.
+
+    Parameters
+    ----------
+    best
+        The minimum, shape (p,); what comes after the constants is left to fit.
+    values_of
+        ``values_of(index, z)`` is a constant's value at z.
+    profiles
+        Without them the limits are linearised.
     """
     count = len(constants)
-    singular, right = seen(misfit, best, count)
+    singular, right = seen(problem, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
     deviations = 1 / np.maximum(singular, 1e-14 * singular[0])
-    covariance, wide = ((right.T * width**2) @ right for width in (np.minimum(deviations, CREDIBLE),
-                                                                   deviations))
-    spread = np.sqrt(np.diag(covariance))
-    credible = misfit.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
-    free = settled(credible, best) if profiles else best
-    found, drawn = [], []
+    credible, wide = ((right.T * width**2) @ right
+                      for width in (np.minimum(deviations, CREDIBLE), deviations))
+    spread = quantile * np.sqrt(np.diag(credible))
+    held = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
+    free = settled(held, best) if profiles else best
+    estimates, lines = [], []
     for index, constant in enumerate(constants):
-        z, half = float(best[index]), quantile * float(spread[index])
-        open_ = misfit.low[index] < z < misfit.high[index]
-        linear = (max(z - half, misfit.low[index]), min(z + half, misfit.high[index]))
-        line = profile(credible, free, index,
-                       quantile) if profiles and open_ and half < _WORTH else None
-        limits = linear if not profiles else (None, None) if line is None else (line.low, line.high)
-        drawn.append(line)
-        sure = _limited(limits,
-                        2 * half / _DOUBTFUL) if profiles or (open_ and half < DETERMINED) else None
-        rough = linear if open_ and half < DETERMINED else None
-        ends = [None if pair is None else values_of(index, pair[side]) for pair in (sure, rough)
-                for side in (0, 1)]
-        found.append(Found(constant.name, constant.unit, values_of(index, z), *ends))
+        z, half = float(best[index]), float(spread[index])
+        inside = problem.low[index] < z < problem.high[index]
+        linear = (max(z - half, float(problem.low[index])),
+                  min(z + half, float(problem.high[index])))
+        line = None
+        if profiles and inside and half < _WORTH:
+            line = profile(held, free, index, quantile)
+        lines.append(line)
+        rough = linear if inside and half < DETERMINED else None
+        if profiles:
+            sure = None if line is None else _limited(line.low, line.high, 2 * half / _DOUBTFUL)
+        else:
+            sure = rough and _limited(*rough, 2 * half / _DOUBTFUL)
+        ends = [None if limits is None else values_of(index, limits[side])
+                for limits in (sure, rough) for side in (0, 1)]
+        estimates.append(Estimate(constant.name, constant.unit, values_of(index, z), *ends))
     combinations = tuple(
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
     lengths = np.sqrt(np.diag(wide))
-    return Judgement(tuple(found), combinations, wide / np.outer(lengths, lengths), tuple(drawn),
-                     quantile,
-                     values_of)
+    return Identifiability(tuple(estimates), combinations, wide / np.outer(lengths, lengths),
+                           tuple(lines), quantile, values_of)
 
 
-def _limited(pair: tuple[float | None, float | None], least: float) -> tuple[float, float] | None:
-    """The limits, where there are two, close enough to say something and not so close that they cannot be."""
-    low, high = pair
-    return None if low is None or high is None or not least <= high - low <= 2 * DETERMINED else (low, high)
+def _limited(low: float | None, high: float | None, least: float) -> tuple[float, float] | None:
+    """The limits, where both are there, close enough to say something and not closer than can be."""
+    if low is None or high is None or not least <= high - low <= 2 * DETERMINED:
+        return None
+    return low, high

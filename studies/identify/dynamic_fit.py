@@ -14,7 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import radii_of
 from tympan.studies.estimation.identifiability import CREDIBLE
-from tympan.studies.estimation.profile import Misfit
+from tympan.studies.estimation.least_squares import LeastSquares
 from tympan.studies.identify.collocation import Follower
 from tympan.studies.identify.responses import Record
 from tympan.studies.identify.static_fit import Constant
@@ -230,7 +230,7 @@ class DynamicProblem:
             found.append((residual, slopes))
         return found
 
-    def misfit(self, sigma: float) -> Misfit:
+    def misfit(self, sigma: float) -> LeastSquares:
         """Of z, in units of a reading's noise [m].
 
         Each run's rows are replaced by the triangular factor of (derivative, residual), which has
@@ -252,7 +252,7 @@ class DynamicProblem:
             return (np.concatenate([rows[:, -1], prior @ (z - self.start)]),
                     np.concatenate([rows[:, :-1], prior]))
 
-        return Misfit(both, *self.bounds)
+        return LeastSquares.of(both, *self.bounds)
 
 
 def _longer(drive: Pieces, by: float) -> Pieces:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from tympan.geometry.errors import InputError
-from tympan.studies.estimation.identifiability import Judgement, judge, noise_of, unseen
-from tympan.studies.estimation.profile import minimise
+from tympan.studies.estimation.identifiability import Identifiability, identifiability, unseen
+from tympan.studies.estimation.least_squares import minimise
+from tympan.studies.estimation.noise import noise_of
 from tympan.studies.identify.dynamic_fit import CONSTANTS, DynamicProblem, Exact
 from tympan.studies.lumped.actuator import Viscous
 
@@ -36,7 +37,7 @@ class DynamicFit:
     problem: DynamicProblem
     z: Array
     sigma: float
-    judgement: Judgement
+    judgement: Identifiability
     rmse: float
     evaluations: int
     seconds: float
@@ -106,23 +107,23 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
     sigma = problem.noise or 1e-6
     loose = np.eye(len(z))[:3] / _LOOSE
     for length in [] if waited else _lengths(problem):
-        z, more = minimise(problem.until(length).misfit(sigma).with_rows(loose, problem.start), z,
-                           None, 1e-2)
-        calls += more
+        beginning = problem.until(length).misfit(sigma).with_rows(loose, problem.start)
+        minimum = minimise(beginning, z, precision=1e-2)
+        calls, z = calls + minimum.evaluations, minimum.unknowns
     for _ in range(4):
         misfit = problem.misfit(sigma)
         rows, known = unseen(misfit, z, 3)
-        found, more = minimise(misfit.with_rows(rows, problem.start), z, None, 1e-6)
-        calls, moved, z = calls + more, float(np.abs(found - z).max()), found
+        minimum = minimise(misfit.with_rows(rows, problem.start), z, precision=1e-6)
+        moved = float(np.abs(minimum.unknowns - z).max())
+        calls, z = calls + minimum.evaluations, minimum.unknowns
         squares = sum(float(residual @ residual) for residual, _ in problem.parts(z))
         freedom = problem.size - known - (len(z) - 3)
         noise = noise_of(squares, freedom, problem.noise)
         settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
         if settled and (moved < 1e-4 or known == 3):
             break
-    judgement = judge(problem.misfit(sigma), z, CONSTANTS, noise.quantile,
-                      lambda _, log: float(np.exp(log)),
-                      profiles)
+    judgement = identifiability(problem.misfit(sigma), z, CONSTANTS, noise.quantile,
+                                lambda _, log: float(np.exp(log)), profiles)
     return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
                       time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
 

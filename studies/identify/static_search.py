@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from tympan.geometry.errors import InputError
-from tympan.studies.estimation.identifiability import Judgement, judge, noise_of, unseen
-from tympan.studies.estimation.profile import Misfit, minimise
+from tympan.studies.estimation.identifiability import Identifiability, identifiability, unseen
+from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import noise_of
 from tympan.studies.identify.static_fit import Objective, StaticProblem
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ class StaticFit:
     problem: StaticProblem
     values: Array
     sigma: float
-    judgement: Judgement
+    judgement: Identifiability
     rmse: float
     evaluations: int
     seconds: float
@@ -77,22 +78,22 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:
         rows, known = unseen(_misfit(problem, "deflection", size), z, len(z))
-        found, evaluations = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
-        calls, moved, z = calls + evaluations, float(np.abs(found - z).max()), found
+        minimum = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
+        moved = float(np.abs(minimum.unknowns - z).max())
+        calls, z = calls + minimum.evaluations, minimum.unknowns
         if seek == objective and moved < 1e-4:
             break
     residual = problem.residual(scale * z, "deflection")[0]
     noise = noise_of(float(residual @ residual), len(residual) - known, problem.readings.noise)
-    judgement = judge(_misfit(problem, "deflection", noise.sigma), z, problem.constants,
-                      noise.quantile,
-                      lambda index, at: float(scale[index] * at),
-                      profiles and objective == "deflection")
+    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z, problem.constants,
+                                noise.quantile, lambda index, at: float(scale[index] * at),
+                                profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))
     return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls,
                      time.perf_counter() - began)
 
 
-def _misfit(problem: StaticProblem, objective: Objective, size: float) -> Misfit:
+def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastSquares:
     """Residuals over the constants in their scales, in units of a reading's noise [m] or the force that makes it."""
     scale = problem.column("scale")
     stiffness = float(np.mean(problem.load / np.abs(problem.read)))
@@ -102,7 +103,7 @@ def _misfit(problem: StaticProblem, objective: Objective, size: float) -> Misfit
         residual, slopes = problem.residual(scale * z, objective)
         return residual / unit, slopes * scale / unit
 
-    return Misfit(both, problem.column("low") / scale, problem.column("high") / scale)
+    return LeastSquares.of(both, problem.column("low") / scale, problem.column("high") / scale)
 
 
 def nelder_mead(problem: StaticProblem, objective: Objective = "force",

@@ -14,18 +14,15 @@ from tympan.fem.film.laws import inadmissible_stretch
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
-from tympan.studies.estimation.least_squares import (
-    Interval,
-    Noise,
-    Problem,
-    covariance,
-    intervals,
-    minima,
-    seeded_starts,
-)
+from tympan.studies.estimation.identifiability import covariance
+from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
+from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 Array = NDArray[Any]
+#: 95 % limits, None where the readings set none.
+Limits = tuple[float | None, float | None]
 
 #: Correlations above this are told: the tests then see a combination of two constants, hardly each
 #: alone.
@@ -35,6 +32,9 @@ WIDE = 0.5
 #: Terms of an Ogden law that cancel to less than this part are a limit of the law, not constants to
 #: compute with.
 CANCELLING = 50.0
+#: Stress in a search for minima is in units of so much of the readings; limits are met to such a
+#: share of the quantile.
+_FINE, _MET = 1e-8, 1e-3
 _STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 
 
@@ -52,6 +52,73 @@ class FitSettings:
 
 
 @dataclass(frozen=True, eq=False)
+class Curves:
+    """Readings of nominal stress [Pa] at stretches (λ₁, λ₂), shape (n,) each, and the family to fit to them."""
+
+    family: Family
+    l1: Array
+    l2: Array
+    stress: Array
+
+    @classmethod
+    def of(cls, coupons: Coupons, family: Family) -> Curves:
+        """The readings of all tests."""
+        return cls(family, *coupons.in_plane, coupons.stress)
+
+    @property
+    def scale(self) -> float:
+        """Size of the readings [Pa]."""
+        return float(np.sqrt(np.mean(self.stress**2))) or 1.0
+
+    def residual(self, values: Array) -> Array:
+        """Predicted minus read stress [Pa]."""
+        return self.family.stress(self.l1, self.l2, values) - self.stress
+
+    def squares(self, values: Array) -> float:
+        """Sum of squares [Pa²]; no less than the rounding of the readings."""
+        return max(float(np.sum(self.residual(values) ** 2)),
+                   len(self.stress) * (1e-13 * self.scale) ** 2)
+
+    def jacobian(self, values: Array) -> Array:
+        """Derivatives of the stress by the constants, shape (n, p)."""
+        return self.family.jacobian(self.l1, self.l2, values)
+
+    def problem(self, unit: float) -> LeastSquares:
+        """Least squares for the constants, stress in units of ``unit`` [Pa]."""
+        least, most = self.family.bounds(largest_excess(self.l1, self.l2))
+        linear, shaped = len(self.family.linear), len(self.family.shape)
+        return LeastSquares.of(
+            lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
+            np.array([-np.inf] * linear + [least] * shaped),
+            np.array([np.inf] * linear + [most] * shaped), tuple(range(linear)))
+
+    def minima(self, count: int) -> list[Array]:
+        """Local minima from ``count`` starts for each shape constant, best first."""
+        linear, shaped = len(self.family.linear), len(self.family.shape)
+        least, most = self.family.starts(largest_excess(self.l1, self.l2))
+        shapes = seeded_starts(least, most, shaped, count * max(1, shaped))
+        starts = np.concatenate([np.zeros((len(shapes), linear)), shapes], axis=1)
+        return [self.family.ordered(values)
+                for values in minima(self.problem(_FINE * self.scale), starts)]
+
+    def limits(self, values: Array, spread: Array, noise: Noise) -> tuple[Limits, ...]:
+        """95 % limits of every constant at the best fit.
+
+        Where stress is linear in all constants, value ± quantile · standard deviation, which is
+        exact for normal noise; otherwise by profiles.
+        """
+        if not self.family.shape:
+            halves = noise.quantile * spread
+            return tuple((float(value - half), float(value + half)) if np.isfinite(half)
+                         else (None, None) for value, half in zip(values, halves, strict=True))
+        floor = 1e-9 * self.scale * len(self.stress) ** 0.5 / noise.quantile
+        problem = self.problem(max(noise.sigma, floor))
+        lines = [profile(problem, values, index, noise.quantile, _MET)
+                 for index in range(len(values))]
+        return tuple((line.low, line.high) for line in lines)
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """A law fitted to readings: the new material and the raw result.
 
@@ -66,7 +133,7 @@ class Fit:
     family: Family
     material: Material | None
     values: Array
-    limits: tuple[Interval, ...]
+    limits: tuple[Limits, ...]
     covariance: Array
     noise: Noise
     squares: float
@@ -186,25 +253,21 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
 def fit(coupons: Coupons, family: Family, settings: FitSettings | None = None) -> Fit:
     """Fit one law: of all minima found the best that is admissible over the tests' stretches, else the best."""
     settings = settings or FitSettings()
-    problem = _problem(coupons, family)
-    found = _search(problem, settings.starts)
-    values, (material, failing) = _admissible(found, family, coupons)
-    freedom = len(coupons) - len(values)
-    # Residuals below the rounding of the readings say nothing more.
-    squares = max(problem.squares(values), len(coupons) * (1e-13 * problem.scale) ** 2)
-    noise = Noise.of(squares, freedom, settings.noise)
-    spread = covariance(problem, values, noise.sigma)
-    limits = tuple(intervals(problem, values, np.sqrt(np.diag(spread)), noise))
+    curves = Curves.of(coupons, family)
+    ends = curves.minima(settings.starts)
+    values, (material, failing) = _admissible(ends, family, coupons)
+    squares = curves.squares(values)
+    noise = Noise.of(squares, len(coupons) - len(values), settings.noise)
+    spread = covariance(curves.jacobian(values), noise.sigma)
     result = Fit(
-        family=family, material=material, values=values, limits=limits, covariance=spread,
-        noise=noise,
-        squares=squares, readings=len(coupons),
+        family=family, material=material, values=values,
+        limits=curves.limits(values, np.sqrt(np.diag(spread)), noise), covariance=spread,
+        noise=noise, squares=squares, readings=len(coupons),
         criterion=_criterion(squares, len(coupons), len(values), settings.noise),
-        condition=_condition(problem, values),
+        condition=_condition(curves.jacobian(values)),
         held_out=_held_out(coupons, family, settings) if settings.hold_out else {},
         range=coupons.stretch_range, inadmissible=failing)
-    lost = problem.squares(values) - problem.squares(found[0])
-    return _noted(result, problem, coupons, lost > 0.01 * squares)
+    return _noted(result, curves, coupons, squares - curves.squares(ends[0]) > 0.01 * squares)
 
 
 def material_lines(material: Material, stretch_range: tuple[float, float] | None = None) -> str:
@@ -249,21 +312,6 @@ def _family(name: str, readings: int) -> Family:
     return family
 
 
-def _problem(coupons: Coupons, family: Family) -> Problem:
-    l1, l2 = coupons.in_plane
-    low, high = family.bounds(largest_excess(l1, l2))
-    count, shaped = len(family.linear), len(family.shape)
-    bounds = np.array([[-np.inf] * count + [low] * shaped, [np.inf] * count + [high] * shaped])
-    return Problem(family, l1, l2, coupons.stress, bounds)
-
-
-def _search(problem: Problem, count: int) -> list[Array]:
-    low, high = problem.family.starts(largest_excess(problem.l1, problem.l2))
-    shaped = len(problem.family.shape)
-    starts = seeded_starts(low, high, shaped, count * max(1, shaped))
-    return [problem.family.ordered(values) for values in minima(problem, starts)]
-
-
 def _admissible(found: list[Array], family: Family, coupons: Coupons
                 ) -> tuple[Array, tuple[Material | None, tuple[float, float] | None]]:
     """The best admissible minimum, or the best, with its material and where that fails."""
@@ -297,9 +345,8 @@ def _criterion(squares: float, readings: int, constants: int, noise: float | Non
     return float(misfit + 2 * count + 2 * count * (count + 1) / (readings - count - 1))
 
 
-def _condition(problem: Problem, values: Array) -> float:
+def _condition(columns: Array) -> float:
     """Condition number of the sensitivities, each scaled to length 1; 1e300 where one is missing."""
-    columns = problem.family.jacobian(problem.l1, problem.l2, values)
     lengths = np.linalg.norm(columns, axis=0)
     if not lengths.all():
         return 1e300
@@ -310,17 +357,17 @@ def _held_out(coupons: Coupons, family: Family, settings: FitSettings) -> dict[s
     """Error on each mode after a fit to the others."""
     errors: dict[str, float | None] = {}
     for mode in coupons.modes:
-        rest, left = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
+        rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
         if len(rest) < _needed(family):
             continue
-        values, _ = _admissible(_search(_problem(rest, family), max(2, settings.starts // 3)),
-                                family, rest)
-        missed = _problem(left, family).residual(values)
+        ends = Curves.of(rest, family).minima(max(2, settings.starts // 3))
+        values, _ = _admissible(ends, family, rest)
+        missed = Curves.of(tested, family).residual(values)
         errors[mode] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
     return errors
 
 
-def _noted(result: Fit, problem: Problem, coupons: Coupons, lost: bool) -> Fit:
+def _noted(result: Fit, curves: Curves, coupons: Coupons, worse: bool) -> Fit:
     """The fit with what its reader must know."""
     notes = [*_open_constants(result), *_open_modes(result, coupons)]
     if result.material is None:
@@ -329,9 +376,9 @@ def _noted(result: Fit, problem: Problem, coupons: Coupons, lost: bool) -> Fit:
     if result.inadmissible is not None:
         notes.append(f"true stress falls with stretch at ({result.inadmissible[0]:.3g}, {result.inadmissible[1]:.3g}), "
                      f"within the tests' range {result.range[0]:.3g} to {result.range[1]:.3g}: not offered")
-    elif lost:
+    elif worse:
         notes.append("other constants fit better but are not admissible over the stretches of the tests")
-    if _systematic(problem.residual(result.values), coupons):
+    if _systematic(curves.residual(result.values), coupons):
         notes.append("the residuals run in long stretches of one sign: the law misses the shape of the curves, and the "
                      "intervals tell of noise alone")
     return replace(result, notes=tuple(notes))

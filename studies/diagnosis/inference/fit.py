@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 from tympan.studies.diagnosis.reading_table import Table
 from tympan.studies.diagnosis.reduced.simulation import Hypothesis, Simulation, bounds_of, sizes_of
+from tympan.studies.estimation.least_squares import LeastSquares, Point, Unreachable, minimise
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 #: 4.7 in permittivity.
 NUISANCE = np.array([0.5, 0.4])
 
-_ITERATIONS, _SMALL, _STIFFEST = 40, 1e-4, 1e8
+_ITERATIONS, _SMALL = 40, 1e-4
 _NODES = 24
 
 #: Starts for the logarithms of stiffness and permittivity when the nominal model has no equilibria.
@@ -105,62 +106,31 @@ def nominal_fit(simulation: Simulation, table: Table) -> Fit:
     return found
 
 
-def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, unknowns: Array,
+def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Array,
              bounds: Array, widen: float
              ) -> Fit:
-    """Levenberg's and Marquardt's method, with unknowns held that press against a bound."""
-    weight = prior_widths(hypothesis, widen) ** -2.0
-    damping = 1e-4
-    heave = simulation.heaves(hypothesis, unknowns, table.states)
-    residual = _residual(simulation, hypothesis, unknowns, table, heave)
-    cost = _cost(residual, unknowns, weight)
-    if not np.isfinite(cost):
-        return _lost(hypothesis, unknowns, bounds, table, heave)
-    jacobian = _slopes(simulation, hypothesis, unknowns, table, heave, bounds)
-    for _ in range(_ITERATIONS):
-        slope = -jacobian.T @ residual + weight * unknowns
-        free = ~(((unknowns <= bounds[0]) & (slope > 0)) | ((unknowns >= bounds[1]) & (slope < 0)))
-        if not free.any() or damping > _STIFFEST:
-            break
-        precision = jacobian.T @ jacobian + np.diag(weight)
-        part = precision[np.ix_(free, free)]
-        step = np.zeros(len(unknowns))
-        step[free] = -np.linalg.solve(part + damping * np.diag(np.diag(part)), slope[free])
-        trial = np.clip(unknowns + step, *bounds)
-        moved = simulation.heaves(hypothesis, trial, table.states, heave)
-        after = _residual(simulation, hypothesis, trial, table, moved)
-        better = _cost(after, trial, weight)
-        if better <= cost:
-            gain, unknowns, heave, residual, cost = cost - better, trial, moved, after, better
-            damping = max(damping / 10, 1e-10)
-            if gain < _SMALL:
-                break
-            jacobian = _slopes(simulation, hypothesis, unknowns, table, heave, bounds)
-        else:
-            if np.sqrt(step @ precision @ step) < _SMALL:
-                break
-            damping *= 10
-    jacobian = _slopes(simulation, hypothesis, unknowns, table, heave, bounds)
-    precision = jacobian.T @ jacobian + np.diag(weight)
-    slope = -jacobian.T @ residual + weight * unknowns
-    evidence = -cost + _log_mass(hypothesis, unknowns, precision, slope, bounds, widen)
-    return Fit(hypothesis, unknowns, bounds, residual, jacobian, precision, cost, evidence, heave)
+    """The minimum from a start, and the evidence by the curvature there."""
 
+    def evaluate(unknowns: Array, near: Point | None) -> Point:
+        heave = simulation.heaves(hypothesis, unknowns, table.states,
+                                  None if near is None else near.state)
+        values = simulation.values(hypothesis, unknowns, table, heave)
+        return Point((table.value - values) / table.sigma,
+                     lambda: -simulation.jacobian(hypothesis, unknowns, table, heave,
+                                                  bounds) / table.sigma[:, None], heave)
 
-def _residual(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table,
-              heave: Array) -> Array:
-    return (table.value - simulation.values(hypothesis, unknowns, table, heave)) / table.sigma
-
-
-def _slopes(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array, table: Table,
-            heave: Array, bounds: Array
-            ) -> Array:
-    return simulation.jacobian(hypothesis, unknowns, table, heave, bounds) / table.sigma[:, None]
-
-
-def _cost(residual: Array, unknowns: Array, weight: Array) -> float:
-    cost = 0.5 * float(residual @ residual + weight @ unknowns**2)
-    return cost if np.isfinite(cost) else np.inf
+    problem = LeastSquares(evaluate, bounds[0], bounds[1],
+                           prior=prior_widths(hypothesis, widen) ** -2.0)
+    try:
+        minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
+    except Unreachable:
+        return _lost(hypothesis, start, bounds, table,
+                     simulation.heaves(hypothesis, start, table.states))
+    unknowns, point = minimum.unknowns, minimum.point
+    precision, slope = problem.curvature(point), problem.slope(unknowns, point)
+    evidence = -minimum.cost + _log_mass(hypothesis, unknowns, precision, slope, bounds, widen)
+    return Fit(hypothesis, unknowns, bounds, point.residual, -point.jacobian, precision,
+               minimum.cost, evidence, point.state)
 
 
 def _lost(hypothesis: Hypothesis, unknowns: Array, bounds: Array, table: Table,

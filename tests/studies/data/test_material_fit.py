@@ -13,9 +13,18 @@ from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.geometry.errors import InputError
 from tympan.studies.data.coupon import MODES, Coupons, nominal_stress, read_coupons
-from tympan.studies.estimation.least_squares import Noise, Problem, _limit, covariance
+from tympan.studies.estimation.identifiability import covariance
+from tympan.studies.estimation.noise import Noise
+from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
-from tympan.studies.material.fit import FitSettings, _admissible, compare, fit, material_lines
+from tympan.studies.material.fit import (
+    Curves,
+    FitSettings,
+    _admissible,
+    compare,
+    fit,
+    material_lines,
+)
 
 FALL = {"uniaxial": 2, "equibiaxial": 5, "pure_shear": 3}  # nominal stress is 2 W′(I₁) (λ − λ^−k)
 ACROSS = {"uniaxial": 0.5, "equibiaxial": 2.0, "pure_shear": 1.0}  # the thickness is λ^−k
@@ -130,12 +139,12 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
     """Profiles of constants in which stress is linear end where the exact interval does."""
     data = coupons(mooney, (8e3, 500.0), noise=500.0, seed=4)
     exact = fit(data, FAMILIES["mooney_rivlin"])
-    problem = Problem(FAMILIES["mooney_rivlin"], *data.in_plane, data.stress,
-                      np.array([[-np.inf] * 2, [np.inf] * 2]))
-    spread = np.sqrt(np.diag(covariance(problem, exact.values, exact.noise.sigma)))
-    for index, (low, high) in enumerate(exact.limits):
-        for side, limit in ((-1, low), (1, high)):
-            profiled = _limit(problem, exact.values, index, side * spread[index], exact.noise)
+    curves = Curves.of(data, FAMILIES["mooney_rivlin"])
+    noise = exact.noise
+    spread = np.sqrt(np.diag(covariance(curves.jacobian(exact.values), noise.sigma)))
+    for index, limits in enumerate(exact.limits):
+        line = profile(curves.problem(noise.sigma), exact.values, index, noise.quantile, 1e-4)
+        for profiled, limit in zip((line.low, line.high), limits, strict=True):
             assert profiled == pytest.approx(limit, abs=1e-3 * spread[index])
 
 

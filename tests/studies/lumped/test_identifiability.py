@@ -11,8 +11,10 @@ import pytest
 from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.identification import draw_correlations, draw_profiles
-from tympan.studies.estimation.identifiability import judge, noise_of
-from tympan.studies.estimation.profile import Misfit, minimise, profile
+from tympan.studies.estimation.identifiability import identifiability
+from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import noise_of
+from tympan.studies.estimation.profile import profile
 from tympan.studies.identify.static_fit import Constant, StaticProblem
 from tympan.studies.identify.static_search import identify_static
 
@@ -23,17 +25,17 @@ def box(size: int, low: float = -1e3, high: float = 1e3) -> tuple[np.ndarray, np
     return np.full(size, low), np.full(size, high)
 
 
-def linear(count: int = 30) -> tuple[Misfit, np.ndarray]:
+def linear(count: int = 30) -> tuple[LeastSquares, np.ndarray]:
     rng = np.random.default_rng(2)
     matrix = rng.standard_normal((count, 3)) * [20.0, 30.0, 50.0]
     matrix[:, 2] += 2 * matrix[:, 0]
     read = matrix @ [1.0, -0.5, 0.25] + rng.standard_normal(count)
-    return Misfit(lambda z: (matrix @ z - read, matrix), *box(3)), matrix
+    return LeastSquares.of(lambda z: (matrix @ z - read, matrix), *box(3)), matrix
 
 
 def test_profile_of_a_linear_problem_is_its_linear_limit() -> None:
     misfit, matrix = linear()
-    best, _ = minimise(misfit, np.zeros(3))
+    best = minimise(misfit, np.zeros(3)).unknowns
     spread = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     for index in range(3):
         line = profile(misfit, best, index, QUANTILE)
@@ -49,7 +51,7 @@ def test_profile_of_a_linear_problem_is_its_linear_limit() -> None:
 def test_profile_of_a_reciprocal_is_its_closed_form_and_longer_upwards() -> None:
     """A deflection of 1/k with noise σ: the limits of k are 1/(d ± qσ), not d⁻¹ ± qσ/d²."""
     deflection, sigma = 2.0, 0.2
-    misfit = Misfit(lambda z: ((1 / z - deflection) / sigma, -np.diag(1 / z**2) / sigma),
+    misfit = LeastSquares.of(lambda z: ((1 / z - deflection) / sigma, -np.diag(1 / z**2) / sigma),
                     *box(1, 1e-3))
     line = profile(misfit, np.array([1 / deflection]), 0, QUANTILE)
     expected = [1 / (deflection + side * QUANTILE * sigma) for side in (1, -1)]
@@ -103,21 +105,21 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
 def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as its sum."""
     names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]
-    saturating = Misfit(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
+    saturating = LeastSquares.of(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
                                    np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),
                         *box(2, -5.0, 5.0))
-    found = judge(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
+    found = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
     assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
     assert found.undetermined == ["a"]
-    summed = Misfit(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1),
+    summed = LeastSquares.of(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1),
                     *box(2))
-    found = judge(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
+    found = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
     assert found.undetermined == ["a", "b"]
     assert found.determined == 1
 
 
 def test_a_search_that_cannot_begin_is_refused() -> None:
-    nowhere = Misfit(lambda z: (np.full(3, np.nan), np.ones((3, 1))), *box(1))
+    nowhere = LeastSquares.of(lambda z: (np.full(3, np.nan), np.ones((3, 1))), *box(1))
     with pytest.raises(InputError, match="does not hold"):
         minimise(nowhere, np.zeros(1))
 
