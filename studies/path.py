@@ -12,7 +12,7 @@ import numpy as np
 
 from tympan.fem.equilibrium.arc_length import Branch, Point
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import PathSettings, branch_points
+from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
 from tympan.fem.film.tension_state import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
@@ -169,7 +169,7 @@ def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
     previous: Point | None = None
     warnings = ["the branch could not be followed further"]
     stepping = replace(settings.path, arc=replace(settings.path.arc, longest=reach.step))
-    for branch, point in branch_points(model, start.state, LOADS[along], stepping):
+    for branch, point in follow_branch(model, start.state, LOADS[along], stepping):
         stations.append(_station(model, point))
         progress(f"{stations[-1].deflection_m * 1e3:.2f} mm")
         if previous is not None:

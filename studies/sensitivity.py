@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.derivatives.parameters import Parameter, Parameters, film_names, shape_names
-from tympan.fem.derivatives.quantities import Quantity, quantity
+from tympan.fem.derivatives.quantities import Quantity, named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import velocities
 from tympan.fem.equilibrium.ramp import Outcome, Status
@@ -169,7 +169,7 @@ def sensitivity(case: Case, settings: Settings,
         For names that are no quantities, and for quantities without derivatives, such as the tilt
         of a level plate.
     """
-    wanted = {name: quantity(name) for name in names}
+    wanted = {name: named_quantity(name) for name in names}
     model, outcome = equilibrate(case, settings)
     result = SensitivityResult(case.specimen.name, case.mass, case.voltage, outcome.status)
     left_out = tuple(_immovable(model))

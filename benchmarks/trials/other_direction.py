@@ -14,10 +14,10 @@ import numpy as np
 from benchmarks.trials.random_specimens import Drawn
 from tests.oracles import axisymmetric
 from tests.oracles.laws import SAMPLES
-from tympan.fem.equilibrium.constraints import Heave
+from tympan.fem.equilibrium.constraints import HeldPlate
 from tympan.fem.equilibrium.newton import moved, newton
-from tympan.fem.equilibrium.ramp import Outcome, equilibrium, ramp
-from tympan.fem.equilibrium.tangent import EVERY
+from tympan.fem.equilibrium.ramp import Outcome, Ramp, equilibrium
+from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
 from tympan.geometry.specimen import Material
@@ -47,7 +47,7 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     for load, value in (("pressure", case.rig.gas_pressure),
                         ("force", case.rig.force(case.mass, model.plate_area))):
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, load, value)
+            outcome = Ramp(model, load, value).run(outcome.solution)
     if outcome.status == "not_converged":
         return Verdict(way, "silent", words=outcome.advice)
     if outcome.status != found.status:
@@ -72,14 +72,14 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     assert load is not None
     if not found.advice.startswith("the film pulls in"):
         return Verdict(way, "silent", words=found.advice)
-    motions = critical.solution.tangent.motions if critical.solution.tangent else EVERY
+    subspace = critical.solution.tangent.subspace if critical.solution.tangent else FULL
     rig = drawn.case.rig
     force = rig.force(drawn.case.mass, model.plate_area) if load != "force" else 0.0
     at = equilibrium(model, force, 0.0, rig.gas_pressure if load == "voltage" else 0.0).solution
     first, last = at.state.plate.heave, critical.state.plate.heave
     if not abs(last - first) > 0.01 * model.size:
         return Verdict(way, "silent", words="the plate hardly moves")
-    at = newton(model, at.state, (load,), (Heave(first),), motions=motions)
+    at = newton(model, at.state, (load,), (HeldPlate(first),), subspace=subspace)
     points = [(first, at.state.load(load))]
     for heave in first + (last - first) * np.linspace(0.04, 1.2, 30):
         if not at.converged or at.tangent is None:
@@ -87,11 +87,11 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
         change = heave - at.state.plate.heave
         ahead = tuple(change * part for part in at.tangent.along())
         at = newton(model, moved(model, at.state, (ahead[0], ahead[1]), (load,)), (load,),
-                    (Heave(float(heave)),),
-                    motions=motions)
+                    (HeldPlate(float(heave)),),
+                    subspace=subspace)
         if at.converged:
             points.append((float(heave), at.state.load(load)))
-    return _compared(way, points, found, "" if motions is EVERY else "smooth")
+    return _compared(way, points, found, "" if subspace is FULL else "smooth")
 
 
 def _compared(way: str, points: list[tuple[float, float]], found: Outcome, words: str) -> Verdict:

@@ -20,10 +20,10 @@ from tests.oracles.axisymmetric import (
 )
 from tests.oracles.unstable import branch_voltage, slack_voltage
 from tympan.fem.equilibrium.arc_length import Branch
-from tympan.fem.equilibrium.constraints import Heave
+from tympan.fem.equilibrium.constraints import HeldPlate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import Outcome, equilibrium
-from tympan.fem.equilibrium.subspace import SmoothMotions
+from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -66,7 +66,7 @@ def unstable_branch() -> Iterator[Pair]:
     """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the branch turns back also in the heave."""
     model = soft_model()
     start = equilibrium(model, FORCE, 6400.0).state
-    branch = Branch(model, "voltage", motions=SmoothMotions.of(model, waves=0))
+    branch = Branch(model, "voltage", subspace=SmoothSubspace.of(model, waves=0))
     for point in branch.points(start):
         heave = point.state.plate.heave
         if heave > 11e-3:
@@ -115,7 +115,7 @@ def wrinkled_film() -> Iterator[Pair]:
     cone = model.discretisation.reference.copy()
     cone[:, 2] = heave * (B - np.hypot(*cone.T[:2])) / (B - A)
     start = State(cone, model.mounted().plate.raised_to(heave))
-    found = newton(model, start, ("force",), (Heave(heave),))
+    found = newton(model, start, ("force",), (HeldPlate(heave),))
     if not found.converged:
         raise ArithmeticError(found.advice)
     exact = shoot_deflection(replace(oracle(neo_hooke(MU)), prestretch=0.6, relaxed=True), heave)

@@ -9,7 +9,7 @@ import numpy as np
 from tympan.fem.derivatives.stiffness import Stiffness
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.equilibrium.subspace import AllMotions
+from tympan.fem.equilibrium.subspace import FullSubspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import State
@@ -28,36 +28,37 @@ class Adjoint:
     gains three digits a step.
     """
 
-    own: Stiffness
-    tangent: Tangent
+    stiffness: Stiffness
+    nearby: Tangent
 
     @classmethod
-    def of(cls, model: Model, found: Outcome | Solution | State) -> Adjoint:
+    def of(cls, model: Model, equilibrium: Outcome | Solution | State) -> Adjoint:
         """With the factors a solution brings, if they are of all motions of this model; otherwise with new ones."""
-        solution = found.solution if isinstance(found, Outcome) else found
-        tangent = solution.tangent if isinstance(solution, Solution) else None
-        state = solution if isinstance(solution, State) else solution.state
-        if tangent is None or not isinstance(tangent.motions,
-                                             AllMotions) or tangent.model.unknowns != model.unknowns:
+        if isinstance(equilibrium, Outcome):
+            equilibrium = equilibrium.solution
+        tangent = equilibrium.tangent if isinstance(equilibrium, Solution) else None
+        state = equilibrium.state if isinstance(equilibrium, Solution) else equilibrium
+        if (tangent is None or not isinstance(tangent.subspace, FullSubspace)
+                or tangent.model.unknowns != model.unknowns):
             tangent = Tangent(model, model.linearised(state), state)
         return cls(Stiffness(model, state), tangent)
 
     def solve(self, right: Parts) -> Parts:
         """Refined until the next correction would not matter, or would be no shorter than the last."""
-        found = self.tangent.respond(right)
-        size = last = _length(found)
+        solution = self.nearby.respond(right)
+        size = last = _length(solution)
         for _ in range(_REFINEMENTS):
-            product = self.own.product(found)
-            more = self.tangent.respond((right[0] - product[0], right[1] - product[1]))
+            product = self.stiffness.product(solution)
+            more = self.nearby.respond((right[0] - product[0], right[1] - product[1]))
             length = _length(more)
             if not length < last:
                 break
-            found = found[0] + more[0], found[1] + more[1]
+            solution = solution[0] + more[0], solution[1] + more[1]
             # The next correction is expected shorter in the same proportion.
             if length * length <= _EXACT * size * last:
                 break
             last = length
-        return found
+        return solution
 
 
 def _length(motion: Parts) -> float:

@@ -44,7 +44,7 @@ class Quantity(Protocol):
 
 
 @dataclass(frozen=True)
-class Heave:
+class Deflection:
     """The plate's deflection along the load [m]."""
 
     even = True
@@ -182,7 +182,7 @@ class Largest:
 
 
 @dataclass(frozen=True)
-class Local:
+class AtPoint:
     """A field at the quadrature point nearest to a place on the mounted film [m]; with the mesh, that point moves."""
 
     field: Field
@@ -211,7 +211,7 @@ class Local:
 
 #: Quantities by name.
 QUANTITIES: dict[str, Quantity] = {
-    "heave": Heave(),
+    "heave": Deflection(),
     "tilt": Tilt(),
     "reaction": Reaction(),
     "capacitance": Capacitance(),
@@ -222,7 +222,7 @@ QUANTITIES: dict[str, Quantity] = {
 }
 
 
-def quantity(name: str) -> Quantity:
+def named_quantity(name: str) -> Quantity:
     """The quantity of a name.
 
     Raises

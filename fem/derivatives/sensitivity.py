@@ -19,8 +19,8 @@ from typing import Any
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.adjoint import Adjoint
 from tympan.fem.derivatives.parameters import LOADS, Parameter, Parameters
-from tympan.fem.derivatives.quantities import Heave, Quantity
-from tympan.fem.derivatives.residual_derivative import Work
+from tympan.fem.derivatives.quantities import Deflection, Quantity
+from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.stiffness import Stiffness
 from tympan.fem.equilibrium.arc_length import Point
 from tympan.fem.equilibrium.newton import Solution
@@ -34,25 +34,18 @@ from tympan.geometry.errors import InputError
 _FOLD = 1e-2
 
 
-def parameters(model: Model) -> tuple[str, ...]:
-    """Names of what can be differentiated by: numbers of film, electrode and shape, loads and surroundings."""
-    return Parameters(model).names
-
-
-def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity,
-             names: Sequence[str]
-             ) -> dict[str, float]:
+def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Quantity,
+             names: Sequence[str]) -> dict[str, float]:
     """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
     Parameters
     ----------
-    found
-        An equilibrium of the model. An outcome or a solution brings its factors; a bare state is
-        factorised anew.
+    equilibrium
+        Of the model. An outcome or a solution brings its factors; a bare state is factorised anew.
     quantity
         One of :mod:`tympan.fem.derivatives.quantities`, or of your own.
     names
-        Of :func:`parameters`.
+        Of :attr:`~tympan.fem.derivatives.parameters.Parameters.names`.
 
     Raises
     ------
@@ -61,21 +54,22 @@ def gradient(model: Model, found: Outcome | Solution | State, quantity: Quantity
         breaks the mirror symmetry and a quantity that is not the same for mirror images; for
         quantities that have no derivative.
     """
-    known = Parameters(model)
-    return gradient_many(model, found, {"": quantity}, {name: known[name] for name in names})[""]
+    parameters = Parameters(model)
+    by = {name: parameters[name] for name in names}
+    return gradient_many(model, equilibrium, {"": quantity}, by)[""]
 
 
-def gradient_many(model: Model, found: Outcome | Solution | State,
+def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
                   quantities: Mapping[str, Quantity],
                   by: Mapping[str, Parameter]) -> dict[str, dict[str, float]]:
     """Derivatives of several quantities by several parameters, by their names: one adjoint solve for each quantity."""
-    state = found if isinstance(found, State) else found.state
-    if isinstance(found, Outcome) and found.status != "equilibrium":
+    if isinstance(equilibrium, Outcome) and equilibrium.status != "equilibrium":
         raise InputError("has no derivatives: no equilibrium was found", key="state",
-                         given=found.advice)
-    solver = Adjoint.of(model, found)
-    motions = [solver.solve(quantity.slope(model, state)) for quantity in quantities.values()]
-    work = Work(solver.own, motions)
+                         given=equilibrium.advice)
+    state = equilibrium if isinstance(equilibrium, State) else equilibrium.state
+    adjoint = Adjoint.of(model, equilibrium)
+    motions = [adjoint.solve(quantity.slope(model, state)) for quantity in quantities.values()]
+    residual = ResidualDerivative(adjoint.stiffness, motions)
     result: dict[str, dict[str, float]] = {name: {} for name in quantities}
     for name, parameter in by.items():
         if parameter.odd & model.discretisation.planes:
@@ -84,16 +78,16 @@ def gradient_many(model: Model, found: Outcome | Solution | State,
                 values[name] = 0.0
             continue
         stepped = parameter.changed(model, state, 1j * STEP)
-        shares = work.change(*stepped)
+        shares = residual.by(*stepped)
         for (label, quantity), share in zip(quantities.items(), shares, strict=True):
             result[label][name] = float((quantity.value(*stepped).imag - share) / STEP)
     return result
 
 
-def heave_gradient(model: Model, found: Outcome | Solution | State,
+def heave_gradient(model: Model, equilibrium: Outcome | Solution | State,
                    names: Sequence[str]) -> dict[str, float]:
-    """Derivatives of the heave at constant loads by each named parameter [m per SI unit of it]."""
-    return gradient(model, found, Heave(), names)
+    """Derivatives of the deflection at constant loads by each named parameter [m per SI unit of it]."""
+    return gradient(model, equilibrium, Deflection(), names)
 
 
 def limit_gradient(model: Model, critical: Point, load: Load,
@@ -120,9 +114,9 @@ def limit_gradient(model: Model, critical: Point, load: Load,
     if abs(critical.rate) > _FOLD * abs(state.load(load)):
         raise InputError("has no derivatives: the load has no smooth limit there", key="limit",
                          given=load)
-    work = Work(Stiffness(model, state), [mode])
+    residual = ResidualDerivative(Stiffness(model, state), [mode])
     loads: dict[str, Any] = {load: state.load(load) + 1j * STEP}
-    share = work.change(model, state.under(**loads))[0]
+    share = residual.by(model, state.under(**loads))[0]
     result = {}
     for name, parameter in by.items():
         if parameter.odd & model.discretisation.planes:
@@ -131,7 +125,7 @@ def limit_gradient(model: Model, critical: Point, load: Load,
             raise InputError("is the load that has the limit", key="parameter", given=name)
         else:
             stepped = parameter.changed(model, state, 1j * STEP)
-            result[name] = float(-work.change(*stepped)[0] / share)
+            result[name] = float(-residual.by(*stepped)[0] / share)
     return result
 
 

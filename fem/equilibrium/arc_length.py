@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tympan.fem.equilibrium.constraints import Arc, Control, difference, length, metric
+from tympan.fem.equilibrium.constraints import ArcLength, Constraint, difference, length, product
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
-from tympan.fem.equilibrium.subspace import Motions
-from tympan.fem.equilibrium.tangent import EVERY, Tangent
+from tympan.fem.equilibrium.subspace import FULL, Subspace
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 
@@ -61,15 +61,15 @@ class Point:
 class Branch:
     """The equilibria of a model when one load is free and the others are given.
 
-    ``load`` is the one that is followed. Further loads may be freed by ``controls``, such as the
-    voltage by a charge.
+    ``load`` is the one that is followed. Further loads may be ``freed`` by as many ``constraints``, such as
+    the voltage by a charge.
     """
 
     model: Model
     load: Load
     freed: tuple[Load, ...] = ()
-    controls: tuple[Control, ...] = ()
-    motions: Motions = EVERY
+    constraints: tuple[Constraint, ...] = ()
+    subspace: Subspace = FULL
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     arc: ArcSettings = field(default_factory=ArcSettings)
 
@@ -96,11 +96,8 @@ class Branch:
         change = tuple(step * part for part in point.direction)
         loads = np.concatenate([change[1], step * point.rates])
         guess = moved(self.model, point.state, (change[0], loads), self._free)
-        arc = Arc(point.state, point.direction, step)
         point.solution.release()
-        solution = newton(self.model, guess, self._free, (*self.controls, arc), self.newton,
-                          self.motions)
-        return self._point(solution) if solution.converged else None
+        return self._solved(guess, ArcLength(point.state, point.direction, step))
 
     def limit(self, before: Point, after: Point) -> Point | None:
         """The limit point of the followed load between two points; its direction is the critical mode."""
@@ -112,26 +109,25 @@ class Branch:
 
     def where(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
         """The point between two others at which a function of the point vanishes; None if it does not change sign."""
-        moved_by = difference(self.model, after.state, before.state)
-        inner, plate = metric(self.model, before.direction)
-        found: dict[float, Point] = {0.0: before}
+        motion = difference(self.model, after.state, before.state)
+        end = product(self.model, before.direction, motion)
+        points: dict[float, Point] = {0.0: before}
         after.solution.release()
 
         def at(step: float) -> float:
-            point = found.get(step) or self.at(before, step)
+            point = points.get(step) or self.at(before, step)
             if point is None:
-                raise _Lost
-            found[step] = point = self._renewed(point)
+                raise _NoPoint
+            points[step] = point = self._renewed(point)
             result = value(point)
             point.solution.release()
             return result
 
-        end = float(inner @ moved_by[0] + plate @ moved_by[1])
         try:
             if at(0.0) * at(end) > 0:
                 return None
-            return found[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
-        except (_Lost, KeyError):
+            return points[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
+        except (_NoPoint, KeyError):
             return None
 
     @property
@@ -139,32 +135,36 @@ class Branch:
         return (self.load, *self.freed)
 
     def _first(self, start: State, sense: int) -> Point | None:
-        at_loads = newton(self.model, start, self.freed, self.controls, self.newton, self.motions)
+        at_loads = newton(self.model, start, self.freed, self.constraints, self.newton,
+                          self.subspace)
         if not at_loads.converged or at_loads.tangent is None:
             return None
         by = self.model.by_load(at_loads.state, self.load)
-        right = -sense * by[0], np.concatenate([-sense * by[1], np.zeros(len(self.controls))])
+        right = -sense * by[0], np.concatenate([-sense * by[1], np.zeros(len(self.constraints))])
         motion = self._unit(at_loads.tangent.solve(right))[0]
-        arc = Arc(at_loads.state, motion, 0.0)
         at_loads.release()
-        solution = newton(self.model, at_loads.state, self._free, (*self.controls, arc),
-                          self.newton, self.motions)
+        return self._solved(at_loads.state, ArcLength(at_loads.state, motion, 0.0))
+
+    def _solved(self, guess: State, arc: ArcLength) -> Point | None:
+        solution = newton(self.model, guess, self._free, (*self.constraints, arc), self.newton,
+                          self.subspace)
         return self._point(solution) if solution.converged else None
 
     def _point(self, solution: Solution) -> Point:
         assert solution.tangent is not None
-        motion, scale = self._unit(solution.tangent.along())
-        rates = solution.tangent.along()[1][len(self.model.plate_freedoms) :] / scale
-        return Point(solution, motion, rates)
+        along = solution.tangent.along()
+        motion, scale = self._unit(along)
+        return Point(solution, motion, along[1][len(self.model.plate_freedoms) :] / scale)
 
     def _renewed(self, point: Point) -> Point:
         """The point with the tangent there: Newton's is that of an iterate before, too far off to place a limit."""
         state = point.state
         point.solution.release()
-        controls = (*self.controls, Arc(state, point.direction, 0.0))
-        equations = [control.equation(self.model, state, self._free) for control in controls]
+        constraints = (*self.constraints, ArcLength(state, point.direction, 0.0))
+        equations = [constraint.equation(self.model, state, self._free)
+                     for constraint in constraints]
         tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations,
-                          self.motions)
+                          self.subspace)
         return self._point(replace(point.solution, tangent=tangent))
 
     def _unit(self, change: Parts) -> tuple[Parts, float]:
@@ -174,17 +174,17 @@ class Branch:
 
     def _accepted(self, point: Point, step: float) -> Point | None:
         following = self.at(point, step)
-        return None if following is None or self._turn(point,
-                                                       following) > self.arc.turn else following
+        if following is None or self._turn(point, following) > self.arc.turn:
+            return None
+        return following
 
     def _turn(self, point: Point, following: Point) -> float:
-        inner, plate = metric(self.model, point.direction)
-        cosine = inner @ following.direction[0] + plate @ following.direction[1]
+        cosine = product(self.model, point.direction, following.direction)
         return float(np.arccos(np.clip(cosine, -1, 1)))
 
     def _longer(self, point: Point, following: Point, step: float) -> float:
         return 1.6 * step if self._turn(point, following) < self.arc.turn / 3 else step
 
 
-class _Lost(ArithmeticError):
+class _NoPoint(ArithmeticError):
     """A point between two others was not found."""

@@ -1,4 +1,4 @@
-"""Equations that close a problem whose loads are not all given: a heave, a charge, or a length along the path."""
+"""Equations that close a problem whose loads are not all given: a deflection, a charge, or a length along the path."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """What an equation misses and its derivatives by the free components, the plate's freedoms and the free loads."""
+    """What a constraint misses, and its derivatives by the free components, the plate's freedoms and the free loads."""
 
     miss: float
     inner: Array
@@ -25,32 +25,31 @@ class Equation:
     loads: Array
 
 
-class Control(Protocol):
+class Constraint(Protocol):
     """An equation in place of each load that is not given."""
 
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
-        """The equation at a state."""
+        """The equation at a state, ``free`` being the loads that are not given."""
 
 
 @dataclass(frozen=True)
-class Heave:
-    """The plate is held at a heave [m]."""
+class HeldPlate:
+    """The plate is held at a deflection [m]."""
 
-    value: float
+    deflection: float
 
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
-        """Heave − value."""
         plate = np.zeros(len(model.plate_freedoms))
         plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.heave - self.value, np.zeros(model.discretisation.free_count),
-                        plate, np.zeros(len(free)))
+        return Equation(state.plate.heave - self.deflection,
+                        np.zeros(model.discretisation.free_count), plate, np.zeros(len(free)))
 
 
 @dataclass(frozen=True)
-class Charge:
+class HeldCharge:
     """The electrodes carry a charge Q [C], the voltage source being cut off: C(x) U = Q."""
 
-    value: float
+    charge: float
 
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
         """C U − Q, with the capacitance C = −2 ∂energy/∂U² and its derivative −2 ∂forces/∂U²."""
@@ -60,12 +59,12 @@ class Charge:
         loads = np.array([capacitance / (2 * voltage) if name == "voltage" else 0.0
                           for name in free])
         share = -2 * voltage * model.discretisation.mirrored
-        return Equation(capacitance * voltage - self.value, share * inner, share * plate, loads)
+        return Equation(capacitance * voltage - self.charge, share * inner, share * plate, loads)
 
 
 @dataclass(frozen=True, eq=False)
-class Arc:
-    """A length along a direction from a state, both of :class:`Motion` (Keller's pseudo-arclength)."""
+class ArcLength:
+    """A length along a direction from a state (Keller's pseudo-arclength)."""
 
     origin: State
     direction: Parts
@@ -73,9 +72,8 @@ class Arc:
 
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
         """⟨direction, state − origin⟩ − length."""
-        moved = difference(model, state, self.origin)
         inner, plate = metric(model, self.direction)
-        miss = float(inner @ moved[0] + plate @ moved[1]) - self.length
+        miss = product(model, self.direction, difference(model, state, self.origin)) - self.length
         return Equation(miss, inner, plate, np.zeros(len(free)))
 
 
@@ -97,7 +95,12 @@ def metric(model: Model, motion: Parts) -> Parts:
     return motion[0] / (model.size**2 * max(1, motion[0].size)), motion[1] / scale
 
 
+def product(model: Model, first: Parts, second: Parts) -> float:
+    """Inner product of two motions of film and plate relative to the frame."""
+    inner, plate = metric(model, first)
+    return float(inner @ second[0] + plate @ second[1])
+
+
 def length(model: Model, motion: Parts) -> float:
     """Length of a motion of film and plate relative to the frame."""
-    inner, plate = metric(model, motion)
-    return float(np.sqrt(inner @ motion[0] + plate @ motion[1]))
+    return float(np.sqrt(product(model, motion, motion)))

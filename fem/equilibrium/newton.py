@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import Control, Equation, length
-from tympan.fem.equilibrium.subspace import Motions
-from tympan.fem.equilibrium.tangent import EVERY, Tangent
+from tympan.fem.equilibrium.constraints import Constraint, Equation, length
+from tympan.fem.equilibrium.subspace import FULL, Subspace
+from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 
@@ -36,10 +36,7 @@ class NewtonSettings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What Newton ended with; ``advice`` says why when it did not converge.
-
-    ``predictions`` are those already made from it, by load.
-    """
+    """What Newton ended with; ``advice`` says why when it did not converge."""
 
     state: State
     converged: bool
@@ -47,12 +44,26 @@ class Solution:
     residual: float
     tangent: Tangent | None
     advice: str = ""
-    predictions: dict[Load, Prediction] = field(default_factory=dict)
+    _predictions: dict[Load, Prediction] = field(default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
         """Whether the state is stable under the given loads; :attr:`Tangent.stable` says against what."""
         return self.tangent is not None and self.tangent.stable
+
+    @property
+    def wrinkling(self) -> int:
+        """In how many directions the film, its plate held, has lost its stiffness."""
+        return 0 if self.tangent is None else self.tangent.wrinkling
+
+    def prediction(self, model: Model, load: Load) -> Prediction:
+        """By the tangent of the last iterate, which is close enough for a prediction; kept, without the factors."""
+        made = self._predictions.get(load)
+        if made is None or made.model is not model:
+            assert self.tangent is not None
+            response = self.tangent.respond(_negative(model.by_load(self.state, load)))
+            made = self._predictions[load] = Prediction(model, self.state, load, response)
+        return made
 
     def release(self) -> None:
         """Drop the factors of a large film before those of the next state are made: two would double the memory."""
@@ -61,8 +72,8 @@ class Solution:
 
 
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
-           controls: tuple[Control, ...] = (),
-           settings: NewtonSettings = NewtonSettings(), motions: Motions = EVERY) -> Solution:
+           constraints: tuple[Constraint, ...] = (),
+           settings: NewtonSettings = NewtonSettings(), subspace: Subspace = FULL) -> Solution:
     """Solve for the equilibrium near a guess.
 
     Parameters
@@ -70,10 +81,10 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     guess
         Start; its loads are given, but for those that are free.
     free
-        Loads to be found, one for each control.
-    controls
-        Equations in place of the free loads: a heave, a charge, a length along the path.
-    motions
+        Loads to be found, one for each constraint.
+    constraints
+        Equations in place of the free loads: a deflection, a charge, a length along the path.
+    subspace
         Which motions of the film are allowed.
 
     Notes
@@ -83,7 +94,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     shorter than the correction that led there. The test compares displacements with displacements,
     so it does not depend on units or on the stiffness of the film.
     """
-    problem = _Problem(model, free, controls, motions)
+    problem = _Problem(model, free, constraints, subspace)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     damping, balance = 1.0, np.inf
     tangent: Tangent | None = None
@@ -98,7 +109,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         balance = problem.balance(residual, part.forces)
         tangent = None  # two at once would double the memory
         try:
-            tangent = Tangent(model, part, state, free, equations, motions)
+            tangent = Tangent(model, part, state, free, equations, subspace)
             correction = tangent.solve(_negative(residual))
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
             return Solution(state, False, iteration, balance, None,
@@ -131,18 +142,6 @@ class Prediction:
     load: Load
     response: Parts
 
-    @classmethod
-    def of(cls, model: Model, solution: Solution, load: Load) -> Prediction:
-        """By the tangent of the solution's last iterate, which is close enough for a prediction."""
-        known = solution.predictions.get(load)
-        if known is not None and known.model is model:
-            return known
-        assert solution.tangent is not None
-        by = model.by_load(solution.state, load)
-        made = cls(model, solution.state, load, solution.tangent.respond(_negative(by)))
-        solution.predictions[load] = made
-        return made
-
     def at(self, value: float) -> State:
         """The state at a value of the load."""
         loads = {self.load: value}
@@ -170,12 +169,13 @@ class _Problem:
 
     model: Model
     free: tuple[Load, ...]
-    controls: tuple[Control, ...]
-    motions: Motions
+    constraints: tuple[Constraint, ...]
+    subspace: Subspace
 
     def equations(self, state: State) -> list[Equation]:
-        """The controls' equations."""
-        return [control.equation(self.model, state, self.free) for control in self.controls]
+        """Those of the constraints."""
+        return [constraint.equation(self.model, state, self.free)
+                for constraint in self.constraints]
 
     def residual(self, state: State, forces: Array, equations: list[Equation]) -> Parts:
         """Unbalanced forces on the free components, on the plate's freedoms, and what the equations miss."""
@@ -185,7 +185,7 @@ class _Problem:
     def balance(self, residual: Parts, forces: Array) -> float:
         """Largest unbalanced force, moments taken over the frame's half extent, over the largest nodal reaction."""
         count = len(self.model.plate_freedoms)
-        inner, plate = self.motions.gather((residual[0], residual[1][:count]))
+        inner, plate = self.subspace.project((residual[0], residual[1][:count]))
         plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0,
                                          self.model.size)
         largest = max(np.abs(inner).max(initial=0.0), plate.max(initial=0.0))

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
-from tympan.fem.equilibrium.constraints import Heave, difference, length
+from tympan.fem.equilibrium.constraints import HeldPlate, difference, length
 from tympan.fem.equilibrium.newton import (
     STRAINED,
     NewtonSettings,
@@ -19,8 +19,7 @@ from tympan.fem.equilibrium.newton import (
     moved,
     newton,
 )
-from tympan.fem.equilibrium.subspace import Motions, SmoothMotions
-from tympan.fem.equilibrium.tangent import EVERY, Tangent
+from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace, Subspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
 from tympan.fem.membrane.state import Load, State
@@ -30,11 +29,16 @@ from tympan.fem.membrane.state import Load, State
 #: of its motion has 1/3 of it explained.
 _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
+#: How far the plate of a film that is slack when mounted is pushed out, relative to the frame's
+#: half extent.
+_PUSHED = 0.2
+
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
-_WRINKLED = ("the film has lost tension: it would wrinkle before the load is reached, and what it does then depends on "
-             "the mesh")
-_UNFOLLOWED = "the path could not be followed: the film has lost tension and would wrinkle, or strains without bound"
+_WRINKLED = ("the film has lost tension: it would wrinkle before the load is reached, and what it "
+             "does then depends on the mesh")
+_UNFOLLOWED = ("the path could not be followed: the film has lost tension and would wrinkle, or "
+               "strains without bound")
 
 _WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
 
@@ -65,10 +69,10 @@ class PathSettings:
     unbalanced: float = 1e-2
     agreement: float = 2e-2
 
-    def motions(self, model: Model) -> Iterator[SmoothMotions]:
-        """The smooth motions of a model: without waves where it is axisymmetric."""
+    def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
+        """Smooth motions of a model: without waves where it is axisymmetric."""
         kinds = [(0, degree) for degree in self.annular] if model.axisymmetric else self.smooth
-        return (SmoothMotions.of(model, *kind) for kind in kinds)
+        return (SmoothSubspace.of(model, *kind) for kind in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +130,10 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     # A film mounted slack starts pushed out by a force, which it may lose only once the gas holds
     # it.
     pushed = start is None and solution.state.force != 0
-    order: tuple[Load, ...] = ("pressure", "force", "voltage") if pushed else ("force", "pressure",
-                                                                               "voltage")
-    for load in order:
+    order: tuple[Load, ...] = ("force", "pressure", "voltage")
+    for load in ("pressure", "force", "voltage") if pushed else order:
         if outcome.status == "equilibrium":
-            outcome = ramp(model, outcome.solution, load, targets[load], settings)
+            outcome = Ramp(model, load, targets[load], settings).run(outcome.solution)
     return outcome
 
 
@@ -146,19 +149,23 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
-    x, y, _ = model.discretisation.reference.T
-    to_frame, to_plate = np.abs(model.specimen.frame.level(x,
-                                                           y)), np.abs(model.specimen.plate.level(x,
-                                                                                                  y))
-    heave = 0.2 * model.size
-    positions = model.discretisation.reference.copy()
-    positions[:, 2] = heave * to_frame / (to_frame + to_plate)
-    pushed = replace(flat.state, positions=positions, plate=flat.state.plate.raised_to(heave))
-    found = newton(model, pushed, ("force",), (Heave(heave),), settings.newton)
-    if found.converged and found.state.force > 0:
-        return found
+    solution = newton(model, _pushed_out(model), ("force",), (HeldPlate(_PUSHED * model.size),),
+                      settings.newton)
+    if solution.converged and solution.state.force > 0:
+        return solution
     advice = "the film is slack when mounted, and still when the plate is pushed out"
-    return replace(found, converged=False, advice=advice)
+    return replace(solution, converged=False, advice=advice)
+
+
+def _pushed_out(model: Model) -> State:
+    """A cone from the frame to the lifted plate."""
+    mounted, deflection = model.mounted(), _PUSHED * model.size
+    positions = mounted.positions
+    x, y, _ = positions.T
+    to_frame = np.abs(model.specimen.frame.level(x, y))
+    to_plate = np.abs(model.specimen.plate.level(x, y))
+    positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
+    return replace(mounted, plate=mounted.plate.raised_to(deflection))
 
 
 def voltage_path(model: Model, force: float, voltages: list[float], pressure: float = 0.0,
@@ -183,18 +190,18 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
-    solution = start or newton(model, model.mounted(), ("force",), (Heave(0.0),),
+    solution = start or newton(model, model.mounted(), ("force",), (HeldPlate(0.0),),
                                settings.newton)
-    origin, charge = solution.state.plate.heave, solution.state.voltage_squared
+    origin, squared = solution.state.plate.heave, solution.state.voltage_squared
     advice = solution.advice
-    done, step = (0.0, 1.0) if (heave, voltage**2) != (origin, charge) else (1.0, 0.0)
+    done, step = (0.0, 1.0) if (heave, voltage**2) != (origin, squared) else (1.0, 0.0)
     while solution.converged and done < 1:
         share = min(1.0, done + step)
         target = origin + share * (heave - origin)
-        guess = _lifted(model, solution,
-                        target).under(voltage=charge + share * (voltage**2 - charge))
+        guess = _lifted(model, solution, target)
+        guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         solution.release()
-        trial = newton(model, guess, ("force",), (Heave(target),), settings.newton)
+        trial = newton(model, guess, ("force",), (HeldPlate(target),), settings.newton)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:
@@ -214,33 +221,146 @@ def _lifted(model: Model, solution: Solution, heave: float) -> State:
     return moved(model, solution.state, (change * inner, change * border), tangent.free)
 
 
-def ramp(model: Model, start: Solution, load: Load, target: float,
-         settings: PathSettings = PathSettings()) -> Outcome:
-    """Change one load to a target in steps as long as Newton converges to a stable state; then by arc length."""
-    origin = start.state.load(load)
-    if target == origin:
-        return Outcome("equilibrium", start)
-    solution, done, step = start, 0.0, settings.first
-    taut = start
-    already = abs(origin / (target - origin))
-    ahead = Prediction.of(model, solution, load)
-    while done < 1:
-        share = min(1.0, done + step)
-        guess = ahead.at(origin + share * (target - origin))
-        solution.release()
-        trial = newton(model, guess, settings=settings.newton)
-        onward = Prediction.of(model, trial, load) if trial.converged and trial.stable else None
-        if onward is not None and _foreseen(ahead, guess, onward):
-            solution, done, step, ahead = trial, share, 2 * step, onward
-            taut = trial if model.in_tension(trial.state) else taut
-            continue
-        trial.release()
-        if (step := step / 2) < max(settings.handover * (already + done), 1e-12):
-            outcome = _followed(model, solution, taut, load, target, settings)
-            locked = outcome.status == "not_converged" and trial.advice.startswith(STRAINED)
-            return replace(outcome,
-                           advice=f"{STRAINED} before the {_WORDS[load]} is reached") if locked else outcome
-    return Outcome("equilibrium", solution)
+@dataclass(frozen=True)
+class Ramp:
+    """One load changed to a target under the others as they are."""
+
+    model: Model
+    load: Load
+    target: float
+    settings: PathSettings = field(default_factory=PathSettings)
+
+    def run(self, start: Solution) -> Outcome:
+        """In steps as long as Newton converges to a stable state; then by arc length."""
+        origin = start.state.load(self.load)
+        if self.target == origin:
+            return Outcome("equilibrium", start)
+        solution, in_tension, done, step = start, start, 0.0, self.settings.first
+        before = abs(origin / (self.target - origin))
+        ahead = solution.prediction(self.model, self.load)
+        while done < 1:
+            share = min(1.0, done + step)
+            guess = ahead.at(origin + share * (self.target - origin))
+            solution.release()
+            trial = newton(self.model, guess, settings=self.settings.newton)
+            onward = (trial.prediction(self.model, self.load)
+                      if trial.converged and trial.stable else None)
+            if onward is not None and _foreseen(ahead, guess, onward):
+                solution, done, step, ahead = trial, share, 2 * step, onward
+                in_tension = trial if self.model.in_tension(trial.state) else in_tension
+                continue
+            trial.release()
+            if (step := step / 2) < max(self.settings.handover * (before + done), 1e-12):
+                outcome = self._by_arc_length(solution, in_tension)
+                if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
+                    advice = f"{STRAINED} before the {_WORDS[self.load]} is reached"
+                    return replace(outcome, advice=advice)
+                return outcome
+        return Outcome("equilibrium", solution)
+
+    def _by_arc_length(self, start: Solution, in_tension: Solution) -> Outcome:
+        """With all motions while the film resists them, then with smooth ones that cannot wrinkle.
+
+        ``in_tension`` is the last solution before ``start`` whose film is in tension everywhere.
+        """
+        outcome = Outcome("not_converged", start)
+        wrinkles = start.wrinkling > 0
+        start.release()
+        if not wrinkles:
+            outcome = self._along_branch(start, FULL)
+            in_tension = outcome.solution
+        if outcome.status != "not_converged":
+            return outcome
+        pull_ins: list[Outcome] = []
+        advice, reached = "", False
+        for subspace in self.settings.subspaces(self.model):
+            # From a state with wrinkles, however few, the smooth motions would go on along a branch
+            # that has them.
+            trial = self._along_branch(in_tension, subspace)
+            if trial.status == "no_equilibrium":
+                pull_ins.append(trial)
+                trial = self._confirmed(pull_ins, reached)
+            if trial.status != "not_converged":
+                return trial
+            reached |= trial.advice == _WRINKLED
+            advice = trial.advice if not advice or advice == _UNFOLLOWED else advice
+        return replace(outcome, advice=advice)
+
+    def _along_branch(self, start: Solution, subspace: Subspace) -> Outcome:
+        """To where the branch reaches the target, where it turns back (pull-in), or where it cannot be followed."""
+        load, target = self.load, self.target
+        branch = Branch(self.model, load, subspace=subspace, newton=self.settings.newton,
+                        arc=self.settings.arc)
+        sense = 1 if target >= start.state.load(load) else -1
+        stable = start
+        for before, after in pairwise(branch.points(start.state, sense)):
+            if subspace is FULL and after.solution.wrinkling:
+                break
+            if sense * after.rate < 0:
+                critical = branch.limit(before, after)
+                if critical is None:
+                    break
+                if sense * critical.state.load(load) < sense * target:
+                    return self._pulled_in(stable, critical)
+                after = critical  # the target is before it, if not before the point after it
+            if sense * after.state.load(load) >= sense * target:
+                return self._landed(stable, branch.reach(before, after, target))
+            # Where the film by itself resists no more, the plate's stiffness passes a pole: its
+            # sign tells nothing.
+            if not after.solution.stable and after.solution.wrinkling == 0:
+                return self._pulled_in(stable, after, "loses its stability")
+            if after.state.plate.heave > self.settings.reach * self.model.size:
+                break
+            if subspace is FULL:
+                stable = after.solution
+        return Outcome("not_converged", stable, _UNFOLLOWED)
+
+    def _landed(self, stable: Solution, reached: Point | None) -> Outcome:
+        """The equilibrium at the target, of all motions, from the point of the branch that reaches it."""
+        if reached is not None:
+            reached.solution.release()
+            solution = newton(self.model, reached.state.under(**{self.load: self.target}),
+                              settings=self.settings.newton)
+            if solution.converged and solution.stable:
+                return Outcome("equilibrium", solution)
+            stable = replace(stable, advice=solution.advice)
+        return Outcome("not_converged", stable, _WRINKLED)
+
+    def _pulled_in(self, last: Solution, critical: Point, verb: str = "pulls in") -> Outcome:
+        return Outcome("no_equilibrium", last,
+                       f"the film {verb} before the {_WORDS[self.load]} is reached",
+                       critical.state.load(self.load), self.load, critical)
+
+    def _confirmed(self, pull_ins: list[Outcome], reached: bool) -> Outcome:
+        """The last of the pull-ins found in different subspaces: if the mesh resolves it, or another one is alike.
+
+        Where it does not, the limit is the subspace's as much as the film's: two must find the
+        same, short of the target by more than they may differ, and none before may have ``reached``
+        it.
+        """
+        settings, (*before, last) = self.settings, pull_ins
+        if self._unbalanced(last) < settings.unbalanced:
+            return last
+        for other in before:
+            limits = np.array([_limit(other), _limit(last)])
+            alike = np.ptp(limits) < settings.agreement * np.abs(limits).max()
+            short = np.abs(self.target - limits) > settings.agreement * np.abs(limits)
+            if alike and not reached and short.all():
+                best = min(other, last, key=self._unbalanced)
+                spread = max(abs(_limit(pull_in) / _limit(best) - 1) for pull_in in pull_ins)
+                return replace(best, spread=spread)
+        return Outcome("not_converged", last.solution,
+                       f"the film has lost tension: short of the {_WORDS[self.load]} it pulls "
+                       "in or wrinkles, and which depends on the mesh; a finer one may tell")
+
+    def _unbalanced(self, pull_in: Outcome) -> float:
+        assert pull_in.critical is not None
+        return self.model.unbalanced(pull_in.critical.state)
+
+
+def _limit(pull_in: Outcome) -> float:
+    assert pull_in.limit is not None
+    return pull_in.limit
 
 
 def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
@@ -250,78 +370,14 @@ def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
     ever faster. A plate that snapped to another branch went further than the predictions from
     either end say.
     """
-    model, found, origin = onward.model, onward.origin, ahead.origin
+    model, origin = onward.model, ahead.origin
     back = onward.at(origin.load(ahead.load))
-    missed, gone, explained = (length(model, difference(model, found, state))
+    missed, gone, explained = (length(model, difference(model, onward.origin, state))
                                for state in (guess, origin, back))
     return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
 
 
-def _followed(model: Model, start: Solution, taut: Solution, load: Load, target: float,
-              settings: PathSettings
-              ) -> Outcome:
-    """By arc length: with all motions while the film resists them, then with smooth ones that cannot wrinkle.
-
-    ``taut`` is the last solution before ``start`` whose film is in tension everywhere.
-    """
-    outcome = Outcome("not_converged", start)
-    wrinkles = _wrinkling(start) > 0
-    start.release()
-    if not wrinkles:
-        outcome = _along(model, start, load, target, settings, EVERY)
-        taut = outcome.solution
-    if outcome.status != "not_converged":
-        return outcome
-    found: list[Outcome] = []
-    advice, reached = "", False
-    for motions in settings.motions(model):
-        # From a state with wrinkles, however few, the smooth motions would go on along a branch
-        # that has them.
-        trial = _along(model, taut, load, target, settings, motions)
-        if trial.status == "no_equilibrium":
-            found.append(trial)
-            trial = _assured(model, found, load, target, settings, reached)
-        if trial.status != "not_converged":
-            return trial
-        reached |= trial.advice == _WRINKLED
-        advice = trial.advice if not advice or advice == _UNFOLLOWED else advice
-    return replace(outcome, advice=advice)
-
-
-def _assured(model: Model, found: list[Outcome], load: Load, target: float, settings: PathSettings,
-             reached: bool
-             ) -> Outcome:
-    """The last of the pull-ins found with different smooth motions: if the mesh resolves it, or another one is alike.
-
-    Where it does not, the limit is the motions' as much as the film's: two kinds must find the
-    same, short of the target by more than they may differ, and none before may have ``reached`` it.
-    """
-    *before, last = found
-    if _left(model, last) < settings.unbalanced:
-        return last
-    for other in before:
-        limits = np.array([_limit(other), _limit(last)])
-        alike = np.ptp(limits) < settings.agreement * np.abs(limits).max()
-        if alike and not reached and (np.abs(target - limits) > settings.agreement
-                                      * np.abs(limits)).all():
-            best = min(other, last, key=lambda one: _left(model, one))
-            return replace(best, spread=max(abs(_limit(one) / _limit(best) - 1) for one in found))
-    return Outcome("not_converged", last.solution,
-                   f"the film has lost tension: short of the {_WORDS[load]} it pulls "
-                   "in or wrinkles, and which depends on the mesh; a finer one may tell")
-
-
-def _left(model: Model, found: Outcome) -> float:
-    assert found.critical is not None
-    return model.unbalanced(found.critical.state)
-
-
-def _limit(found: Outcome) -> float:
-    assert found.limit is not None
-    return found.limit
-
-
-def branch_points(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
+def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
                   ) -> Iterator[tuple[Branch, Point]]:
     """Points of the branch from an equilibrium on, one load growing at first, each with the branch it was found on.
 
@@ -331,73 +387,15 @@ def branch_points(model: Model, start: State, load: Load, settings: PathSettings
     last, sense = start, 1
     branch = Branch(model, load, newton=settings.newton, arc=settings.arc)
     for point in branch.points(start):
-        if _tangent_of(point).wrinkling:
+        if point.solution.wrinkling:
             break
         yield branch, point
         last, sense = point.state, 1 if point.rate >= 0 else -1
-    for motions in settings.motions(model):
-        smooth = replace(branch, motions=motions)
+    for subspace in settings.subspaces(model):
+        smooth = replace(branch, subspace=subspace)
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:
             yield smooth, first
             yield from ((smooth, point) for point in points)
             return
-
-
-def _along(model: Model, start: Solution, load: Load, target: float, settings: PathSettings,
-           motions: Motions
-           ) -> Outcome:
-    """To where the branch reaches the target, where it turns back (pull-in), or where it cannot be followed."""
-    branch = Branch(model, load, motions=motions, newton=settings.newton, arc=settings.arc)
-    sense = 1 if target >= start.state.load(load) else -1
-    stable = start
-    for before, after in pairwise(branch.points(start.state, sense)):
-        if motions is EVERY and _tangent_of(after).wrinkling:
-            break
-        if sense * after.rate < 0:
-            critical = branch.limit(before, after)
-            if critical is None:
-                break
-            if sense * critical.state.load(load) < sense * target:
-                return _pulled_in(stable, load, critical)
-            after = critical  # the target is before it, if not before the point after it
-        if sense * after.state.load(load) >= sense * target:
-            reached = branch.reach(before, after, target)
-            return _landed(model, stable, reached, load, target, settings)
-        # Where the film by itself resists no more, the plate's stiffness passes a pole: its sign
-        # tells nothing.
-        if not after.solution.stable and _tangent_of(after).wrinkling == 0:
-            return _pulled_in(stable, load, after, "loses its stability")
-        if after.state.plate.heave > settings.reach * model.size:
-            break
-        if motions is EVERY:
-            stable = after.solution
-    return Outcome("not_converged", stable, _UNFOLLOWED)
-
-
-def _landed(model: Model, stable: Solution, reached: Point | None, load: Load, target: float,
-            settings: PathSettings
-            ) -> Outcome:
-    """The equilibrium at the target, of all motions, from the point of the branch that reaches it."""
-    if reached is not None:
-        reached.solution.release()
-        found = newton(model, reached.state.under(**{load: target}), settings=settings.newton)
-        if found.converged and found.stable:
-            return Outcome("equilibrium", found)
-        stable = replace(stable, advice=found.advice)
-    return Outcome("not_converged", stable, _WRINKLED)
-
-
-def _pulled_in(last: Solution, load: Load, critical: Point, verb: str = "pulls in") -> Outcome:
-    return Outcome("no_equilibrium", last, f"the film {verb} before the {_WORDS[load]} is reached",
-                   critical.state.load(load), load, critical)
-
-
-def _wrinkling(solution: Solution) -> int:
-    return 0 if solution.tangent is None else solution.tangent.wrinkling
-
-
-def _tangent_of(point: Point) -> Tangent:
-    assert point.solution.tangent is not None
-    return point.solution.tangent

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 from skfem.models.poisson import laplace
 
 from tympan.fem.membrane.model import Linearised, Model, Parts
+from tympan.fem.membrane.plate import PlateMotion
 
 Array = NDArray[np.float64]
 
@@ -22,13 +21,13 @@ Array = NDArray[np.float64]
 _DEPENDENT = 1e-13
 
 
-class Motions(Protocol):
+class Subspace(Protocol):
     """A linear map from the unknowns to the free nodal components and the plate's freedoms, and its transpose."""
 
-    def spread(self, correction: Parts) -> Parts:
+    def expand(self, correction: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
 
-    def gather(self, residual: Parts) -> Parts:
+    def project(self, residual: Parts) -> Parts:
         """Forces on the unknowns that belong to nodal forces and forces on the plate."""
 
     def reduced(self, part: Linearised) -> Linearised:
@@ -36,24 +35,24 @@ class Motions(Protocol):
 
 
 @dataclass(frozen=True)
-class AllMotions:
+class FullSubspace:
     """Every node moves by itself."""
 
-    def spread(self, correction: Parts) -> Parts:
-        """The correction itself."""
+    def expand(self, correction: Parts) -> Parts:
         return correction
 
-    def gather(self, residual: Parts) -> Parts:
-        """The residual itself."""
+    def project(self, residual: Parts) -> Parts:
         return residual
 
     def reduced(self, part: Linearised) -> Linearised:
-        """The tangent itself."""
         return part
 
 
+FULL = FullSubspace()
+
+
 @dataclass(frozen=True, eq=False)
-class SmoothMotions:
+class SmoothSubspace:
     """Polynomials from plate to frame times the first few waves around it.
 
     A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter
@@ -67,14 +66,14 @@ class SmoothMotions:
     follow: Array
 
     @classmethod
-    def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothMotions:
+    def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothSubspace:
         """Polynomials in the potential between plate and frame, times waves around the plate up to a number.
 
         With no waves the motion is axisymmetric.
         """
-        share = _potential(model)
+        mesh, share = model.discretisation, _potential(model)
         follow = (1 - share)[:, None, None] * _rigid(model)
-        arm = model.discretisation.reference[:, :2] - model.centre[:2]
+        arm = mesh.reference[:, :2] - model.centre[:2]
         angle = np.arctan2(arm[:, 1], arm[:, 0])
         radial = legendre.legvander(2 * share - 1, degree) * (share * (1 - share))[:, None]
         frame = np.zeros((len(angle), 3, 3))
@@ -82,17 +81,15 @@ class SmoothMotions:
         frame[:, 1, 0] = np.sin(angle)
         frame[:, 0, 1] = -frame[:, 1, 0]
         frame[:, 2, 2] = 1.0
-        parts = [frame[:, :, axis, None] * (radial * wave(angle)[:, None])[:, None, :]
-                 for axis in range(3) for wave in _waves(model, axis, waves)]
-        columns = np.concatenate([part[model.discretisation.free] for part in parts], axis=1)
-        return cls(_orthonormal(columns), follow[model.discretisation.free])
+        parts = [frame[:, :, axis, None] * (radial * wave[:, None])[:, None, :]
+                 for axis in range(3) for wave in _waves(model, axis, waves, angle)]
+        columns = np.concatenate([part[mesh.free] for part in parts], axis=1)
+        return cls(_orthonormal(columns), follow[mesh.free])
 
-    def spread(self, correction: Parts) -> Parts:
-        """Free components and plate freedoms that belong to the unknowns."""
+    def expand(self, correction: Parts) -> Parts:
         return self.film @ correction[0] + self.follow @ correction[1], correction[1]
 
-    def gather(self, residual: Parts) -> Parts:
-        """Forces on the unknowns."""
+    def project(self, residual: Parts) -> Parts:
         return self.film.T @ residual[0], residual[1] + self.follow.T @ residual[0]
 
     def reduced(self, part: Linearised) -> Linearised:
@@ -113,42 +110,31 @@ def _orthonormal(columns: Array) -> Array:
     return np.asarray(np.linalg.qr(basis)[0])
 
 
-def _waves(model: Model, axis: int, highest: int) -> list[Callable[[Array], Array]]:
+def _waves(model: Model, axis: int, highest: int, angle: Array) -> list[Array]:
     """Waves around the plate of the radial, circumferential or vertical motion that the mirror planes allow."""
     mirrored, planes = -1 if axis == 1 else 1, model.discretisation.planes
-    waves: list[Callable[[Array], Array]] = []
+    waves: list[Array] = []
     for number in range(highest + 1):
         turn = (-1) ** number  # of cos(number θ) where x changes sign; its sine turns the other way
         if all({"x": turn, "y": 1}[plane] == mirrored for plane in planes):
-            waves.append(partial(_cosine, number))
+            waves.append(np.cos(number * angle))
         if number and all({"x": -turn, "y": -1}[plane] == mirrored for plane in planes):
-            waves.append(partial(_sine, number))
+            waves.append(np.sin(number * angle))
     # Without waves nothing turns about the axis.
     return waves if highest or axis != 1 else []
-
-
-def _cosine(number: int, angle: Array) -> Array:
-    return np.cos(number * angle)
-
-
-def _sine(number: int, angle: Array) -> Array:
-    return np.sin(number * angle)
 
 
 def _potential(model: Model) -> Array:
     """Harmonic function that is 0 on the plate and 1 on the frame."""
     mesh = model.discretisation
-    stiffness = laplace.assemble(mesh.basis)
-    value = np.zeros(len(mesh.reference))
     frame, plate = mesh.boundary_nodes("frame"), mesh.plate_nodes
+    value = np.zeros(len(mesh.reference))
     value[frame] = 1.0
-    return np.asarray(skfem.solve(*skfem.condense(stiffness, x=value,
-                                                  D=np.concatenate([frame, plate]))))
+    rims = np.concatenate([frame, plate])
+    return np.asarray(skfem.solve(*skfem.condense(laplace.assemble(mesh.basis), x=value, D=rims)))
 
 
 def _rigid(model: Model) -> Array:
     """Displacement of every node by the plate's allowed freedoms in the mounted state, shape (nodes, 3, p)."""
-    from tympan.fem.membrane.plate import PlateMotion
-
     arms = model.discretisation.reference - model.centre
     return PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from tympan.fem.equilibrium.constraints import Equation
-from tympan.fem.equilibrium.subspace import AllMotions, Motions
+from tympan.fem.equilibrium.subspace import FULL, FullSubspace, Subspace
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.plate import HEAVE
 from tympan.fem.membrane.state import Load, State
 
 Array = NDArray[np.float64]
-
-EVERY = AllMotions()
 
 #: Unknowns from which on factors that a path has left behind are dropped; below, they take less
 #: than some 100 MB.
@@ -35,14 +33,14 @@ class Tangent:
     """
 
     def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
-                 equations: Sequence[Equation] = (), motions: Motions = EVERY) -> None:
-        self.model, self.free, self.motions = model, free, motions
-        part = motions.reduced(part)
+                 equations: Sequence[Equation] = (), subspace: Subspace = FULL) -> None:
+        self.model, self.free, self.subspace = model, free, subspace
+        part = subspace.reduced(part)
         self._state = state
         self._kept: Any = _factorise(part.inner, model)
         self._negative: int | None = None
-        loads = [motions.gather(model.by_load(state, name)) for name in free]
-        rows = [_transposed(motions, equation) for equation in equations]
+        loads = [subspace.project(model.by_load(state, name)) for name in free]
+        rows = [_transposed(subspace, equation) for equation in equations]
         self._plates = len(model.plate_freedoms)
         self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows,
                                                                                   strict=True)]
@@ -59,13 +57,13 @@ class Tangent:
 
     def release(self) -> None:
         """Drop the factors of a large film; they are made anew should something ask for them."""
-        if self.model.unknowns >= _LARGE and isinstance(self.motions, AllMotions):
+        if self.model.unknowns >= _LARGE and isinstance(self.subspace, FullSubspace):
             self._kept = None
 
     @property
     def _factor(self) -> Any:
         if self._kept is None:
-            self._kept = _factorise(self.motions.reduced(self.model.linearised(self._state)).inner,
+            self._kept = _factorise(self.subspace.reduced(self.model.linearised(self._state)).inner,
                                     self.model)
         return self._kept
 
@@ -85,10 +83,10 @@ class Tangent:
         """Whether film and plate return when pushed.
 
         Of a film whose every node moves by itself only the plate is asked, as far as it can move:
-        without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
+        without tension such a film wrinkles, whatever the plate does. Subspace that cannot wrinkle
         are asked altogether.
         """
-        return self.plate_stable if isinstance(self.motions, AllMotions) else self.negative == 0
+        return self.plate_stable if isinstance(self.subspace, FullSubspace) else self.negative == 0
 
     @property
     def heave_stiffness(self) -> float:
@@ -127,7 +125,7 @@ class Tangent:
 
     def solve(self, right: Parts) -> Parts:
         """Correction for a right-hand side of forces, on film and plate, and of the equations."""
-        inner, plate = self.motions.gather((right[0], right[1][: self._plates]))
+        inner, plate = self.subspace.project((right[0], right[1][: self._plates]))
         particular = self._factor.solve(inner)
         below = np.concatenate([plate, right[1][self._plates :]])
         border = np.linalg.solve(self._schur, below - self._rows @ particular)
@@ -136,7 +134,7 @@ class Tangent:
     def respond(self, right: Parts) -> Parts:
         """Correction of film and plate for a right-hand side of forces, at given loads."""
         count = self._plates
-        inner, plate = self.motions.gather((right[0], right[1][:count]))
+        inner, plate = self.subspace.project((right[0], right[1][:count]))
         particular = self._factor.solve(inner)
         border = np.linalg.solve(self._schur[:count, :count],
                                  plate - self._rows[:count] @ particular)
@@ -149,12 +147,12 @@ class Tangent:
         return self.solve((np.zeros(self.model.discretisation.free_count), border))
 
     def _spread(self, inner: Array, border: Array) -> Parts:
-        nodal, plate = self.motions.spread((inner, border[: self._plates]))
+        nodal, plate = self.subspace.expand((inner, border[: self._plates]))
         return nodal, np.concatenate([plate, border[self._plates :]])
 
 
-def _transposed(motions: Motions, equation: Equation) -> Parts:
-    return motions.gather((equation.inner, equation.plate))
+def _transposed(subspace: Subspace, equation: Equation) -> Parts:
+    return subspace.project((equation.inner, equation.plate))
 
 
 def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:

@@ -95,7 +95,7 @@ class Stretching:
         return cls(prestretch, (l1, l2),
                    (first.reshape(len(first), -1), second.reshape(len(second), -1)))
 
-    def power(self, material: Any) -> Any:
+    def virtual_work(self, material: Any) -> Any:
         """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
         _, w1, w2, *_ = material.derivatives(*self.stretches)
         return self.changes[0] @ np.ravel(w1) + self.changes[1] @ np.ravel(w2)

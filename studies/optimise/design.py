@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.derivatives.parameters import Parameter
-from tympan.fem.derivatives.quantities import Heave
+from tympan.fem.derivatives.quantities import Deflection
 from tympan.fem.derivatives.sensitivity import gradient_many
 from tympan.fem.derivatives.shape import moved_by, velocities
 from tympan.fem.equilibrium.ramp import Outcome
@@ -119,5 +119,5 @@ class Bench:
 
 def _slopes(model: Model, outcome: Outcome, by: Mapping[str, Parameter]) -> Array:
     """Derivatives of the heave, shape (parameters,)."""
-    found = gradient_many(model, outcome, {"": Heave()}, by)[""]
+    found = gradient_many(model, outcome, {"": Deflection()}, by)[""]
     return np.array([found[name] for name in by])

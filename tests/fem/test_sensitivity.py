@@ -13,18 +13,17 @@ from tympan.fem.derivatives.adjoint import Adjoint
 from tympan.fem.derivatives.parameters import LOADS, Parameters, film_names, shape_names
 from tympan.fem.derivatives.quantities import (
     QUANTITIES,
-    Heave,
-    Local,
+    AtPoint,
+    Deflection,
     larger_stress,
     larger_stretch,
-    quantity,
+    named_quantity,
 )
 from tympan.fem.derivatives.sensitivity import (
     gradient,
     gradient_many,
     heave_gradient,
     morphed,
-    parameters,
 )
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium
@@ -36,7 +35,7 @@ from tympan.geometry.paths import numbers
 
 FORCE, VOLTAGE, PRESSURE = 0.2, 3000.0, 20.0
 LOADING = Loading((Spring(4.0, 1e-4), Magnet(0.05, 20e-3, 8e-3)), (1e-3, -2e-3), gravity=9.81)
-WANTED = QUANTITIES | {"stress at a point": Local(larger_stress, (20e-3, 10e-3))}
+WANTED = QUANTITIES | {"stress at a point": AtPoint(larger_stress, (20e-3, 10e-3))}
 NAMES = (*film_names(skewed()), *LOADS, *numbers(LOADING, "loading"), *shape_names(skewed()))
 
 
@@ -51,7 +50,7 @@ def solved(skewed_model: Model):
 
 def test_every_number_of_the_model_is_a_parameter(solved) -> None:
     film, _, _ = solved
-    assert sorted(parameters(film)) == sorted(NAMES)
+    assert sorted(Parameters(film).names) == sorted(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -80,7 +79,7 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
     """Nothing is factorised, and the adjoint solution solves the equilibrium's own tangent; without refinement not."""
     film, solution, exact = solved
     fresh = Tangent(film, film.linearised(solution.state), solution.state)
-    right = Heave().slope(film, solution.state)
+    right = Deflection().slope(film, solution.state)
     truth, stale = fresh.respond(right)[0], solution.tangent.respond(right)[0]
 
     def refuse(*_: object) -> None:
@@ -116,7 +115,7 @@ def test_similarity_ties_the_derivatives_together() -> None:
 def test_a_quarter_answers_like_the_whole() -> None:
     quarter, whole = (model(elliptical(60e-3), symmetry=symmetry, refine=0.7, order=2)
                       for symmetry in (True, False))
-    even = [name for name in parameters(quarter) if "offset" not in name and "arm" not in name]
+    even = [name for name in Parameters(quarter).names if "offset" not in name and "arm" not in name]
     labels = {name: one for name, one in QUANTITIES.items() if name != "tilt"}
     answers = []
     for film in (quarter, whole):
@@ -138,7 +137,7 @@ def test_what_has_no_derivative_is_refused(solved) -> None:
     with pytest.raises(InputError, match=r"membrane\.material\.mu\.0"):
         heave_gradient(film, solution.state, ["membrane.colour"])
     with pytest.raises(InputError, match="heave, tilt"):
-        quantity("beauty")
+        named_quantity("beauty")
     quarter = model(elliptical(60e-3), refine=0.7, order=2)
     outcome = equilibrium(quarter, FORCE, 0.0)
     with pytest.raises(InputError, match="does not tilt"):
@@ -146,9 +145,9 @@ def test_what_has_no_derivative_is_refused(solved) -> None:
     with pytest.raises(InputError, match="zero all over"):
         gradient(quarter, outcome, QUANTITIES["max_field"], ["force"])
     with pytest.raises(InputError, match="mesh the whole film"):
-        gradient(quarter, outcome, Local(larger_stretch, (0.02, 0.0)), ["plate.offset.0"])
+        gradient(quarter, outcome, AtPoint(larger_stretch, (0.02, 0.0)), ["plate.offset.0"])
     with pytest.raises(InputError, match="no equilibrium"):
-        gradient(quarter, replace(outcome, status="no_equilibrium"), Heave(), ["force"])
+        gradient(quarter, replace(outcome, status="no_equilibrium"), Deflection(), ["force"])
 
 
 def test_wrinkling_films_have_no_capacitance_gradient(solved) -> None:

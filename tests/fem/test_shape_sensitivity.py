@@ -12,7 +12,7 @@ from tests.oracles import axisymmetric
 from tests.support.models import model
 from tests.support.specimens import ROOT5, circular, skewed
 from tympan.fem.derivatives.parameters import Parameters
-from tympan.fem.derivatives.residual_derivative import Work
+from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.sensitivity import heave_gradient, limit_gradient, morphed
 from tympan.fem.derivatives.shape import velocities
 from tympan.fem.derivatives.stiffness import Stiffness
@@ -118,7 +118,7 @@ def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
                                   "membrane.prestretch.0",
                                   "membrane.thickness"])
 def test_the_work_changes_as_the_forces_do(name: str) -> None:
-    """The residual of the complex model along a motion, against what Work puts together without forming it."""
+    """Along a motion, against the residual of the complex model itself."""
     film = replace(model(skewed(), refine=0.7,
                  order=3), loading=Loading(arm=(1e-3, 2e-3), gravity=9.81))
     film = replace(film, specimen=replace(film.specimen,
@@ -129,8 +129,8 @@ def test_the_work_changes_as_the_forces_do(name: str) -> None:
     other, stepped = Parameters(film)[name].changed(film, state, 1e-30j)
     inner, plate = other.residual(other.nodal_forces(stepped), stepped)
     expected = (motion[0] @ inner + motion[1] @ plate).imag
-    assert Work(Stiffness(film, state),
-                [motion]).change(other, stepped)[0] == pytest.approx(expected, rel=1e-9)
+    derivative = ResidualDerivative(Stiffness(film, state), [motion])
+    assert derivative.by(other, stepped)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def electrode(outline: Region) -> Specimen:

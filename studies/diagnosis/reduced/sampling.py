@@ -10,7 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import Heave
+from tympan.fem.equilibrium.constraints import HeldPlate
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.ramp import PathSettings, held
 from tympan.fem.membrane.model import Model
@@ -125,10 +125,10 @@ def _solved(model: Model, guess: State | None, heave: float, charge: float,
     """The film with its plate held."""
     guess = model.mounted() if guess is None else guess
     found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",),
-                   (Heave(heave),))
+                   (HeldPlate(heave),))
     if found.converged:
         return found
-    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (Heave(0.0),))
+    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (HeldPlate(0.0),))
     outcome = held(model, heave, charge**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 

@@ -19,7 +19,7 @@ from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import PathSettings, equilibrium, held
-from tympan.fem.equilibrium.subspace import SmoothMotions
+from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading, Magnet
 from tympan.fem.membrane.model import Model
@@ -57,7 +57,7 @@ def test_pull_in_voltage_is_the_ode_s(material: Ogden, mass: float) -> None:
 
 def test_unstable_branch_is_the_ode_s() -> None:
     film = model(circular(SOFT))
-    points = branch_points(film, SmoothMotions.of(film, 0), longest=6e-3)
+    points = branch_points(film, SmoothSubspace.of(film, 0), longest=6e-3)
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     near, checked = (fold.c, fold.q), 0
     for point in points:
@@ -79,7 +79,7 @@ def test_critical_mode_is_the_branch_s_derivative() -> None:
     outcome = equilibrium(film, WEIGHT, 7000.0)
     mode = outcome.critical.direction
     assert length(film, mode) == pytest.approx(1, rel=1e-12)
-    branch = Branch(film, "voltage", motions=SmoothMotions.of(film, 0))
+    branch = Branch(film, "voltage", subspace=SmoothSubspace.of(film, 0))
     step = 1e-3
     ahead, back = (branch.at(outcome.critical, change) for change in (step, -step))
     moved = difference(film, ahead.state, back.state)
@@ -119,8 +119,8 @@ def test_a_limit_in_force() -> None:
     by_ramp = equilibrium(film, 1.0, 0.0)
     assert by_ramp.status == "equilibrium"
     start = equilibrium(film, 0.05, voltage).state
-    smooth = SmoothMotions.of(film, 0)
-    limit = limits(Branch(film, "force", motions=smooth), start, 1)[0]
+    smooth = SmoothSubspace.of(film, 0)
+    limit = limits(Branch(film, "force", subspace=smooth), start, 1)[0]
     exact = axisymmetric.pull_in(reference_film(SOFT), limit.state.force)
     assert exact.voltage == pytest.approx(voltage, rel=1e-5)
 

@@ -12,33 +12,33 @@ from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_a
 from tests.support.models import loaded, model
 from tests.support.specimens import circular, reference_film
 from tympan.fem.equilibrium.constraints import (
-    Arc,
-    Charge,
-    Heave,
+    ArcLength,
+    HeldCharge,
+    HeldPlate,
     difference,
     length,
 )
 from tympan.fem.equilibrium.newton import moved, newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
-from tympan.fem.equilibrium.subspace import SmoothMotions
+from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
 
 
-def arc(film: Model) -> Arc:
+def arc(film: Model) -> ArcLength:
     """A direction in all unknowns from a state a little before."""
     rng = np.random.default_rng(5)
     direction = rng.normal(size=film.discretisation.free_count), np.array([1e-3, 2e-3, 3e-3, 0.1, -0.2, 0.3])
-    return Arc(loaded(film), direction, 1e-3)
+    return ArcLength(loaded(film), direction, 1e-3)
 
 
 @pytest.mark.parametrize("name", ["heave", "charge", "arc"])
 def test_equations_derivatives(skewed_model: Model, name: str) -> None:
     """Second order of what remains of the miss without its linear part, free loads included."""
     film, free = skewed_model, ("voltage",)
-    control = {"heave": Heave(3e-3), "charge": Charge(1e-6), "arc": arc(film)}[name]
+    control = {"heave": HeldPlate(3e-3), "charge": HeldCharge(1e-6), "arc": arc(film)}[name]
     state = loaded(film)
     at = control.equation(film, state, free)
     rng = np.random.default_rng(1)
@@ -57,7 +57,7 @@ def test_a_charge_gives_the_state_of_its_voltage() -> None:
     known = equilibrium(film, WEIGHT, 5000.0).solution
     charge = film.capacitance(known.state) * 5000.0
     start = equilibrium(film, WEIGHT, 4000.0).state
-    found = newton(film, start, ("voltage",), (Charge(charge),))
+    found = newton(film, start, ("voltage",), (HeldCharge(charge),))
     assert found.converged
     assert np.sqrt(found.state.voltage_squared) == pytest.approx(5000.0, rel=1e-9)
     assert np.allclose(found.state.positions, known.state.positions, atol=1e-10)
@@ -72,12 +72,12 @@ def test_a_heave_is_the_one_asked_for_also_with_an_offset_weight(skewed_model: M
     assert again.plate.heave == pytest.approx(6e-3, rel=1e-7)
 
 
-def constant(film: Model, state, motions, kept: str) -> np.ndarray:
+def constant(film: Model, state, subspace, kept: str) -> np.ndarray:
     """The dense tangent within some motions: at given loads, at constant charge, or with the heave held."""
-    tangent = motions.reduced(film.linearised(state))
+    tangent = subspace.reduced(film.linearised(state))
     whole = np.block([[tangent.inner, tangent.border], [tangent.border.T, tangent.corner]])
     if kept == "charge":  # E + Q²/2C has the Hessian of E − ½CU² and (U²/C) ∇C ∇Cᵀ
-        inner, plate = motions.gather(film.by_load(state, "voltage"))
+        inner, plate = subspace.project(film.by_load(state, "voltage"))
         slope = -2 * film.discretisation.mirrored * np.concatenate([inner, plate])
         whole += np.outer(slope, slope) * state.voltage_squared / film.capacitance(state) / film.discretisation.mirrored
     if kept == "heave":
@@ -90,18 +90,18 @@ def constant(film: Model, state, motions, kept: str) -> np.ndarray:
 def test_closed_stability_is_the_dense_matrix_s(waves: int, beyond: tuple[int, int, int]) -> None:
     """Counts along the branch through pull-in and beyond, against eigenvalues of the matrices written out."""
     film = model(circular(SOFT))
-    motions = SmoothMotions.of(film, waves)
+    subspace = SmoothSubspace.of(film, waves)
     seen = set()
-    for point in branch_points(film, motions)[::2]:
+    for point in branch_points(film, subspace)[::2]:
         part = film.linearised(point.state)
-        free = {"charge": ("voltage", Charge(0.0)), "heave": ("force", Heave(0.0))}
+        free = {"charge": ("voltage", HeldCharge(0.0)), "heave": ("force", HeldPlate(0.0))}
         counts = {}
         for kept, (load, control) in free.items():
             equation = control.equation(film, point.state, (load,))
-            tangent = Tangent(film, part, point.state, (load,), [equation], motions)
+            tangent = Tangent(film, part, point.state, (load,), [equation], subspace)
             counts[kept] = tangent.negative_closed
-            assert counts[kept] == (constant(film, point.state, motions, kept) < 0).sum()
-            assert tangent.negative == (constant(film, point.state, motions, "") < 0).sum()
+            assert counts[kept] == (constant(film, point.state, subspace, kept) < 0).sum()
+            assert tangent.negative == (constant(film, point.state, subspace, "") < 0).sum()
         seen.add((tangent.negative, counts["charge"], counts["heave"]))
     assert (0, 0, 0) in seen
     assert beyond in seen  # with two waves the held film itself gives way beside the heave
@@ -113,7 +113,7 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     The reference has the Hessian of the Ritz method's energy at constant charge, at its own states.
     """
     film = model(circular(SOFT))
-    smooth = SmoothMotions.of(film, 0)
+    smooth = SmoothSubspace.of(film, 0)
     points = branch_points(film, smooth)
     last = next(index for index, point in enumerate(points) if point.rate < 0)
     known = points[last - 2].state
@@ -122,7 +122,7 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     state, near, seen = known, (fold.c, fold.q), []
     for share in (1.0, 1.02, 1.04, 1.06, 1.075, 1.085):
-        found = newton(film, state, ("voltage",), (Charge(share * charge),), motions=smooth)
+        found = newton(film, state, ("voltage",), (HeldCharge(share * charge),), subspace=smooth)
         assert found.converged
         state = found.state
         seen.append((state, found.tangent.negative, found.tangent.negative_closed))
@@ -159,7 +159,7 @@ def test_an_arc_has_its_length(skewed_model: Model) -> None:
     before = next(branch.points(start))
     for step in (1e-3, 1e-2):
         after = branch.at(before, step)
-        assert Arc(before.state, before.direction, step).equation(branch.model, after.state,
+        assert ArcLength(before.state, before.direction, step).equation(branch.model, after.state,
                                                                   ("force",)).miss \
             == pytest.approx(0, abs=1e-7 * step + 1e-10)
         chord = length(branch.model, difference(branch.model, after.state, before.state))

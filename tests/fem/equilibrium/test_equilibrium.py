@@ -319,11 +319,11 @@ def test_pull_in_is_where_the_ode_has_it() -> None:
 
 def test_unsymmetric_specimen_is_found_from_another_direction(skewed_model: Model) -> None:
     """Load then voltage (the default) and voltage then load end in the same state."""
-    from tympan.fem.equilibrium.ramp import ramp
+    from tympan.fem.equilibrium.ramp import Ramp
 
     start = newton(skewed_model, skewed_model.mounted())
-    charged = ramp(skewed_model, start, "voltage", 3000.0**2)
-    loaded = ramp(skewed_model, charged.solution, "force", 0.2)
+    charged = Ramp(skewed_model, "voltage", 3000.0**2).run(start)
+    loaded = Ramp(skewed_model, "force", 0.2).run(charged.solution)
     usual = equilibrium(skewed_model, 0.2, 3000.0)
     assert loaded.status == usual.status == "equilibrium"
     assert np.allclose(loaded.state.positions, usual.state.positions, atol=1e-9)

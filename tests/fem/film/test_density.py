@@ -82,7 +82,7 @@ def test_power_is_the_stress_times_the_change_of_strain(law, c) -> None:
                                prestretch, np.full(1, 2.0))
     density = plane_stress((law,), points, prestretch)
     expected = 2 * (density.stress[0] @ (change / [2, 2, 1]))
-    assert stretching.power(law) == pytest.approx(expected, rel=1e-11,
+    assert stretching.virtual_work(law) == pytest.approx(expected, rel=1e-11,
                                                   abs=1e-13 * np.abs(density.tangent).max())
 
 
