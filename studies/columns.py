@@ -1,7 +1,8 @@
-"""Tables of measured numbers: CSV files whose columns carry their unit in the name (design §4).
+"""CSV tables whose columns carry their unit in the name: one list of columns writes and reads a file.
 
 Columns may stand in any order, and any unit of the right dimension may stand in a name:
-``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is.
+``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is. Inside,
+numbers are SI.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,8 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import FINITE, Rule
-from tympan.geometry.units import unit_factor
+from tympan.geometry.units import quantity, unit_factor
+from tympan.studies.files import read_text, write_csv
 
 Fail = Callable[[int, str], InputError]
 Cells = Sequence[str]
@@ -35,9 +37,10 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 class Number:
     """A column of numbers.
 
-    ``unit`` is the usual one and ``dimension`` that of :mod:`tympan.geometry.units`, both "" for
-    plain numbers; ``rule`` holds for SI values. Only columns that are not ``required`` may be left
-    out or have blank cells, which read as nan.
+    ``unit`` is the usual one, with ``_per_`` for a quotient, and ``dimension`` that of
+    :mod:`tympan.geometry.units`, both "" for plain numbers; ``rule`` holds for SI values. Only
+    columns that are not ``required`` may be left out or have blank cells, which read as nan;
+    ``absent`` is how nan is written, and read besides blanks.
     """
 
     name: str
@@ -45,6 +48,7 @@ class Number:
     dimension: str = ""
     rule: Rule = FINITE
     required: bool = True
+    absent: str = ""
 
     @property
     def title(self) -> str:
@@ -53,12 +57,24 @@ class Number:
 
     def claims(self, title: str) -> bool:
         """Whether a name of the first line is this column's, with whatever unit."""
-        start, _, unit = title.rpartition("_")
-        return start == self.name and unit.isalpha() if self.unit else title == self.name
+        if not self.unit:
+            return title == self.name
+        start, unit = title[: len(self.name) + 1], title[len(self.name) + 1 :]
+        return start == f"{self.name}_" and unit.replace("_per_", "").isalpha()
 
     def factor(self, title: str) -> float:
         """SI value of the unit in a name."""
-        return unit_factor(title.rpartition("_")[2], self.dimension) if self.unit else 1.0
+        if not self.unit:
+            return 1.0
+        unit = title[len(self.name) + 1 :]
+        if "_per_" in unit:
+            return quantity(f"1 {unit.replace('_per_', '/')}", self.dimension)
+        return unit_factor(unit, self.dimension)
+
+    def texts(self, values: Sequence[float]) -> list[str]:
+        """Cells of SI values, with the digits that read back to 12 places."""
+        factor = self.factor(self.title)
+        return [self.absent if math.isnan(value) else f"{value / factor:.12g}" for value in values]
 
     def blank(self) -> float:
         """What a blank cell stands for."""
@@ -69,7 +85,7 @@ class Number:
         holds, words = self.rule
         values = np.empty(len(cells))
         for row, cell in enumerate(cells):
-            if not cell and not self.required:
+            if not self.required and cell in ("", self.absent):
                 values[row] = math.nan
                 continue
             if not _NUMBER.fullmatch(cell):
@@ -103,6 +119,10 @@ class Label:
         """Texts have no unit."""
         return 1.0
 
+    def texts(self, values: Sequence[str]) -> list[str]:
+        """Cells of texts."""
+        return list(values)
+
     def blank(self) -> str:
         """What a blank cell stands for."""
         return ""
@@ -113,8 +133,8 @@ class Label:
             if not cell and not self.required:
                 continue
             if self.choices and cell not in self.choices:
-                raise fail(row,
-                           f"must be one of {', '.join(self.choices)}{'' if self.required else ', or blank'}")
+                blank = "" if self.required else ", or blank"
+                raise fail(row, f"must be one of {', '.join(self.choices)}{blank}")
             if not cell:
                 raise fail(row, "must not be blank")
         return np.array(cells)
@@ -172,26 +192,44 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
         raise InputError("is empty: a first line with the names of the columns is needed",
                          file=file)
     (top, titles), *rows = lines
-    found = _header(file, top, titles, columns)
+    header = _header(file, top, titles, columns)
     if not rows:
         raise InputError("has no readings below the names of its columns", file=file)
     for line, row in rows:
         if len(row) != len(titles):
-            comma = "; a decimal comma splits a number: write decimal points" if len(row) > len(titles) else ""
-            raise InputError(f"must have {len(titles)} cells, as the first line has{comma}",
-                             file=file,
-                             key=f"line {line}", given=f"{len(row)} cells")
-    places = {column.name: place for place, (column, _) in enumerate(found)}
+            comma = "; a decimal comma splits a number: write decimal points"
+            more = comma if len(row) > len(titles) else ""
+            raise InputError(f"must have {len(titles)} cells, as the first line has{more}",
+                             file=file, key=f"line {line}", given=f"{len(row)} cells")
+    places = {column.name: place for place, (column, _) in enumerate(header)}
     values = {column.name: np.full(len(rows), column.blank()) for column in columns}
-    for place, (column, factor) in enumerate(found):
+    for place, (column, factor) in enumerate(header):
         def fail(row: int, allowed: str, place: int = place) -> InputError:
             line, cells = rows[row]
             return _cell_error(file, line, place, titles, cells, allowed)
 
         values[column.name] = column.parse([row[place] for _, row in rows], factor, fail)
     return Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
-                 values, tuple(titles),
-                 places, [row for _, row in rows])
+                 values, tuple(titles), places, [row for _, row in rows])
+
+
+def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]) -> None:
+    """Write a CSV file of these columns from SI values by name, shape (rows,) each."""
+    cells = [column.texts(values[column.name]) for column in columns]
+    write_csv(file, [column.title for column in columns], zip(*cells, strict=True))
+
+
+def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[Any]]:
+    """SI values by column name of a file that :func:`write_sheet` wrote.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is cut short, or is not of these columns.
+    """
+    if not read_text(file).endswith("\n"):
+        raise InputError("is cut short: run the command that wrote the folder again", file=file)
+    return read_sheet(file, columns).values
 
 
 def _text(file: Path) -> tuple[bytes, str]:
@@ -217,8 +255,7 @@ def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
             begin = rows.line_num + 1
     except csv.Error as error:
         raise InputError(f"is not comma-separated text: {error}; is a quotation mark left open?",
-                         file=file,
-                         key=f"line {begin}") from None
+                         file=file, key=f"line {begin}") from None
     return lines
 
 
@@ -227,27 +264,28 @@ def _header(file: Path, line: int, titles: Sequence[str],
     """What each name of the first line stands for, and the SI value of its unit."""
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if any(mark in title for title in titles):
-            raise InputError(f"columns must be separated by commas, not {name}: save it with commas, and with decimal "
-                             "points in numbers", file=file, key=f"line {line}",
-                             given=",".join(titles))
-    found: list[tuple[Column, float]] = []
+            raise InputError(f"columns must be separated by commas, not {name}: save it with "
+                             "commas, and with decimal points in numbers", file=file,
+                             key=f"line {line}", given=",".join(titles))
+    header: list[tuple[Column, float]] = []
     for place, title in enumerate(titles):
         try:
             column = _column(title, columns)
             if title in titles[:place]:
                 raise InputError("is there twice")
-            if any(column is other for other, _ in found):
+            if any(column is other for other, _ in header):
                 raise InputError(f"one column of {column.name} only, whatever its unit")
-            found.append((column, column.factor(title)))
+            header.append((column, column.factor(title)))
         except InputError as error:
             raise InputError(error.allowed, file=file, key=f"line {line}, column {place + 1}",
                              given=title) from None
-    present = {column.name for column, _ in found}
+    present = {column.name for column, _ in header}
     missing = [column.title for column in columns if column.required and column.name not in present]
     if missing:
-        words = f"the column {missing[0]} is" if len(missing) == 1 else f"the columns {', '.join(missing)} are"
+        words = (f"the column {missing[0]} is" if len(missing) == 1
+                 else f"the columns {', '.join(missing)} are")
         raise InputError(f"{words} missing", file=file, key=f"line {line}", given=", ".join(titles))
-    return found
+    return header
 
 
 def _column(title: str, columns: Sequence[Column]) -> Column:
@@ -262,7 +300,8 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
     lower = {column.title.lower(): column.title for column in columns}
     near = difflib.get_close_matches(title.lower(), lower, 1)
     hint = f"did you mean {lower[near[0]]!r}? " if near else ""
-    raise InputError(f"unknown column: {hint}known are {', '.join(column.title for column in columns)}")
+    titles = ", ".join(column.title for column in columns)
+    raise InputError(f"unknown column: {hint}known are {titles}")
 
 
 def _cell_error(file: Path, line: int, place: int, titles: Sequence[str], row: Cells,

@@ -1,17 +1,18 @@
-"""The main job: specimens solved, their fields, lines and curves stored, and α of every shape that is no circle."""
+"""The main job: specimens solved, their fields, lines and curves, and α of every shape."""
 
 from __future__ import annotations
 
 import json
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
@@ -21,7 +22,6 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table
-from tympan.studies import files as store
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import (
     Case,
@@ -32,16 +32,44 @@ from tympan.studies.case import (
     solve_grid,
     summaries,
 )
-from tympan.studies.film_surface import film_surface
+from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, remove, write_json
+from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.paper.actuators import FILES, actuators
 
 Progress = Callable[[str], None]
 
-_LINES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
-_LINE_HEADER = ("line", "distance_mm", "deflection_mm", "stress_1_kPa", "stress_2_kPa",
-                "stress_radial_kPa",
-                "stress_circumferential_kPa", "stretch_1", "stretch_2", "thickness_um",
-                "field_MV_per_m")
+#: SI values by column name, shape (rows,) each.
+TableOfColumns = Mapping[str, NDArray[Any]]
+
+#: Boundaries of the mesh along the lines x and y, and the coordinate that runs along each.
+_AXES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
+
+#: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
+#: radius around the plate.
+LINES: tuple[Column, ...] = (
+    Label("line", (*_AXES, "plate")),
+    Number("distance", "mm", "length"),
+    Number("deflection", "mm", "length"),
+    Number("stress_1", "kPa", "stress"),
+    Number("stress_2", "kPa", "stress"),
+    Number("stress_radial", "kPa", "stress"),
+    Number("stress_circumferential", "kPa", "stress"),
+    Number("stretch_1"),
+    Number("stretch_2"),
+    Number("thickness", "um", "length"),
+    Number("field", "MV_per_m", "field"),
+)
+
+#: The columns of curves/NAME.csv.
+CURVES: tuple[Column, ...] = (
+    Number("mass", "g", "mass"),
+    Number("voltage", "kV", "voltage"),
+    Label("status"),
+    Number("deflection", "mm", "length", required=False),
+    Number("slack_share", required=False),
+    Number("breakdown_margin", required=False),
+)
 
 
 @dataclass(frozen=True)
@@ -63,6 +91,110 @@ class Study:
     alpha: AlphaSettings = field(default_factory=AlphaSettings)
     settings: Settings = field(default_factory=Settings)
 
+    @property
+    def steps(self) -> int:
+        """How many times :func:`run_study` reports progress."""
+        return 4 * len(self.specimens)
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenResult:
+    """One specimen of a study: under the picture's load with its film, along lines, and curves.
+
+    ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
+    columns of :data:`LINES` and ``curves`` those of :data:`CURVES`, in SI.
+    """
+
+    name: str
+    source: str
+    material: str
+    semi_axes_m: tuple[float, ...]
+    result: CaseResult
+    lines: TableOfColumns = field(default_factory=dict)
+    curves: TableOfColumns = field(default_factory=dict)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without the film, the lines and the curves."""
+        return {"name": self.name, "source": self.source, "material": self.material,
+                "semi_axes_m": list(self.semi_axes_m), "result": self.result.json()}
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """Everything a report of a study needs; ``mass_kg`` and ``voltage_V`` are the picture's.
+
+    ``rig``, ``settings`` and ``alpha_settings`` are what the study was run with, ``libraries`` and
+    ``python`` the versions it was run on.
+    """
+
+    name: str
+    version: str
+    libraries: dict[str, str]
+    python: str
+    finished: str
+    mass_kg: float
+    voltage_V: float
+    rig: dict[str, Any]
+    settings: dict[str, Any]
+    alpha_settings: dict[str, Any]
+    specimens: tuple[SpecimenResult, ...]
+    alphas: tuple[AlphaResult, ...] = ()
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without α."""
+        names = ("name", "version", "libraries", "python", "finished", "mass_kg", "voltage_V",
+                 "rig", "settings", "alpha_settings")
+        return {**{name: getattr(self, name) for name in names},
+                "specimens": [specimen.json() for specimen in self.specimens]}
+
+    def save(self, folder: Path) -> None:
+        """Write ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json``, ``study.json``.
+
+        The last one is written last, so its presence means the rest is complete.
+        """
+        remove(folder, "study.json", "alpha.json", "report.html", *(
+            f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
+        for specimen in self.specimens:
+            assert specimen.result.film is not None
+            specimen.result.film.save(folder / "fields" / f"{specimen.name}.vtu")
+            write_sheet(folder / "lines" / f"{specimen.name}.csv", LINES, specimen.lines)
+            write_sheet(folder / "curves" / f"{specimen.name}.csv", CURVES, specimen.curves)
+        write_json(folder / "alpha.json", [result.record() for result in self.alphas])
+        write_json(folder / "study.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path) -> StudyResult:
+        """Everything a study stored under ``folder``.
+
+        Raises
+        ------
+        InputError
+            When a file is missing or is not what the study writes, naming the file and what is
+            wrong.
+        """
+        file, weights = folder / "study.json", folder / "alpha.json"
+        stored = from_json(cls, read_json(file), file)
+        if not stored.specimens:
+            raise InputError("must not be empty", file=file, key="specimens")
+        alphas = from_json(tuple[Any, ...], read_json(weights), weights)
+        return replace(
+            stored, specimens=tuple(_with_tables(specimen, folder, f"specimens[{number}]")
+                                    for number, specimen in enumerate(stored.specimens)),
+            alphas=tuple(AlphaResult.of_record(record, weights, f"[{number}]")
+                         for number, record in enumerate(alphas)))
+
+
+def _with_tables(specimen: SpecimenResult, folder: Path, key: str) -> SpecimenResult:
+    """A stored specimen with its film, lines and curves."""
+    name = specimen.name
+    if Path(name).name != name:
+        raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
+                         given=name)
+    film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
+    return replace(specimen, result=replace(specimen.result, film=film),
+                   lines=read_own_sheet(folder / "lines" / f"{name}.csv", LINES),
+                   curves=read_own_sheet(folder / "curves" / f"{name}.csv", CURVES))
+
 
 def default_study() -> Study:
     """The paper's three actuators under 17.9 g, as in its Fig. 4."""
@@ -71,7 +203,10 @@ def default_study() -> Study:
 
 
 def read_study(file: Path) -> Study:
-    """A study from STUDY.toml: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads."""
+    """A study from STUDY.toml.
+
+    Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads.
+    """
     table = Table.read(file)
     names = table.value("specimens")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
@@ -97,52 +232,27 @@ def read_study(file: Path) -> Study:
     return study
 
 
-def run(study: Study, folder: Path, progress: Progress = lambda _: None) -> None:
-    """Run a study and store everything a report needs under ``folder``.
+def run_study(study: Study, progress: Progress = lambda _: None) -> StudyResult:
+    """Run a study.
 
-    ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and ``study.json``;
-    the last one is written last, so its presence means the rest is complete.
+    Raises
+    ------
+    InputError
+        When a specimen has no equilibrium under the picture's load.
     """
-    store.remove(folder, "study.json", "alpha.json", "report.html", *(
-        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
-    results = [_one(study, specimen, folder, progress) for specimen in study.specimens]
-    weights = []
+    specimens = tuple(_solved(study, specimen, source, progress)
+                      for specimen, source in zip(study.specimens, study.sources, strict=True))
+    alphas = []
     for specimen in study.specimens:
         progress(f"{specimen.name}: α")
-        weights.append(alpha(specimen, study.settings, study.alpha, study.rig))
-    store.write_json(folder / "alpha.json", [alpha_record(item) for item in weights])
-    record = {
-        "name": study.name,
-        "version": metadata.version("tympan"),
-        "libraries": {name: metadata.version(name) for name in
-                      ("cadquery", "gmsh", "meshio", "numpy", "pyvista", "scikit-fem", "scipy",
-                       "vtk")},
-        "python": platform.python_version(),
-        "finished": time.strftime("%Y-%m-%d %H:%M:%S %z"),
-        "mass_kg": study.mass,
-        "voltage_V": study.voltage,
-        "rig": _plain(study.rig.record()),
-        "settings": _plain(asdict(study.settings)),
-        "alpha_settings": _plain(asdict(study.alpha)),
-        "specimens": [
-            {"name": specimen.name, "source": source, "material": str(specimen.membrane.material),
-             "semi_axes_m": list(specimen.frame.semi_axes), "result": result.json()}
-            for specimen, source, result in zip(study.specimens, study.sources, results,
-                                                strict=True)],
-    }
-    store.write_json(folder / "study.json", record)
-
-
-def steps(study: Study) -> int:
-    """How many times :func:`run` reports progress."""
-    return 4 * len(study.specimens)
-
-
-def alpha_record(result: AlphaResult) -> dict[str, Any]:
-    """All bases of one specimen's α, as stored."""
-    record = result.json()
-    record["bases"] = {name: asdict(weights) for name, weights in result.by_basis.items()}
-    return record
+        alphas.append(alpha(specimen, study.settings, study.alpha, study.rig))
+    libraries = ("cadquery", "gmsh", "meshio", "numpy", "pyvista", "scikit-fem", "scipy", "vtk")
+    return StudyResult(
+        study.name, metadata.version("tympan"),
+        {name: metadata.version(name) for name in libraries}, platform.python_version(),
+        time.strftime("%Y-%m-%d %H:%M:%S %z"), study.mass, study.voltage,
+        plain_json(study.rig.record()), plain_json(asdict(study.settings)),
+        plain_json(asdict(study.alpha)), specimens, tuple(alphas))
 
 
 def plate_profile(model: Model, state: State) -> Fields:
@@ -156,13 +266,18 @@ def plate_profile(model: Model, state: State) -> Fields:
 def axis_profile(model: Model, state: State, axis: str) -> Fields:
     """Fields along the axis "x" or "y" through the plate's centre, from end to end."""
     full, unfolded = whole(model, state)
-    boundary, coordinate = _LINES[axis]
+    boundary, coordinate = _AXES[axis]
     fields = edge_fields(full, unfolded, boundary).fields
     return fields[np.argsort(fields.position[:, coordinate], kind="stable")]
 
 
-def _one(study: Study, specimen: Specimen, folder: Path, progress: Progress) -> CaseResult:
-    """Solve one specimen for the picture and along the curves, and store both."""
+def plain_json(value: Any) -> Any:
+    """Tuples as lists and infinities as text, for JSON."""
+    return json.loads(json.dumps(value, default=str).replace("Infinity", '"inf"'))
+
+
+def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -> SpecimenResult:
+    """One specimen solved for the picture and along the curves."""
     progress(f"{specimen.name}: mesh and equilibrium")
     began = time.perf_counter()
     case = Case(specimen, mass=study.mass, voltage=study.voltage, rig=study.rig)
@@ -170,48 +285,46 @@ def _one(study: Study, specimen: Specimen, folder: Path, progress: Progress) -> 
     (result, _), = summaries(model, [(case, outcome)])
     result = replace(result, wall_s=time.perf_counter() - began)
     if outcome.status != "equilibrium":
-        raise InputError(f"has no picture at {study.mass * 1e3:g} g and {study.voltage / 1e3:g} kV: "
-                         f"{result.warnings[0]}", key="specimens", given=specimen.name)
+        raise InputError(f"has no picture at {study.mass * 1e3:g} g and "
+                         f"{study.voltage / 1e3:g} kV: {result.warnings[0]}", key="specimens",
+                         given=specimen.name)
     progress(f"{specimen.name}: fields")
-    film_surface(model, outcome.state).save(folder / "fields" / f"{specimen.name}.vtu")
-    store.write_csv(folder / "lines" / f"{specimen.name}.csv", _LINE_HEADER,
-                    _line_rows(model, outcome.state))
+    result = replace(result, film=film_surface(model, outcome.state))
+    lines = _lines(model, outcome.state)
     progress(f"{specimen.name}: curves")
-    store.write_csv(folder / "curves" / f"{specimen.name}.csv",
-                    ("mass_g", "voltage_kV", "status", "deflection_mm", "slack_share",
-                     "breakdown_margin"),
-                    _curve_rows(study, specimen))
-    return result
+    return SpecimenResult(specimen.name, source, str(specimen.membrane.material),
+                          specimen.frame.semi_axes, result, lines, _curves(study, specimen))
 
 
-def _line_rows(model: Model, state: State) -> Iterator[tuple[object, ...]]:
-    """Rows of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times radius around it."""
-    for axis, (_, coordinate) in _LINES.items():
+def _lines(model: Model, state: State) -> TableOfColumns:
+    parts = []
+    for axis, (_, coordinate) in _AXES.items():
         fields = axis_profile(model, state, axis)
-        yield from _rows(axis, (fields.position - model.centre)[:, coordinate], fields)
+        parts.append(_line(axis, (fields.position - model.centre)[:, coordinate], fields))
     fields = plate_profile(model, state)
     steps = np.linalg.norm(np.diff(fields.position, axis=0), axis=1)
-    yield from _rows("plate", np.concatenate([[0.0], np.cumsum(steps)]), fields)
+    parts.append(_line("plate", np.concatenate([[0.0], np.cumsum(steps)]), fields))
+    return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
 
 
-def _rows(line: str, distance: np.ndarray, fields: Fields) -> Iterator[tuple[object, ...]]:
-    columns = (distance * 1e3, fields.displacement[:, 2] * 1e3, fields.stress_1 / 1e3,
-               fields.stress_2 / 1e3,
-               fields.stress_radial / 1e3, fields.stress_circumferential / 1e3, fields.stretch_1,
-               fields.stretch_2,
-               fields.thickness * 1e6, fields.electric_field / 1e6)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        yield (line, *row)
+def _line(name: str, distance: NDArray[np.float64], fields: Fields) -> TableOfColumns:
+    same = ("stress_1", "stress_2", "stress_radial", "stress_circumferential", "stretch_1",
+            "stretch_2", "thickness")
+    return {"line": np.full(len(distance), name), "distance": distance,
+            "deflection": fields.displacement[:, 2], "field": fields.electric_field,
+            **{column: getattr(fields, column) for column in same}}
 
 
-def _curve_rows(study: Study, specimen: Specimen) -> Iterator[tuple[object, ...]]:
+def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
     model = build_model(specimen, study.settings, study.rig.loading)
-    for result, _ in solve_grid(model, study.curves.masses, study.curves.voltages, study.rig,
-                                study.settings.path):
-        deflection = "" if result.deflection_m is None else result.deflection_m * 1e3
-        margin = "" if result.breakdown_margin is None else result.breakdown_margin
-        slack = "" if result.slack_share is None else result.slack_share
-        yield result.mass_kg * 1e3, result.voltage_V / 1e3, result.status, deflection, slack, margin
+    loads = study.curves
+    results = [result for result, _ in solve_grid(model, loads.masses, loads.voltages, study.rig,
+                                                  study.settings.path)]
+    rows = [(result.mass_kg, result.voltage_V, result.status, result.deflection_m,
+             result.slack_share, result.breakdown_margin) for result in results]
+    return {column.name: np.array(values) if isinstance(column, Label)
+            else np.array(values, float)
+            for column, values in zip(CURVES, zip(*rows, strict=True), strict=True)}
 
 
 def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
@@ -226,8 +339,3 @@ def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
         raise loads.error("voltage", "must ascend", loads.value("voltage"))
     loads.done()
     return LoadGrid(masses, voltages)
-
-
-def _plain(value: Any) -> Any:
-    """Tuples as lists and infinities as text, for JSON."""
-    return json.loads(json.dumps(value, default=str).replace("Infinity", '"inf"'))

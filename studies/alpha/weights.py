@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from tympan.studies.alpha.samples import LoadGrid, Samples, concentric, equilibr
 from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from tympan.studies.case import Settings, build_model
 from tympan.studies.circles.cone import radii_of
+from tympan.studies.files import from_json, read_json, stored_file, write_json
 
 Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
@@ -95,7 +97,7 @@ class AlphaResult:
     condition: float = 1.0
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
-        """The object of ``alpha --json`` (design §6) for one basis."""
+        """The object of ``alpha --json`` for one basis."""
         weights = self.by_basis[basis]
         return {
             "specimen": self.specimen,
@@ -116,6 +118,64 @@ class AlphaResult:
             "condition": self.condition,
             "warnings": list(self.warnings),
         }
+
+    def record(self) -> dict[str, Any]:
+        """All bases, as stored."""
+        return self.json() | {"bases": {name: asdict(weights)
+                                        for name, weights in self.by_basis.items()}}
+
+    @classmethod
+    def of_record(cls, record: Any, file: Path | str | None = None, key: str = "") -> AlphaResult:
+        """What :meth:`record` made.
+
+        Raises
+        ------
+        InputError
+            Naming the key that is missing or wrong.
+        """
+        stored = from_json(_Record, record, file, key)
+        fields = stored.from_fields
+        shares = Weights(fields.alpha, fields.fit_error, fields.held_out_error)
+        result = cls(stored.specimen, stored.circles, stored.bases, stored.cone_scale, shares,
+                     fields.range, stored.warnings, stored.radii, stored.ranges, stored.condition)
+        for weights in (*result.by_basis.values(), shares):
+            if len(weights.alpha) != len(result.circles):
+                raise InputError(f"must have as many α as circles, {len(result.circles)}",
+                                 file=file, key=key or None, given=list(weights.alpha))
+        return result
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-alpha.json``; NAME is the specimen's."""
+        write_json(folder / f"{self.specimen}-alpha.json", self.record())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> AlphaResult:
+        """What was saved, of the specimen of a ``name`` or of the only one."""
+        file = stored_file(folder, "*-alpha.json", name, "tympan alpha")
+        return cls.of_record(read_json(file), file)
+
+
+@dataclass(frozen=True)
+class _FieldRecord:
+    alpha: tuple[float, ...]
+    fit_error: float
+    held_out_error: float | None
+    range: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class _Record:
+    """An :class:`AlphaResult` as it is stored."""
+
+    specimen: str
+    circles: tuple[float, ...]
+    bases: dict[Basis, Weights]
+    cone_scale: float
+    from_fields: _FieldRecord
+    warnings: tuple[str, ...]
+    radii: str = "semi_axes"
+    ranges: tuple[tuple[float, float], ...] = ()
+    condition: float = 1.0
 
 
 def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings = AlphaSettings(),

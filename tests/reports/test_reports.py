@@ -28,7 +28,7 @@ from tympan.reports.study import text as words
 from tympan.reports.study.load import Curve, Line, Run, read_run
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Settings
-from tympan.studies.study import Study, default_study, run
+from tympan.studies.study import Study, default_study, run_study
 
 NAME = 'a "small" study <b> & more'
 
@@ -41,9 +41,9 @@ def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     circle = published.specimens[0]
     standing = replace(circle, name="standing", frame=Ellipse((0.045, 0.075)))
     few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((20e-3,), (2.5e3,)))
-    run(Study(NAME, (circle, standing), (published.sources[0], "# </pre><script>alert(1)</script>"),
+    run_study(Study(NAME, (circle, standing), (published.sources[0], "# </pre><script>alert(1)</script>"),
               curves=LoadGrid((17.9e-3, 22.45e-3), (0.0, 3e3, 40e3)), alpha=few,
-              settings=Settings(MeshSettings(order=2, around_plate=8, growth=1, across=1))), folder)
+              settings=Settings(MeshSettings(order=2, around_plate=8, growth=1, across=1)))).save(folder)
     return folder
 
 
@@ -421,7 +421,8 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
     file.write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_run(copy)
-    assert (caught.value.file, caught.value.key) == (file, key)
+    assert caught.value.file == file
+    assert key in str(caught.value)
 
 
 def test_unknown_format_is_refused(study_folder: Path) -> None:

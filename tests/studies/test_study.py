@@ -29,7 +29,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[study.Study, Pat
     plan = study.default_study()
     plan = replace(plan, specimens=plan.specimens[::2], sources=plan.sources[::2], **SMALL)
     steps: list[str] = []
-    study.run(plan, folder, steps.append)
+    study.run_study(plan, steps.append).save(folder)
     return plan, folder, steps
 
 
@@ -47,7 +47,7 @@ def test_default_is_the_paper_s_three_actuators() -> None:
 
 def test_everything_is_stored(finished) -> None:
     plan, folder, steps = finished
-    assert len(steps) == study.steps(plan)
+    assert len(steps) == plan.steps
     names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     assert names == {"alpha.json", "study.json"} | {
         f"{kind}/{name}.{suffix}" for name in ("circular", "elliptical-large")
@@ -91,24 +91,27 @@ def test_curves_end_at_pull_in(finished) -> None:
     assert rows[2]["deflection_mm"] == ""
 
 
-def test_an_unfinished_run_is_seen_to_be_unfinished(finished, tmp_path) -> None:
-    plan, _, _ = finished
+def test_a_study_that_cannot_be_saved_whole_is_seen_to_be_unfinished(finished, tmp_path) -> None:
+    _, folder, _ = finished
     (tmp_path / "study.json").write_text("{}")
-
-    def stop(words: str) -> None:
-        if words.endswith("α"):
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        study.run(plan, tmp_path, stop)
+    (tmp_path / "lines").write_text("where a folder should be")
+    with pytest.raises(InputError, match="cannot be written"):
+        study.StudyResult.load(folder).save(tmp_path)
     assert not (tmp_path / "study.json").exists()
     assert not list(tmp_path.rglob(".*"))
 
 
-def test_a_load_without_picture_is_said(finished, tmp_path) -> None:
+def test_what_is_loaded_is_saved_as_it_was(finished, tmp_path) -> None:
+    _, folder, _ = finished
+    study.StudyResult.load(folder).save(tmp_path)
+    for file in sorted(folder.rglob("*.json")) + sorted(folder.rglob("*.csv")):
+        assert (tmp_path / file.relative_to(folder)).read_text() == file.read_text()
+
+
+def test_a_load_without_picture_is_said(finished) -> None:
     plan, _, _ = finished
     with pytest.raises(InputError, match=r"circular.*no picture at 17.9 g and 12 kV.*pulls in"):
-        study.run(replace(plan, voltage=12e3), tmp_path)
+        study.run_study(replace(plan, voltage=12e3))
 
 
 def test_atomic_write_keeps_the_old_file_when_writing_fails(tmp_path) -> None:

@@ -19,11 +19,11 @@ def add(commands: Subcommands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
-    from tympan.studies import study as job
+    from tympan.studies.study import default_study, read_study, run_study
 
-    study = job.read_study(options.file) if options.file else job.default_study()
-    with bar(job.steps(study) + 1) as progress:
-        job.run(study, options.output, progress)
+    study = read_study(options.file) if options.file else default_study()
+    with bar(study.steps + 1) as progress:
+        run_study(study, progress).save(options.output)
         progress("report")
         from tympan.reports.study.page import build_study_page
 
