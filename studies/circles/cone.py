@@ -37,17 +37,17 @@ def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
     return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
 
 
-def sloped_film(material: Any, prestretch: float, steepness: float,
+def sloped_film(material: Any, prestretch: float, steepness: Any,
                 deflection: Any) -> tuple[Any, Any, Any]:
-    """Energy per volume [J/m³] of such a film over that of the flat one, and its two derivatives by y [m].
+    """Energy per volume [J/m³] of such a film over that of the flat one, its two derivatives by y.
 
     ``prestretch`` is equibiaxial; across the slope the film keeps it.
     """
     stretch, phi, bend = sloped_stretch(steepness, deflection)
-    held = 0 * stretch + prestretch
-    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, held)
-    flat = material.derivatives(held, held)[0]
-    return w - flat, prestretch * w1 * phi, prestretch * (w1 * bend + prestretch * w11 * phi * phi)
+    flat = np.asarray(prestretch)
+    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, flat)
+    return (w - material.derivatives(flat, flat)[0], prestretch * w1 * phi,
+            prestretch * (w1 * bend + prestretch * w11 * phi * phi))
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class ConeCircle:
 
     Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ =
     radius − r, with r the plate's mean radius and λ_p the mean prestretch. The material is the
-    specimen's own.
+    specimen's own. Radii and deflections are numbers or arrays that broadcast.
 
     ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r)
     of a weightless membrane that is hardly deflected (1): its slope at a distance ρ from the axis
@@ -64,7 +64,7 @@ class ConeCircle:
     """
 
     specimen: Specimen
-    radius: float
+    radius: Any
     profile: float = 0.0
 
     @cached_property
@@ -73,30 +73,31 @@ class ConeCircle:
         return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
 
     @cached_property
-    def steepness(self) -> float:
-        """Slope of the film at the plate's edge over the deflection [1/m]; 1/l₀ for the straight cone."""
-        return float(self._steepness(np.array(self.plate_radius)))
+    def steepness(self) -> Any:
+        """Slope of the film at the plate's edge over the deflection [1/m]; 1/l₀ for the cone."""
+        return self._steepness(self.plate_radius)
 
     @cached_property
-    def volume(self) -> float:
-        """2π r z₀ l₀ [m³]: the film whose energy per volume, by the deflection, gives the force of Eq. (5).
+    def volume(self) -> Any:
+        """2π r z₀ l₀ [m³]: the film whose energy, by the deflection, gives the force of Eq. (5).
 
         In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress
         times d ln λ_r: for any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is
         not the whole film's volume.
         """
         film = self.specimen.membrane
-        return 2 * np.pi * self.plate_radius * film.thickness / film.area_prestretch / self.steepness
+        thickness = film.thickness / film.area_prestretch
+        return 2 * np.pi * self.plate_radius * thickness / self.steepness
 
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Stretch from the mounted film at the plate's edge, √s of Eq. (3), and its two derivatives by y (φ, φ').
+        """Stretch from the mounted film at the plate's edge, √s of Eq. (3), its slopes φ, φ' by y.
 
         ``deflection`` [m] is any array, complex ones included.
         """
         return sloped_stretch(self.steepness, deflection)
 
     def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] of a material, at deflections [m].
+        """Energy [J] over the flat film's, force [N] and stiffness [N/m] of a material.
 
         ``material`` is the film's own or any other with derivatives W, W₁, …, such as
         :class:`tympan.fem.film.density.Maxwell`.
@@ -106,15 +107,15 @@ class ConeCircle:
         return self.volume * energy, self.volume * force, self.volume * stiffness
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """The same of the film's own material."""
+        """Energy [J], force [N] and stiffness [N/m] of the film's own material."""
         return self.pull(self.specimen.membrane.material, deflection)
 
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """The same of the voltage, per V² across the film; energy and force are negative."""
+        """The voltage's, per V² across the film; energy and force are negative."""
         return self.pull(maxwell(self.specimen, 1.0), deflection)
 
     def force(self, deflection: float, voltage: float) -> float:
-        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge, at a deflection [m] and a voltage [V].
+        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge.
 
         As in the paper it is what the film there pulls with, not the derivative of the film's
         energy.
@@ -122,22 +123,23 @@ class ConeCircle:
         parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
         return float(sum(self.pull(part, deflection)[1] for part in parts))
 
-    def capacitance(self, deflection: float) -> float:
-        """ε₀ε_r dA/z over the film [F] at a deflection [m]."""
-        film = self.specimen.membrane
-        nodes, weights = np.polynomial.legendre.leggauss(_RINGS)
+    def capacitance(self, deflection: Any) -> Any:
+        """ε₀ε_r dA/z over the film [F] at a deflection [m], by Gauss's rule along the radius."""
+        film, axes = self.specimen.membrane, np.broadcast(deflection, self.radius).ndim
+        nodes, weights = (rule.reshape(-1, *[1] * axes)
+                          for rule in np.polynomial.legendre.leggauss(_RINGS))
         half = (self.radius - self.plate_radius) / 2
         at = self.plate_radius + half * (1 + nodes)
         prestretch = np.sqrt(film.area_prestretch)
-        radial = prestretch * np.hypot(1.0, deflection * self._steepness(at))
+        radial = prestretch * np.sqrt(1 + (deflection * self._steepness(at)) ** 2)
         energy = maxwell(self.specimen, 1.0).derivatives(radial, prestretch)[0]
         volume = 2 * np.pi * at * weights * half * film.thickness / film.area_prestretch
-        return float(-2 * volume @ energy)
+        return -2 * np.sum(volume * energy, axis=0)
 
-    def _steepness(self, at: np.ndarray) -> np.ndarray:
+    def _steepness(self, at: Any) -> Any:
         """Slope over deflection [1/m] at distances from the axis [m]."""
         c, inner = self.profile, self.plate_radius
-        return np.asarray((1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner)))
+        return (1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner))
 
 
 @dataclass(frozen=True)

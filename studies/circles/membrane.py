@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from tympan.fem.film.density import maxwell
-from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import ConeCircle, sloped_film
-from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
 
 
 @dataclass(frozen=True)
@@ -42,57 +39,58 @@ class MembraneCircle:
         return self.cone.specimen
 
     @property
-    def radius(self) -> float:
+    def radius(self) -> Any:
         """R [m]."""
         return self.cone.radius
 
     @property
-    def steepness(self) -> float:
+    def steepness(self) -> Any:
         """Of the cone [1/m]."""
         return self.cone.steepness
 
     @property
-    def volume(self) -> float:
+    def volume(self) -> Any:
         """Of the cone's viscous film [m³]."""
         return self.cone.volume
 
     @cached_property
-    def membrane_factor(self) -> float:
-        """l₀/(r ln(R/r)): by how much a membrane is stiffer than the paper's cone at small deflections.
+    def membrane_factor(self) -> Any:
+        """l₀/(r ln(R/r)): how much stiffer a membrane is than the paper's cone, hardly deflected.
 
         Examples
         --------
         >>> from tympan.studies.paper.table1 import paper_actuators
-        >>> round(MembraneCircle(ConeCircle(paper_actuators(4.7)[0], 45e-3), 0.0).membrane_factor, 2)
+        >>> cone = ConeCircle(paper_actuators(4.7)[0], 45e-3)
+        >>> print(f"{MembraneCircle(cone, 0.0).membrane_factor:.2f}")
         2.33
         """
         inner = self.cone.plate_radius
-        return float((self.radius - inner) / (inner * np.log(self.radius / inner)))
+        return (self.radius - inner) / (inner * np.log(self.radius / inner))
 
     @cached_property
-    def _slope(self) -> float:
+    def _slope(self) -> Any:
         """κ [1/m]."""
         inner, outer = self.cone.plate_radius, self.radius
-        return float(np.sqrt((inner**-2 - outer**-2) / (2 * np.log(outer / inner) ** 3)))
+        return np.sqrt((inner**-2.0 - outer**-2.0) / (2 * np.log(outer / inner) ** 3))
 
     @cached_property
-    def _film(self) -> float:
+    def _film(self) -> Any:
         """V [m³]."""
         film = self.specimen.membrane
         thickness = film.thickness / film.area_prestretch
-        return float(2 * np.pi * thickness
-                     / (np.log(self.radius / self.cone.plate_radius) * self._slope**2))
+        logarithm = np.log(self.radius / self.cone.plate_radius)
+        return 2 * np.pi * thickness / (logarithm * self._slope**2)
 
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
         """The cone's, which the viscous parts follow, with two derivatives by y."""
         return self.cone.stretch(deflection)
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] at deflections [m]."""
+        """Energy [J] over the flat film's, force [N] and stiffness [N/m] at deflections [m]."""
         return self._pull(self.specimen.membrane.material, deflection)
 
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """The same of the voltage, per V²."""
+        """The voltage's, per V²."""
         return self._pull(maxwell(self.specimen, 1.0), deflection)
 
     def capacitance(self, deflection: Any) -> Any:
@@ -103,45 +101,3 @@ class MembraneCircle:
         prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
         energy, force, stiffness = sloped_film(material, prestretch, self._slope, deflection)
         return self._film * energy, self._film * force, self._film * stiffness
-
-
-@dataclass(frozen=True)
-class LumpedModel:
-    """What stands for a specimen: circles of given radii [m], the shortest first, with weights α; two factors.
-
-    The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
-    ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest
-    across the film [V] that it is for: these circles keep their hoop stretch, so they do not pull
-    in where the film does.
-    """
-
-    specimen: Specimen
-    radii: tuple[float, ...]
-    weights: tuple[float, ...]
-    correction: Correction
-    flat_capacitance: float
-    highest_voltage: float
-    viscous: Viscous = field(default_factory=Viscous)
-
-    @property
-    def circles(self) -> tuple[MembraneCircle, ...]:
-        """The circles, ready to be moved."""
-        return tuple(MembraneCircle(ConeCircle(self.specimen, radius), self.flat_capacitance)
-                     for radius in self.radii)
-
-    def check(self, voltage: float) -> None:
-        """Refuse a voltage across the film [V] beyond those it is for.
-
-        Raises
-        ------
-        InputError
-            Naming both.
-        """
-        if abs(voltage) > self.highest_voltage * (1 + 1e-9):
-            raise InputError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} kV across the film and "
-                             "does not know where it pulls in: build it for more with --voltages",
-                             key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
-
-    def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:
-        """It under a mass [kg]."""
-        return Actuator(self.circles, self.weights, mass, self.viscous, rig, self.correction)
