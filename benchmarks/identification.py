@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.estimation.identifiability import Identifiability
-from tympan.studies.identify.collocation import Follower
 from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
 from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
 from tympan.studies.identify.responses import Record, drive_of
@@ -27,6 +26,7 @@ from tympan.studies.identify.static_search import identify_static, nelder_mead
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.signals import step
+from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper.table1 import paper_actuators
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ VISCOUS = Viscous(15e6, 100e6, 100e3)
 
 def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> Readings:
     """At rest, with noise; ε_r of the search's start is 6."""
-    rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)).deflection)
+    rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)))
             for number, one in enumerate(specimens) for mass in masses for volts in voltages]
     which, mass, volts, y = np.array(rows).T
     unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
@@ -52,9 +52,8 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
     time = np.arange(0.0, end + interval / 2, interval)
     seen = float(time[np.searchsorted(time, 0.5 - 1e-9)])
     signal = step(0.0, 3.5e3, seen - interval / 3, end)
-    follower = Follower(lambda _: actuator, lambda *_: np.zeros(0), signal, 0.0)
     noise = NOISE * np.random.default_rng([number, round(1e6 * mass)]).standard_normal(len(time))
-    read = follower.solve(np.zeros(0), derivatives=False).deflection(time)[0] + noise
+    read = simulate(actuator, signal).deflection(time) + noise
     return Record(number, mass, "1", time, read,
                   drive_of(time, np.where(time >= seen - 1e-9, 3.5e3, 0.0)), interval,
                   float(read[0]))

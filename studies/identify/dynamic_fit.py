@@ -15,12 +15,12 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import radii_of
 from tympan.studies.estimation.identifiability import CREDIBLE
 from tympan.studies.estimation.least_squares import LeastSquares
-from tympan.studies.identify.collocation import Follower
 from tympan.studies.identify.responses import Record
 from tympan.studies.identify.static_fit import Constant
 from tympan.studies.identify.static_search import StaticFit
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.lumped.equilibria import rest
+from tympan.studies.lumped.collocation import CollocationSolver
+from tympan.studies.lumped.equilibria import rest, settle
 from tympan.studies.lumped.signals import Pieces
 from tympan.studies.paper.table1 import known
 
@@ -47,7 +47,7 @@ class Statics(Protocol):
         """The actuator of a specimen (by number) under a mass [kg]; ``turn`` is how far it went each way."""
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
-        """Derivatives of a specimen's force [N] by the turns, shape (turns, points), at deflections and voltages."""
+        """Derivatives of a specimen's force [N] by the turns, shape (points, turns)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +69,7 @@ class Exact:
         return Actuator.of(self.specimens[number], mass, weights, viscous, self.rig)
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
-        """There is none."""
-        return np.zeros((0, *y.shape))
+        return np.zeros((*y.shape, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +104,9 @@ class Held:
                            problem.readings.rig)
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
-        """Derivatives of a specimen's force [N] by the turns, shape (turns, points)."""
         values = self.fit.values + self.directions @ turn
-        return np.asarray((self.fit.problem.force_of(number, values, y, voltage)[2]
-                           @ self.directions).T)
+        slopes = self.fit.problem.force_of(number, values, y, voltage)[2]
+        return np.asarray(slopes @ self.directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,21 +151,32 @@ class DynamicProblem:
                                      Viscous(*np.exp(z[:3])))
 
     def by_constants(self, record: Record, z: Array, state: Array, voltage: Array) -> Array:
-        """Derivatives of a run's rates by viscous constants and turns, shape (size, 3 + turns, points…)."""
-        actuator, shape = self.actuator(record, z), np.shape(state[0])
-        turned = self.statics.by_turn(record.specimen, z[3:3 + self.statics.count],
-                                      np.ravel(state[0]),
-                                      np.ravel(voltage))
-        result = np.zeros((len(state), 3 + len(turned), *shape))
-        result[:, :3] = actuator.by_viscous(state)
-        result[1, 3:] = -turned.reshape(len(turned), *shape) / actuator.moved
+        """Derivatives of a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
+        actuator, y = self.actuator(record, z), state[..., 0]
+        turned = self.statics.by_turn(record.specimen, z[3:3 + self.statics.count], y.ravel(),
+                                      np.ravel(voltage)).reshape(*y.shape, -1)
+        result = np.zeros((*state.shape, 3 + turned.shape[-1]))
+        result[..., :3] = actuator.by_viscous(state)
+        result[..., 1, 3:] = -turned / actuator.moved
         return result
 
     @cached_property
-    def _followers(self) -> tuple[Follower, ...]:
-        return tuple(Follower(partial(self.actuator, record), partial(self.by_constants, record),
-                              _longer(record.drive, _FURTHEST * record.interval), began)
-                     for record, began in zip(self.records, self.began, strict=True))
+    def _solvers(self) -> tuple[CollocationSolver, ...]:
+        return tuple(CollocationSolver(_longer(record.drive, _FURTHEST * record.interval))
+                     for record in self.records)
+
+    def _start(self, record: Record, z: Array, began: float, near: float | None) -> Array:
+        """The rest a run begins from, and its derivatives by viscous constants and turns."""
+        actuator = self.actuator(record, z)
+        y = settle(lambda at: actuator.balance(at, began),
+                   rest(actuator, began) if near is None else near)
+        if np.isnan(y):
+            raise InputError("has no stable rest to begin from with these constants",
+                             key=actuator.specimen.name)
+        state, (_, stiffness) = actuator.rest(y), actuator.balance(y, began)
+        driven = self.by_constants(record, z, state[None], np.array([began]))[0, 1]
+        tangent = np.array([1.0, 0.0, *actuator.circles.stretch(y)[1]])
+        return np.column_stack([state, np.outer(tangent, driven * actuator.moved / stiffness)])
 
     @cached_property
     def began(self) -> tuple[float, ...]:
@@ -179,7 +188,7 @@ class DynamicProblem:
         if first == 0:
             return first
         actuator = self.actuator(record, self.start)
-        rests = np.array([float(self.rig.reading(rest(actuator, volts).deflection))
+        rests = np.array([float(self.rig.reading(rest(actuator, volts)))
                           for volts in (0.0, first)])
         away = np.abs(record.first - rests)
         if away.min() > _BEGUN * abs(rests[1] - rests[0]):
@@ -218,9 +227,13 @@ class DynamicProblem:
     def _parts(self, z: Array, derivatives: bool) -> list[tuple[Array, Array]]:
         inner, found = 3 + self.statics.count, []
         gain = 1 + self.rig.sensor_gain
-        for number, (record, follower) in enumerate(zip(self.records, self._followers,
-                                                        strict=True)):
-            motion = follower.solve(z[:inner], derivatives)
+        for number, (record, solver, began) in enumerate(zip(self.records, self._solvers,
+                                                             self.began, strict=True)):
+            near = None if solver.last is None else float(solver.last.nodes[0, 0])
+            start = self._start(record, z[:inner], began, near)
+            motion = solver.solve(self.actuator(record, z), start, constants=z[:inner],
+                                  by_constants=partial(self.by_constants, record, z)) \
+                if derivatives else solver.solve(self.actuator(record, z), start[:, :1])
             y, speed, by = motion.deflection(record.time + z[inner + number] * record.interval)
             residual = np.asarray(self.rig.reading(y, record.time
                                                    - record.time[0])) - record.displacement

@@ -17,6 +17,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import ConeCircle, radii_of
+from tympan.studies.lumped.equilibria import settle
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
@@ -51,24 +52,6 @@ class Constant:
     scale: float
     low: float
     high: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Film:
-    """One specimen's circles, the material at unit constants, one row for each, and the voltage at ε_r = 1."""
-
-    circles: tuple[ConeCircle, ...]
-    material: Any
-    electric: Any
-
-    def columns(self, y: Array, squared: Array) -> tuple[list[Array], list[Array]]:
-        """Force and stiffness of every circle by each linear constant, shape (points, constants), at film U² [V²]."""
-        pulls, stiffs = [], []
-        for circle in self.circles:
-            held, drawn = circle.pull(self.material, y)[1:], circle.pull(self.electric, y)[1:]
-            pulls.append(np.vstack([held[0], squared * drawn[0]]).T)
-            stiffs.append(np.vstack([held[1], squared * drawn[1]]).T)
-        return pulls, stiffs
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,20 +104,21 @@ class StaticProblem:
         return tuple(shapes.get(pair, "") for pair in radii)
 
     @cached_property
-    def _films(self) -> tuple[_Film, ...]:
-        found = []
-        for specimen in self.readings.specimens:
-            unit = replace(specimen, membrane=replace(specimen.membrane, relative_permittivity=1.0))
-            circles = tuple(ConeCircle(specimen, radius) for radius in radii_of(specimen.frame))
-            found.append(_Film(circles, self._units(specimen), maxwell(unit, 1.0)))
-        return tuple(found)
+    def _units(self) -> tuple[tuple[ConeCircle, Any, Any], ...]:
+        """Each specimen's circles, and what acts on them at unit constants: material and voltage.
 
-    def _units(self, specimen: Specimen) -> Any:
-        film = specimen.membrane
-        if self.law == "film":
-            return film.material
-        units: Any = np.eye(6)[:, :, None]
-        return Separable(tuple(units[:3]), tuple(units[3:]), _POWERS, film.area_prestretch**0.5)
+        The material has its constants on a first axis, before points and circles.
+        """
+        units: Any = np.eye(6)[:, :, None, None]
+        films = []
+        for specimen in self.readings.specimens:
+            film = specimen.membrane
+            material = film.material if self.law == "film" else Separable(
+                tuple(units[:3]), tuple(units[3:]), _POWERS, film.area_prestretch**0.5)
+            unit = replace(specimen, membrane=replace(film, relative_permittivity=1.0))
+            circles = ConeCircle(specimen, np.array(radii_of(specimen.frame)))
+            films.append((circles, material, maxwell(unit, 1.0)))
+        return tuple(films)
 
     def weights(self, number: int, values: Any) -> tuple[Any, ...]:
         """The weights α of a specimen's circles."""
@@ -160,29 +144,35 @@ class StaticProblem:
                        membrane=replace(film, material=law, relative_permittivity=permittivity))
 
     def force(self, values: Array, y: Array) -> tuple[Array, Array, Array]:
-        """The film's force [N] at deflections of all readings [m], its stiffness, its derivative by the constants."""
+        """The film's force [N] at deflections of all readings [m], its derivatives by y, constants.
+
+        Shapes (readings,), (readings,) and (readings, constants).
+        """
         r = self.readings
-        force, stiffness, slopes = np.zeros(len(y)), np.zeros(len(y)), np.zeros((len(y),
-                                                                                 len(self.constants)))
+        force, stiffness = np.zeros(len(y)), np.zeros(len(y))
+        slopes = np.zeros((len(y), len(self.constants)))
         for number in range(len(r.specimens)):
-            own = r.which == number
-            force[own], stiffness[own], slopes[own] = self.force_of(number, values, y[own],
-                                                                    r.voltage[own])
+            rows = r.which == number
+            force[rows], stiffness[rows], slopes[rows] = self.force_of(number, values, y[rows],
+                                                                       r.voltage[rows])
         return force, stiffness, slopes
 
-    def force_of(self, number: int, values: Array, y: Array, voltage: Array) -> tuple[Array, Array,
-                                                                                      Array]:
-        """The same of one specimen (by number), at deflections [m] and voltages [V] of one shape (points,)."""
-        rig = self.readings.rig
-        pulls, stiffs = self._films[number].columns(y, np.asarray(rig.film_voltage(voltage)) ** 2)
-        weights, linear = self.weights(number, values), values[:pulls[0].shape[1]]
-        mixed = sum(w * pull for w, pull in zip(weights, pulls, strict=True))
-        stiffness = sum(w * stiff for w, stiff in zip(weights, stiffs, strict=True)) @ linear
+    def force_of(self, number: int, values: Array, y: Array,
+                 voltage: Array) -> tuple[Array, Array, Array]:
+        """The same of one specimen (by number), at deflections [m] and voltages [V], (points,)."""
+        rig, (circles, *parts) = self.readings.rig, self._units[number]
+        squared = np.asarray(rig.film_voltage(voltage))[:, None] ** 2
+        elastic, electric = (circles.pull(part, y[:, None])[1:] for part in parts)
+        # Both linear in the constants: shape (constants, points, circles).
+        pulls, stiffs = (np.concatenate([held.reshape(-1, *drawn.shape), squared * drawn[None]])
+                         for held, drawn in zip(elastic, electric, strict=True))
+        weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
         slopes = np.zeros((len(y), len(self.constants)))
-        slopes[:, :len(linear)] = mixed
+        slopes[:, :len(linear)] = (pulls @ weights).T
         if len(weights) > 1:
-            slopes[:, self._place(number)] = (pulls[0] - pulls[1]) @ linear
-        return mixed @ linear + rig.spring * y, stiffness + rig.spring, slopes
+            slopes[:, self._place(number)] = linear @ (pulls[..., 0] - pulls[..., 1])
+        force = slopes[:, :len(linear)] @ linear
+        return force + rig.spring * y, linear @ (stiffs @ weights) + rig.spring, slopes
 
     @property
     def read(self) -> Array:
@@ -196,18 +186,16 @@ class StaticProblem:
         return np.asarray(self.readings.rig.force(self.readings.mass))
 
     def rest(self, values: Array) -> tuple[Array, Array]:
-        """Deflections at rest [m] and their exact derivatives by the constants (implicit function theorem).
+        """Deflections at rest [m] and their derivatives by the constants (implicit functions).
 
         Newton from what was read, at most a quarter of it a step.
         """
-        y, load = self.read.copy(), self.load
-        most = 0.25 * np.abs(self.read) + 1e-5
-        for _ in range(40):
-            force, stiffness, slopes = self.force(values, y)
-            move = np.clip((load - force) / stiffness, -most, most)
-            y = y + move
-            if np.abs(move).max() < 1e-11:
-                break
+        def balance(y: Array) -> tuple[Array, Array]:
+            force, stiffness, _ = self.force(values, y)
+            return force - self.load, stiffness
+
+        y = settle(balance, self.read, 0.25 * np.abs(self.read) + 1e-5)
+        _, stiffness, slopes = self.force(values, y)
         return y, -slopes / stiffness[:, None]
 
     def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:

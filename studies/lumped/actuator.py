@@ -1,4 +1,4 @@
-"""Eqs. (5)–(10): a mass on circles of film with weights α, elastic, electric and viscous; forces, energy, rates."""
+"""Eqs. (5)–(10): masses on circles of film with weights α: forces, energy, rates, as arrays."""
 
 from __future__ import annotations
 
@@ -19,11 +19,16 @@ from tympan.studies.circles.cone import ConeCircle, radii_of
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
+_SLIGHT = 1e-9  # by which weights may miss their sum or their bounds
+_STEP = 1e-30  # of a derivative by a complex step
 
 
 @dataclass(frozen=True)
 class Viscous:
-    """A spring k₁ [Pa] in series with a damper η₁ [Pa s], both beside a damper η₂ [Pa s] (Eqs. 9, 10, figure 3)."""
+    """A spring k₁ [Pa] in series with a damper η₁ [Pa s], beside a damper η₂ [Pa s].
+
+    Eqs. (9), (10) and figure 3.
+    """
 
     k1: float = field(default_factory=lambda: known("k_1"))
     eta1: float = field(default_factory=lambda: known("eta_1"))
@@ -45,44 +50,45 @@ class Correction:
     centre of a single circle; or cones instead of membranes.
     """
 
-    stiffness: float = 1.0
-    permittivity: float = 1.0
+    stiffness: Any = 1.0
+    permittivity: Any = 1.0
 
     def __post_init__(self) -> None:
         """Refuse what turns a force around."""
-        if not (self.stiffness > 0 and self.permittivity >= 0):
+        if not (np.all(np.real(self.stiffness) > 0) and np.all(np.real(self.permittivity) >= 0)):
             raise InputError("stiffness must be positive, permittivity must not be negative",
                              key="correction",
                              given=f"{self.stiffness}, {self.permittivity}")
 
 
-class Circle(Protocol):
-    """A circular actuator: the paper's :class:`~tympan.studies.circles.cone.ConeCircle` or one with another kinematics.
+class CircleKinematics(Protocol):
+    """Circular actuators: the paper's cones, or others with another shape of the film.
 
-    ``steepness`` [1/m], ``volume`` [m³] and :meth:`stretch` are those of the viscous parts.
+    ``radius``, ``steepness`` and ``volume`` are numbers or arrays; deflections broadcast against
+    them. ``steepness`` [1/m], ``volume`` [m³] and :meth:`stretch` are those of the viscous parts.
     """
 
     @property
     def specimen(self) -> Specimen:
-        """What it is made of."""
+        """What they are made of."""
 
     @property
-    def radius(self) -> float:
+    def radius(self) -> Any:
         """Of the frame [m]."""
 
     @property
-    def steepness(self) -> float:
+    def steepness(self) -> Any:
         """Slope of the film over the deflection [1/m]."""
 
     @property
-    def volume(self) -> float:
+    def volume(self) -> Any:
         """V [m³]."""
 
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
         """λ_r from the mounted film and its two derivatives by the deflection."""
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over that of the flat film, force [N] and stiffness [N/m] at deflections [m]."""
+        """Energy [J] over the flat film's, force [N] and stiffness [N/m] at deflections [m]."""
 
     def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
         """The same of the voltage, per V²."""
@@ -91,12 +97,15 @@ class Circle(Protocol):
         """At a deflection [m], in F."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Actuator:
-    """The lumped model of one actuator under one mass [kg]: circles with weights α ≥ 0, Σ α = 1.
+    """The lumped model of an actuator under a mass [kg]: circles with weights α ≥ 0, Σ α = 1.
 
-    A state is (y, ẏ, ε₁ of every circle). With φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq.
-    (5) reads
+    One actuator, or an array of them of any shape: circles and their weights are on the last axis
+    of ``circles.radius`` and ``weights``, and what is before it broadcasts with the masses, the
+    corrections and the points a method is asked about. Who has fewer circles than others has some
+    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, shape (…, 2 + circles). With
+    φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq. (5) reads
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
@@ -105,25 +114,28 @@ class Actuator:
     does to the voltage count.
     """
 
-    circles: tuple[Circle, ...]
-    weights: tuple[float, ...]
-    mass: float
+    circles: CircleKinematics
+    weights: Any
+    mass: Any
     viscous: Viscous = field(default_factory=Viscous)
     rig: Rig = field(default_factory=Rig)
     correction: Correction = Correction()
 
     def __post_init__(self) -> None:
         """Refuse what is no mixture, no mass, and what of a rig this model does not have."""
-        if not len(self.weights) == len(self.circles) > 0 or min(np.real(self.weights)) < 0 \
-                or abs(sum(self.weights) - 1) > 1e-9:
-            raise InputError(f"must be {len(self.circles)} numbers from 0 that add up to 1, one for each circle",
-                             key="weights", given=self.weights)
-        if not 0 < self.moved <= 100:
-            raise InputError("must be above 0, at most 100 kg: the lumped model needs a mass to move", key="mass",
-                             given=f"{self.moved:g} kg")
-        if self.rig.biases or self.rig.gas_pressure or self.rig.plate_pressure or self.rig.lag_voltage:
-            raise InputError("the lumped model has no bias, gas or plate pressure and no lag: only gravity, "
-                             "unaccounted mass, spring, amplifier, sag and sensor count", key="rig")
+        alpha = np.real(self.weights)
+        if alpha.shape[-1] != self.count or alpha.min() < -_SLIGHT \
+                or np.abs(alpha.sum(axis=-1) - 1).max() > _SLIGHT:
+            raise InputError(f"must be {self.count} numbers from 0 that add up to 1, one for each "
+                             "circle", key="weights", given=self.weights)
+        if not np.all((self.moved > 0) & (self.moved <= 100)):
+            raise InputError("must be above 0, at most 100 kg: the lumped model needs a mass to "
+                             "move", key="mass", given=f"{np.min(self.moved):g} kg")
+        rig = self.rig
+        if rig.biases or rig.gas_pressure or rig.plate_pressure or rig.lag_voltage:
+            raise InputError("the lumped model has no bias, gas or plate pressure and no lag: only "
+                             "gravity, unaccounted mass, spring, amplifier, sag and sensor count",
+                             key="rig")
 
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,
@@ -133,151 +145,177 @@ class Actuator:
         Without ``weights`` the circles share equally (the paper's are lost). ``profile`` is that of
         :class:`~tympan.studies.circles.cone.ConeCircle`.
         """
-        radii = radii_of(specimen.frame)
+        radii = np.array(radii_of(specimen.frame))
         if weights is None or len(radii) == 1:
             weights = (1 / len(radii),) * len(radii)
-        circles = tuple(ConeCircle(specimen, radius, profile) for radius in radii)
+        circles = ConeCircle(specimen, radii, profile)
         return cls(circles, tuple(weights), mass, viscous or Viscous(), rig)
 
     @property
-    def moved(self) -> float:
+    def count(self) -> int:
+        """How many circles."""
+        return int(np.shape(self.circles.radius)[-1])
+
+    @property
+    def flat(self) -> Any:
+        """Deflections of none [m], of the array's shape."""
+        return np.zeros(np.broadcast_shapes(np.shape(self.weights)[:-1], np.shape(self.mass),
+                                            np.shape(self.correction.permittivity)))
+
+    @property
+    def moved(self) -> Any:
         """The mass that moves [kg]."""
         return self.mass + self.rig.unaccounted_mass
 
     @property
     def specimen(self) -> Specimen:
         """What the circles are made of."""
-        return self.circles[0].specimen
+        return self.circles.specimen
 
     @property
-    def load(self) -> float:
+    def load(self) -> Any:
         """The weight [N]."""
-        return float(self.rig.force(self.mass))
+        return self.rig.force(self.mass)
+
+    @property
+    def label(self) -> str:
+        """Specimen and mass, for messages."""
+        return f"{self.specimen.name}, {1e3 * np.max(self.mass):g} g"
 
     @cached_property
     def reach(self) -> float:
-        """How far the model is looked at [m]: three times the longest film, or where the law still has stress."""
-        longest = 3 / min(circle.steepness for circle in self.circles)
+        """How far the model is looked at [m]: three times the longest film, while it has stress."""
+        longest = 3 / float(np.min(self.circles.steepness))
         y = np.linspace(0, longest, 2001)
         with np.errstate(all="ignore"):
-            good = np.isfinite(self.elastic(y)[2])
-        return float(longest if good.all() else y[np.argmin(good) - 1])
+            stiffness = self.elastic(y.reshape(-1, *[1] * (np.ndim(self.circles.radius) - 1)))[2]
+        good = np.isfinite(stiffness).reshape(len(y), -1).all(axis=1)
+        return longest if good.all() else float(y[np.argmin(good) - 1])
 
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
-        """Energy [J], force [N] and stiffness [N/m] of film and spring at deflections [m], with ε₁ = λ_r − 1."""
+        """Energy [J], force [N] and stiffness [N/m] of film and spring, with ε₁ = λ_r − 1."""
         k = self.rig.spring
-        parts = self._mixed([circle.elastic(y) for circle in self.circles],
-                            self.correction.stiffness)
-        return parts[0] + k * y * y / 2, parts[1] + k * y, parts[2] + k + 0 * y
+        energy, force, stiffness = self._mixed(self.circles.elastic(_each(y)),
+                                               self.correction.stiffness)
+        return energy + k * y * y / 2, force + k * y, stiffness + k + 0 * y
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
-        """The same of the voltage, per V² of the film's voltage; energy and force are negative."""
-        return self._mixed([circle.electric(y) for circle in self.circles],
-                           self.correction.permittivity)
+        """The voltage's, per V² across the film; energy and force are negative."""
+        return self._mixed(self.circles.electric(_each(y)), self.correction.permittivity)
 
-    def balance(self, y: Any, voltage: Any) -> tuple[Any, Any]:
-        """Film's force minus weight [N] and its stiffness [N/m] at rest, at deflections [m] and voltages [V]."""
+    def balance(self, y: Any, voltage: Any, strains: Any = None) -> tuple[Any, Any]:
+        """Force of film and voltage less the weight [N], and its derivative by y [N/m], at rest.
+
+        The branches are relaxed, or at ``strains`` ε₁, shape (…, circles).
+        """
         squared = self.rig.film_voltage(voltage) ** 2
-        (_, held, stiff), (_, drawn, soft) = self.elastic(y), self.electric(y)
-        return held + squared * drawn - self.load, stiff + squared * soft
+        (_, pull, stiff), (_, drawn, soft) = self.elastic(y), self.electric(y)
+        force, stiffness = pull + squared * drawn - self.load, stiff + squared * soft
+        if strains is None:
+            return force, stiffness
+        k1 = self.viscous.k1
+        phi, _, behind, lever, change = self._branches(y, strains)
+        return (force + k1 * np.sum(lever * behind, axis=-1),
+                stiffness + k1 * np.sum(change * behind + lever * phi, axis=-1))
 
-    def rest(self, y: float) -> Array:
-        """The state at rest at a deflection [m], its branches relaxed."""
-        return np.array([y, 0.0, *(circle.stretch(y)[0] - 1 for circle in self.circles)])
+    def rest(self, y: Any) -> Any:
+        """The state at rest at deflections [m], its branches relaxed."""
+        strains = self.circles.stretch(_each(y))[0] - 1
+        y, speed = _each(y) + 0 * strains[..., :1], 0 * strains[..., :1]
+        return np.concatenate([y, speed, strains], axis=-1)
 
     def rates(self, state: Any, voltage: Any) -> Any:
-        """Time derivative of a state, shape (2 + circles,) or with further axes behind."""
-        y, speed, strains = state[0], state[1], state[2:]
-        v = self.viscous
-        force, creep = self.balance(y, voltage)[0], []
-        for weight, circle, strain in zip(self.weights, self.circles, strains, strict=True):
-            stretch, phi, _ = circle.stretch(y)
-            behind = stretch - 1 - strain
-            force = force + weight * circle.volume * phi / stretch * (v.k1 * behind + v.eta2 * phi
-                                                                      * speed)
-            creep.append(v.k1 / v.eta1 * behind)
-        return np.array([speed, -force / self.moved, *creep])
-
-    def jacobian(self, state: Any, voltage: Any) -> Any:
-        """Derivative of :meth:`rates` by the state, shape (2 + circles,) twice, and the further axes of the state."""
-        return self.linear(state, voltage)[1]
+        """Time derivative of states, shape (…, 2 + circles)."""
+        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
+        phi, _, behind, lever, _ = self._branches(y, strains)
+        damper = self.viscous.eta2 * speed * np.sum(lever * phi, axis=-1)
+        force = self.balance(y, voltage, strains)[0] + damper
+        return np.concatenate([_each(speed), _each(-force / self.moved), self._creep(behind)],
+                              axis=-1)
 
     def linear(self, state: Any, voltage: Any) -> tuple[Any, Any]:
-        """:meth:`rates` and their derivative by the state, for the price of one."""
-        y, speed, strains = state[0], state[1], state[2:]
-        v, size = self.viscous, 2 + len(self.circles)
-        result = np.zeros((size, size, *np.shape(y)), dtype=np.result_type(state, voltage, 0.0))
-        result[0, 1] = 1.0
-        (force, by_y), by_speed, creep = self.balance(y, voltage), 0.0, []
-        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains,
-                                                              strict=True), 2):
-            stretch, phi, bend = circle.stretch(y)
-            lever = weight * circle.volume * phi / stretch
-            change = weight * circle.volume * (bend / stretch - (phi / stretch) ** 2)
-            behind = stretch - 1 - strain
-            stress = v.k1 * behind + v.eta2 * phi * speed
-            force = force + lever * stress
-            by_y = by_y + change * stress + lever * (v.k1 * phi + v.eta2 * bend * speed)
-            by_speed = by_speed + lever * v.eta2 * phi
-            creep.append(v.k1 / v.eta1 * behind)
-            result[1, number] = lever * v.k1 / self.moved
-            result[number, 0], result[number, number] = v.k1 / v.eta1 * phi, -v.k1 / v.eta1
-        result[1, 0], result[1, 1] = -by_y / self.moved, -by_speed / self.moved
-        return np.array([speed, -force / self.moved, *creep]), result
+        """:meth:`rates` and their derivative by the state, shape (…, size, size)."""
+        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
+        v, branches = self.viscous, np.arange(2, 2 + self.count)
+        phi, bend, behind, lever, change = self._branches(y, strains)
+        damping = v.eta2 * np.sum(lever * phi, axis=-1)
+        force, by_y = self.balance(y, voltage, strains)
+        by_y = by_y + v.eta2 * speed * np.sum(change * phi + lever * bend, axis=-1)
+        slopes = np.zeros((*np.shape(force), 2 + self.count, 2 + self.count), force.dtype)
+        slopes[..., 0, 1] = 1.0
+        slopes[..., 1, 0] = -by_y / self.moved
+        slopes[..., 1, 1] = -damping / self.moved
+        slopes[..., 1, 2:] = lever * v.k1 / _each(self.moved)
+        slopes[..., 2:, 0] = self._creep(phi)
+        slopes[..., branches, branches] = self._creep(-1.0)
+        acceleration = -(force + damping * speed) / self.moved
+        return np.concatenate([_each(speed), _each(acceleration), self._creep(behind)],
+                              axis=-1), slopes
 
-    def by_voltage(self, state: Any, voltage: float) -> Any:
-        """Derivative of :meth:`rates` by the voltage [1/V], shape (2 + circles,)."""
-        step = 1e-30
-        moved: Any = voltage + 1j * step
-        squared = np.imag(self.rig.film_voltage(moved) ** 2) / step
-        result = np.zeros(2 + len(self.circles))
-        result[1] = -squared * self.electric(state[0])[1] / self.moved
+    def jacobian(self, state: Any, voltage: Any) -> Any:
+        """Derivative of :meth:`rates` by the state, shape (…, size, size)."""
+        return self.linear(state, voltage)[1]
+
+    def by_voltage(self, state: Any, voltage: Any) -> Any:
+        """Derivative of :meth:`rates` by the voltage [1/V], shape (…, 2 + circles)."""
+        squared = np.imag(self.rig.film_voltage(voltage + _STEP * 1j) ** 2) / _STEP
+        result = np.zeros(np.shape(state))
+        result[..., 1] = -squared * self.electric(state[..., 0])[1] / self.moved
         return result
 
     def by_viscous(self, state: Any) -> Any:
-        """Derivatives of :meth:`rates` by ln k₁, ln η₁ and ln η₂, shape (2 + circles, 3, …)."""
-        y, speed, strains = state[0], state[1], state[2:]
-        v = self.viscous
-        result = np.zeros((2 + len(self.circles), 3, *np.shape(y)))
-        for number, (weight, circle, strain) in enumerate(zip(self.weights, self.circles, strains,
-                                                              strict=True), 2):
-            stretch, phi, _ = circle.stretch(y)
-            lever = weight * circle.volume * phi / stretch / self.moved
-            behind = v.k1 * (stretch - 1 - strain)
-            result[1, 0] -= lever * behind
-            result[1, 2] -= lever * v.eta2 * phi * speed
-            result[number, 0], result[number, 1] = behind / v.eta1, -behind / v.eta1
+        """Derivatives of :meth:`rates` by ln k₁, ln η₁ and ln η₂, shape (…, 2 + circles, 3)."""
+        phi, _, behind, lever, _ = self._branches(state[..., 0], state[..., 2:])
+        lever = lever / _each(self.moved)
+        result = np.zeros((*np.shape(state), 3))
+        result[..., 1, 0] = -self.viscous.k1 * np.sum(lever * behind, axis=-1)
+        result[..., 1, 2] = -self.viscous.eta2 * state[..., 1] * np.sum(lever * phi, axis=-1)
+        result[..., 2:, 0] = self._creep(behind)
+        result[..., 2:, 1] = -self._creep(behind)
         return result
 
     def energy(self, state: Any, voltage: Any) -> Any:
-        """Free energy [J] of a state at a held voltage: motion, weight, film, spring, branches and voltage.
+        """Free energy [J] of states at a held voltage: motion, weight, film, branches, voltage.
 
         What the model's own forces derive from. A branch stores V k₁ (1 + ε₁)(x − 1 − ln x), x =
         λ_r/(1 + ε₁): the energy whose derivative by y is its force in Eq. (5), and which Eq. (9)
         can only lower. So at a constant voltage this never grows; the damper η₂ lowers it further
         by V η₂ λ̇_r²/λ_r.
         """
-        y, speed, strains = state[0], state[1], state[2:]
+        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
         squared = self.rig.film_voltage(voltage) ** 2
-        total = self.moved * speed**2 / 2 - self.load * y + self.elastic(y)[0] + squared * self.electric(y)[0]
-        for weight, circle, strain in zip(self.weights, self.circles, strains, strict=True):
-            x = circle.stretch(y)[0] / (1 + strain)
-            total = total + weight * circle.volume * self.viscous.k1 * (1 + strain) * (x - 1
-                                                                                       - np.log(x))
-        return total
+        x = self.circles.stretch(_each(y))[0] / (1 + strains)
+        branch = self.viscous.k1 * self.circles.volume * (1 + strains) * (x - 1 - np.log(x))
+        return (self.moved * speed**2 / 2 - self.load * y + self.elastic(y)[0]
+                + squared * self.electric(y)[0] + np.sum(self.weights * branch, axis=-1))
 
     def capacitance(self, y: Any) -> Any:
-        """Σ α C of the circles [F] at a deflection [m], the factor on the voltage's energy on its change."""
-        pairs = tuple(zip(self.weights, self.circles, strict=True))
-        flat, now = (sum(weight * circle.capacitance(at) for weight, circle in pairs)
-                     for at in (0.0, y))
-        return flat + self.correction.permittivity * (now - flat)
+        """Σ α C of the circles [F] at a deflection [m], the correction on its change."""
+        flat, deflected = (np.sum(self.weights * self.circles.capacitance(_each(at)), axis=-1)
+                           for at in (0.0, y))
+        return flat + self.correction.permittivity * (deflected - flat)
 
-    def _mixed(self, parts: Sequence[tuple[Any, Any, Any]], factor: float) -> tuple[Any, Any, Any]:
-        weighted = [[factor * weight * one for one in part]
-                    for weight, part in zip(self.weights, parts, strict=True)]
-        energy, force, stiffness = (sum(column) for column in zip(*weighted, strict=True))
+    def _branches(self, y: Any, strains: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """φ, φ', λ_r − 1 − ε₁, and α V φ/λ_r with its derivative by y, shape (…, circles) each."""
+        stretch, phi, bend = self.circles.stretch(_each(y))
+        share = self.weights * self.circles.volume
+        lever = share * phi / stretch
+        change = share * (bend / stretch - (phi / stretch) ** 2)
+        return phi, bend, stretch - 1 - strains, lever, change
+
+    def _creep(self, behind: Any) -> Any:
+        """How fast the branches follow, Eq. (9)."""
+        return self.viscous.k1 / self.viscous.eta1 * behind
+
+    def _mixed(self, parts: tuple[Any, Any, Any], factor: Any) -> tuple[Any, Any, Any]:
+        energy, force, stiffness = (factor * np.sum(self.weights * part, axis=-1)
+                                    for part in parts)
         return energy, force, stiffness
+
+
+def _each(values: Any) -> Any:
+    """One for each circle: a last axis."""
+    return np.asarray(values)[..., None]
 
 
 def flat_capacitance(specimen: Specimen) -> float:
@@ -286,7 +324,7 @@ def flat_capacitance(specimen: Specimen) -> float:
     Examples
     --------
     >>> from tympan.studies.paper.table1 import paper_actuators
-    >>> [round(1e12 * flat_capacitance(one)) for one in paper_actuators(4.7)]
+    >>> [round(1e12 * flat_capacitance(film)) for film in paper_actuators(4.7)]
     [1258, 1700, 2141]
     """
     film = specimen.membrane

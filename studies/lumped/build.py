@@ -22,8 +22,7 @@ from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.files import write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
 from tympan.studies.lumped.equilibria import curve, pull_in, rest
-from tympan.studies.lumped.membrane import LumpedModel
-from tympan.studies.lumped.model_file import write_model
+from tympan.studies.lumped.model_file import LumpedModel, write_model
 from tympan.studies.modes import modes
 
 Array = NDArray[np.float64]
@@ -108,7 +107,7 @@ class Built:
     def actuator(self, kinematics: str, mass: float) -> Actuator:
         """The specimen in one of :data:`KINEMATICS` under a mass [kg]."""
         viscous, scale = self.settings.viscous, self.alpha.cone_scale
-        cones = tuple(ConeCircle(self.model.specimen, radius) for radius in self.model.radii)
+        cones = ConeCircle(self.model.specimen, np.array(self.model.radii))
         if kinematics == "cone":
             return Actuator(cones, self.alpha.by_basis["cone"].alpha, mass, viscous, self.rig)
         if kinematics == "scaled":
@@ -126,8 +125,7 @@ class Built:
             actuators = [self.actuator(name, mass) for mass in self.settings.masses]
             y = np.array([curve(actuator, np.array(self.settings.voltages))
                           for actuator in actuators])
-            c = [[actuator.capacitance(at) for at in row]
-                 for actuator, row in zip(actuators, y, strict=True)]
+            c = [actuator.capacitance(row) for actuator, row in zip(actuators, y, strict=True)]
             found[name] = Statics(y, np.array(c))
         return found
 
@@ -156,7 +154,7 @@ class Built:
     @property
     def membrane_factors(self) -> tuple[float, ...]:
         """By how much each circle's membrane is stiffer than its cone."""
-        return tuple(circle.membrane_factor for circle in self.model.circles)
+        return tuple(self.model.circles.membrane_factor.tolist())
 
     @property
     def warnings(self) -> list[str]:
@@ -278,7 +276,7 @@ def _correction(model: LumpedModel, samples: Samples) -> Correction:
 
 def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tuple[float, float]:
     """Undamped frequency along the load [Hz] of the model and of the field model."""
-    still = rest(actuator, voltage).deflection
+    still = rest(actuator, voltage)
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
     case = Case(actuator.specimen, mass=actuator.mass, voltage=voltage, rig=actuator.rig)
     result = modes(case, settings)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +16,22 @@ from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
 
 Array = NDArray[np.float64]
+Balance = Callable[[Any], tuple[Any, Any]]
 _GRID = 4001
 _TOUCHING = 1e-9  # of the weight: a minimum of |balance| below it is a root the curve touches
+_ROUNDS = 60
 
 
 @dataclass(frozen=True)
 class Root:
-    """A deflection at rest [m], the stiffness there [N/m], and whether it is a minimum of the energy."""
+    """A deflection at rest [m] and the stiffness there [N/m]."""
 
     deflection: float
     stiffness: float
 
     @property
     def stable(self) -> bool:
-        """Whether a small push comes back."""
+        """Whether it is a minimum of the energy: a small push comes back."""
         return self.stiffness > 0
 
 
@@ -49,41 +54,81 @@ def roots(actuator: Actuator, voltage: float, low: float = 0.0,
     knots |= {_extremum(actuator, voltage, y[i], y[i + 1])
               for i in np.flatnonzero(slopes[:-1] * slopes[1:] < 0)}
     places = sorted(knots)
-    found = [at for at in places if abs(balance(at)) <= _TOUCHING * actuator.load]
+    zeros = [at for at in places if abs(balance(at)) <= _TOUCHING * actuator.load]
     for left, right in pairwise(places):
         if balance(left) * balance(right) < 0:
-            found.append(float(brentq(balance, left, right, xtol=1e-14, rtol=1e-13)))
+            zeros.append(float(brentq(balance, left, right, xtol=1e-14, rtol=1e-13)))
     distinct: list[float] = []
-    for at in sorted(found):
+    for at in sorted(zeros):
         if not distinct or at - distinct[-1] > 1e-6 * (y[1] - y[0]):
             distinct.append(at)
     return tuple(Root(at, float(actuator.balance(at, voltage)[1])) for at in distinct)
 
 
-def rest(actuator: Actuator, voltage: float) -> Root:
-    """The first stable rest from the flat film: where the actuator settles when load and voltage are put on slowly.
+def settle(balance: Balance, start: Any = 0.0, farthest: Any = None) -> Any:
+    """Deflections at rest [m] by Newton's method, of any shape the balance has.
+
+    ``balance`` answers force less weight [N] and its derivative [N/m] at deflections. From the flat
+    film it climbs to the first rest without passing it as long as the balance is concave, as that
+    of the paper's cones is up to pull-in; nan where a step meets no stiffness or there is no end of
+    them. With ``farthest`` no step is longer [m], and none asks for stiffness.
+    """
+    y: Any = np.asarray(start, float)
+    with np.errstate(all="ignore"):
+        for _ in range(_ROUNDS):
+            force, stiffness = balance(y)
+            move = -force / stiffness
+            move = np.where(stiffness > 0, move, np.nan) if farthest is None \
+                else np.clip(move, -farthest, farthest)
+            y = y + move
+            if not (np.abs(move) > 1e-13).any():
+                break
+    return y if farthest is not None else np.where(np.abs(move) <= 1e-12, y, np.nan)
+
+
+def curve(actuator: Actuator, voltages: Any) -> Array:
+    """Deflections at rest [m] of one actuator at voltages [V] put on slowly; nan beyond pull-in."""
+    squared = np.asarray(actuator.rig.film_voltage(np.asarray(voltages, float))) ** 2
+    start, limit = _start(actuator), pull_in(actuator)
+    if start is None:
+        return np.full(squared.shape, np.nan)
+    y = np.linspace(start.deflection, actuator.reach if limit is None else limit[1], _GRID)
+    held = np.append(0.0, _squared(actuator, y[1:]))
+    left = np.searchsorted(held, squared, "right") - 1
+    inside = squared <= (held[-1] if limit is None else limit[0] ** 2)
+    # Below the rest and near it, from where Newton's method climbs to it.
+    rests = settle(lambda at: actuator.balance(at, voltages), y[np.clip(left, 0, len(y) - 2)])
+    return np.where(inside, rests, np.nan)
+
+
+def rest(actuator: Actuator, voltage: float) -> float:
+    """Where one actuator settles [m] when load and voltage are put on slowly.
 
     Raises
     ------
     InputError
-        When there is none: the load or the voltage is beyond pull-in.
+        When there is no stable rest: the load or the voltage is beyond pull-in.
     """
-    limit = pull_in(actuator)
-    if limit is None or abs(float(actuator.rig.film_voltage(voltage))) <= limit[0]:
-        for root in roots(actuator, voltage):
-            if root.stable:
-                return root
-    raise InputError(f"has no stable rest: {limit_words(actuator)}", given=f"{voltage / 1e3:g} kV",
-                     key=f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g")
+    y = float(curve(actuator, voltage))
+    if np.isnan(y):
+        raise InputError(f"has no stable rest: {limit_words(actuator)}",
+                         given=f"{voltage / 1e3:g} kV", key=actuator.label)
+    return y
 
 
+def _start(actuator: Actuator) -> Root | None:
+    """The first stable rest without voltage."""
+    return next((root for root in roots(actuator, 0.0) if root.stable), None)
+
+
+@lru_cache(maxsize=32)
 def pull_in(actuator: Actuator) -> tuple[float, float] | None:
-    """Film voltage [V] and deflection [m] where the rest that begins without voltage ends; None where never.
+    """Film voltage [V] and deflection [m] where the rest that begins without voltage ends, or None.
 
     The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force
     − weight)/(electric force per V²), and pull-in is its first maximum.
     """
-    start = next((root for root in roots(actuator, 0.0) if root.stable), None)
+    start = _start(actuator)
     if start is None:
         return None
     y = np.linspace(start.deflection, actuator.reach, _GRID)
@@ -97,27 +142,21 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
 
 
 def highest(actuator: Actuator) -> float:
-    """Film voltage [V] of pull-in, or, of a film without, that which moves it to the end of the model's reach."""
-    found = pull_in(actuator)
-    return float(np.sqrt(max(float(_squared(actuator, actuator.reach)),
-                             0.0))) if found is None else found[0]
+    """Film voltage [V] of pull-in, or, without, that which moves it to the end of its reach."""
+    limit = pull_in(actuator)
+    if limit is not None:
+        return limit[0]
+    return float(np.sqrt(max(float(_squared(actuator, actuator.reach)), 0.0)))
 
 
 def limit_words(actuator: Actuator) -> str:
     """Why there may be no rest, for messages."""
-    if not any(root.stable for root in roots(actuator, 0.0)):
+    if _start(actuator) is None:
         return "the mass is too large without voltage already"
-    end = f"the end of the model's reach, {1e3 * actuator.reach:.4g} mm,"
-    return f"{end if pull_in(actuator) is None else 'pull-in'} is at {highest(actuator) / 1e3:.5g} kV across the film"
-
-
-def curve(actuator: Actuator, voltages: Array) -> Array:
-    """Deflections at rest [m] at voltages [V], nan beyond pull-in."""
-    result = np.full(len(voltages), np.nan)
-    for number, voltage in enumerate(voltages):
-        result[number] = next((root.deflection for root in roots(actuator, float(voltage))
-                               if root.stable), np.nan)
-    return result
+    end = "pull-in"
+    if pull_in(actuator) is None:
+        end = f"the end of the model's reach, {1e3 * actuator.reach:.4g} mm,"
+    return f"{end} is at {highest(actuator) / 1e3:.5g} kV across the film"
 
 
 def _squared(actuator: Actuator, y: Array | float) -> Array:

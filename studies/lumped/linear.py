@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δu a change of the voltage [V], δy in m."""
+    """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δy [m], δu [V]."""
 
     a: Array
     b: Array
@@ -65,10 +65,9 @@ class Linear:
 
 def linearise(actuator: Actuator, voltage: float, deflection: float | None = None) -> Linear:
     """About rest at a voltage [V], by default the stable one; derivatives are exact."""
-    at = rest(actuator, voltage).deflection if deflection is None else deflection
+    at = rest(actuator, voltage) if deflection is None else deflection
     state = actuator.rest(at)
     seen = np.zeros((1, len(state)))
     seen[0, 0] = 1.0
     return Linear(actuator.jacobian(state, voltage), actuator.by_voltage(state, voltage)[:, None],
-                  seen,
-                  np.zeros((1, 1)), at, voltage)
+                  seen, np.zeros((1, 1)), at, voltage)

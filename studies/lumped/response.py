@@ -67,18 +67,19 @@ class Simulated:
     @cached_property
     def loop(self) -> Loop | None:
         """The last period, of a signal that has one."""
-        return None if self.period is None or self.response.lost else last_loop(self.response,
-                                                                                self.period)
+        if self.period is None or self.response.drawn_in is not None:
+            return None
+        return last_loop(self.response, self.period)
 
     @property
     def warnings(self) -> list[str]:
         """What a reader must know."""
         found = []
-        if self.equal_weights and len(self.response.actuator.circles) > 1:
+        if self.equal_weights and self.response.actuator.count > 1:
             found.append("equal weights were taken: the paper's are lost; `tympan alpha` finds those of a specimen")
-        if self.response.lost is not None:
-            found.append(f"the film is drawn in after {self.response.lost:.4g} s: a step overshoots what a slow ramp "
-                         "may reach; lower the voltage")
+        if self.response.drawn_in is not None:
+            found.append(f"the film is drawn in after {self.response.drawn_in:.4g} s: a step "
+                         "overshoots what a slow ramp may reach; lower the voltage")
         if self.loop is not None and abs(self.loop.drift) > _CLOSED * np.ptp(self.loop.deflection):
             found.append(f"the last period ends {1e6 * self.loop.drift:+.3g} um from where it began: the film still "
                          "creeps; more periods (--count) close the loop")
@@ -96,9 +97,9 @@ class Simulated:
         return {
             "specimen": actuator.specimen.name,
             "mass_kg": actuator.mass,
-            "circles": [circle.radius for circle in actuator.circles],
+            "circles": actuator.circles.radius.tolist(),
             "alpha": list(actuator.weights),
-            "status": "done" if self.response.lost is None else "drawn_in",
+            "status": "done" if self.response.drawn_in is None else "drawn_in",
             "first_m": float(self.deflection[0]),
             "last_m": float(self.deflection[-1]),
             "range_m": float(np.ptp(self.deflection)),

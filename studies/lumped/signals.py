@@ -18,7 +18,7 @@ _HIGHEST = 1e6
 
 
 class Signal(Protocol):
-    """A voltage [V] from time 0 to ``end`` [s]; it is smooth between ``breaks`` [s], which hold 0 and the end."""
+    """A voltage [V] from time 0 to ``end`` [s], smooth between ``breaks`` [s], 0 and the end too."""
 
     @property
     def end(self) -> float:
@@ -36,13 +36,13 @@ class Signal(Protocol):
     def first(self) -> float:
         """Voltage before it begins [V], to begin from rest at."""
 
-    def within(self, piece: int, time: Any) -> Any:
-        """Voltage at times of one piece between two breaks, its ends included."""
+    def within(self, piece: Any, time: Any) -> Any:
+        """Voltage at times of pieces between two breaks (by number), their ends included."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time that stands twice is a jump."""
+    """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time twice is a jump."""
 
     time: Array
     voltage: Array
@@ -84,12 +84,11 @@ class Pieces:
         return float(self.voltage[0])
 
     @cached_property
-    def _lefts(self) -> list[int]:
+    def _lefts(self) -> NDArray[np.int64]:
         """The first point of each piece."""
-        return [int(left) for left in np.flatnonzero(np.diff(self.time) > 0)]
+        return np.flatnonzero(np.diff(self.time) > 0)
 
-    def within(self, piece: int, time: Any) -> Any:
-        """Voltage at times of one piece between two breaks, its ends included."""
+    def within(self, piece: Any, time: Any) -> Any:
         left = self._lefts[piece]
         share = (time - self.time[left]) / (self.time[left + 1] - self.time[left])
         return self.voltage[left] * (1 - share) + self.voltage[left + 1] * share
@@ -121,8 +120,9 @@ class Sine:
 
     @property
     def breaks(self) -> Array:
-        """Both ends."""
-        return np.array([0.0, self.end])
+        """Where its cycles begin, and the end."""
+        begins = self.period * np.arange(np.ceil(self.cycles * (1 - 1e-12)))
+        return np.append(begins, self.end)
 
     @property
     def peak(self) -> float:
@@ -134,8 +134,7 @@ class Sine:
         """Voltage before it begins [V], to begin from rest at."""
         return self.offset
 
-    def within(self, piece: int, time: Any) -> Any:
-        """Voltage at any times."""
+    def within(self, piece: Any, time: Any) -> Any:
         return self.offset + self.amplitude * np.sin(2 * np.pi * time / self.period)
 
 
@@ -156,7 +155,10 @@ def ramp(low: float, high: float, end: float) -> Pieces:
 
 
 def random_steps(low: float, high: float, every: float, count: int, seed: int) -> Pieces:
-    """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds (figure 14); seeded."""
+    """``count`` levels drawn evenly between two voltages, each held for ``every`` seconds.
+
+    As in figure 14; the seed makes them repeat.
+    """
     if not (every > 0 and 1 <= count <= 100_000):
         raise InputError("needs a positive time between switches and 1 to 100000 of them",
                          key="signal",

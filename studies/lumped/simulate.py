@@ -1,67 +1,66 @@
-"""Eq. (5) in time: a stiff solver with dense output, piece by piece of the signal; hysteresis; settling."""
+"""Eq. (5) in time: responses to any signal, dense in time; hysteresis; settling; creep alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.equilibria import highest, limit_words, rest
+from tympan.studies.lumped.collocation import CollocationSolver, DrawnIn, first_mesh
+from tympan.studies.lumped.equilibria import highest, limit_words, rest, settle
+from tympan.studies.lumped.motion import Motion
 from tympan.studies.lumped.signals import Signal
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """Relative tolerance of a step, and the absolute one as a share of the deflection at rest."""
-
-    relative: float = 1e-8
-    absolute: float = 1e-9
+_PRECISION = 1e-11  # of a response [m]
+_WINDOW = 4000  # steps of a first mesh that are solved at once
+_FINER = 8
+_SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What an actuator did: dense in time. ``lost`` is when it left the model's reach [s], None where it stayed."""
+    """What an actuator did: dense in time. ``drawn_in`` is when it left the model's reach [s].
+
+    ``ends`` are the times between ``motions``, from 0 to when it is over [s].
+    """
 
     actuator: Actuator
     signal: Signal
-    breaks: Array
-    pieces: tuple[Any, ...]
+    ends: Array
+    motions: tuple[Motion, ...]
     evaluations: int
-    lost: float | None = None
+    drawn_in: float | None = None
 
     @property
     def end(self) -> float:
         """When it is over [s]."""
-        return float(self.breaks[-1])
+        return float(self.ends[-1])
 
     def state(self, time: Array) -> Array:
-        """States at times [s], shape (2 + circles, times)."""
+        """States at times [s], shape (times, 2 + circles)."""
         time = np.asarray(time, float)
-        piece = np.clip(np.searchsorted(self.breaks, time, "right") - 1, 0, len(self.pieces) - 1)
-        result = np.empty((2 + len(self.actuator.circles), len(time)))
-        for number in np.unique(piece):
-            chosen = piece == number
-            result[:, chosen] = self.pieces[number](time[chosen])
+        number = np.clip(np.searchsorted(self.ends, time, "right") - 1, 0, len(self.motions) - 1)
+        result = np.empty((len(time), 2 + self.actuator.count))
+        for each in np.unique(number):
+            result[number == each] = self.motions[each].state(time[number == each])
         return result
 
     def voltage(self, time: Array) -> Array:
         """The signal at times [V]; at a jump what comes after it."""
-        time = np.asarray(time, float)
-        piece = np.clip(np.searchsorted(self.breaks, time, "right") - 1, 0, len(self.pieces) - 1)
-        return np.array([float(self.signal.within(int(number), at))
-                         for number, at in zip(piece, time, strict=True)])
+        breaks = self.signal.breaks
+        piece = np.clip(np.searchsorted(breaks, time, "right") - 1, 0, len(breaks) - 2)
+        return np.asarray(self.signal.within(piece, np.asarray(time, float)))
 
     def deflection(self, time: Array) -> Array:
         """y at times [m]."""
-        return np.asarray(self.state(time)[0])
+        return np.asarray(self.state(time)[:, 0])
 
     def samples(self, interval: float) -> Array:
         """Times with an interval [s] between them, from 0 to the end."""
@@ -69,11 +68,11 @@ class Response:
 
 
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
-             settings: SolverSettings = SolverSettings()) -> Response:
-    """The response to a signal, by default from rest at its first voltage.
+             precision: float = _PRECISION) -> Response:
+    """The response to a signal, by default from rest at its first voltage, to a precision [m].
 
-    scipy's Radau (implicit, order 5) with the exact Jacobian, begun anew at each break of the
-    signal. A motion that leaves the model's reach ends there: ``Response.lost``.
+    By collocation over many steps at once. A motion that leaves the model's reach ends there:
+    ``Response.drawn_in``.
 
     Raises
     ------
@@ -81,26 +80,70 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
         When the signal goes beyond pull-in, or there is no rest to begin from.
     """
     check(actuator, signal)
-    state = actuator.rest(rest(actuator, signal.first).deflection) if start is None else start
-    scale = max(abs(float(state[0])), 1e-3 / min(circle.steepness for circle in actuator.circles))
-    strain = max(circle.stretch(scale)[0] - 1 for circle in actuator.circles)
-    absolute = settings.absolute * np.array([scale, 10 * scale,
-                                             *(strain for _ in actuator.circles)])
-    breaks, pieces, evaluations = signal.breaks, [], 0
-    for piece, (left, right) in enumerate(pairwise(breaks)):
-        done = solve_ivp(
-            lambda t, x, piece=piece: actuator.rates(x, signal.within(piece, t)), (left, right),
-            state, "Radau",
-            dense_output=True, events=_Gone(actuator), rtol=settings.relative, atol=absolute,
-            max_step=(right - left) / 8,
-            jac=lambda t, x, piece=piece: actuator.jacobian(x, signal.within(piece, t)))
-        pieces.append(done.sol)
-        evaluations += done.nfev
-        state = done.y[:, -1]
-        if done.status != 0:
-            ends = np.append(breaks[:piece + 1], done.t[-1])
-            return Response(actuator, signal, ends, tuple(pieces), evaluations, float(done.t[-1]))
-    return Response(actuator, signal, breaks, tuple(pieces), evaluations)
+    state = actuator.rest(rest(actuator, signal.first)) if start is None else start
+    solver = CollocationSolver(signal, precision)
+    mesh = first_mesh(actuator, state, signal)
+    ends, motions = [0.0], list[Motion]()
+    steps, drawn_in = _WINDOW, None
+    while drawn_in is None and len(mesh) > 1:
+        window = mesh[:steps + 1]
+        try:
+            motion = solver.solve(actuator, state[:, None], window)
+        except DrawnIn as gone:
+            # On to where there is a motion yet, in finer steps, which may follow it further.
+            whole = max(int(np.searchsorted(window, gone.time, "right")) - 1, 1)
+            if window[whole] - window[0] < _SHORTEST:
+                drawn_in = float(window[0])
+                break
+            finer = np.interp(np.linspace(0, whole, _FINER * whole + 1), np.arange(whole + 1),
+                              window[:whole + 1])
+            mesh, steps = np.concatenate([finer, mesh[whole + 1:]]), _FINER * whole
+            continue
+        drawn_in = _gone(motion, actuator.reach)
+        mesh, steps, state = mesh[len(window) - 1:], _WINDOW, motion.nodes[-1]
+        ends.append(float(window[-1]) if drawn_in is None else drawn_in)
+        motions.append(motion)
+    return Response(actuator, signal, np.array(ends), tuple(motions), solver.evaluations, drawn_in)
+
+
+def _gone(motion: Motion, reach: float) -> float | None:
+    """When a motion first leaves the model's reach [s]."""
+    beyond = np.flatnonzero(np.abs(motion.nodes[:, 0]) >= reach)
+    if not len(beyond):
+        return None
+    left, right = motion.time[max(int(beyond[0]) - 1, 0)], motion.time[beyond[0]]
+    return float(brentq(lambda t: reach - abs(float(motion.deflection(np.array([t]))[0][0])),
+                        left, right))
+
+
+def creep(actuator: Actuator, signal: Signal) -> Array:
+    """Deflections [m] at the ends of a signal's pieces, the rest before it first, without inertia.
+
+    And without η₂: only the branches move, where the oscillation after a jump is gone. Of any array
+    of actuators, shape (pieces + 1, …); nan where there is no rest.
+    """
+    y = settle(lambda at: actuator.balance(at, signal.first), actuator.flat)
+    strains = actuator.rest(y)[..., 2:]
+    rate, shape = actuator.viscous.k1 / actuator.viscous.eta1, strains.shape
+    deflections = [y]
+
+    def settled(voltage: float, start: Array, strains: Array) -> Array:
+        return np.asarray(settle(lambda y: actuator.balance(y, voltage, strains), start))
+
+    for piece, (left, right) in enumerate(pairwise(signal.breaks)):
+        def rates(time: float, flat: Array, piece: int = piece) -> Array:
+            nonlocal y
+            at = flat.reshape(shape)
+            y = settled(signal.within(piece, time), y, at)
+            behind = actuator.circles.stretch(y[..., None])[0] - 1 - at
+            return np.nan_to_num(rate * behind).ravel()
+
+        done = solve_ivp(rates, (left, right), np.nan_to_num(strains).ravel(), "DOP853",
+                         rtol=1e-8, atol=1e-11)
+        strains = done.y[:, -1].reshape(shape)
+        y = settled(signal.within(piece, right), y, strains)
+        deflections.append(y)
+    return np.array(deflections)
 
 
 def check(actuator: Actuator, signal: Signal) -> None:
@@ -114,25 +157,14 @@ def check(actuator: Actuator, signal: Signal) -> None:
     peak = abs(float(actuator.rig.film_voltage(signal.peak)))
     if peak > highest(actuator):
         raise InputError(f"the signal goes too high: {limit_words(actuator)}",
-                         key=f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g",
+                         key=actuator.label,
                          given=f"{peak / 1e3:.5g} kV")
 
 
-@dataclass(frozen=True)
-class _Gone:
-    """The event, for scipy, of a deflection that leaves the model's reach; it ends the motion."""
-
-    actuator: Actuator
-    terminal: bool = True
-
-    def __call__(self, _: float, state: Array) -> float:
-        """Positive within the reach."""
-        return self.actuator.reach - abs(float(state[0]))
-
-
 def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
-    """When the oscillation about the slow motion last exceeds ``share`` of its largest excursion [s after time[0]].
+    """When the oscillation about the slow motion last exceeds a share of its largest swing [s].
 
+    Counted from time[0]; ``share`` is that of the largest excursion.
     The slow motion is that through the midpoints of neighbouring extremes, as one draws it by eye:
     the membrane goes on creeping long after the oscillation has died away. nan where there is no
     oscillation.
@@ -156,14 +188,14 @@ def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """One period of a response to a sine, from its begin to its end: voltages [V] and deflections [m]."""
+    """One period of a response to a sine: voltages [V] and deflections [m]."""
 
     voltage: Array
     deflection: Array
 
     @property
     def drift(self) -> float:
-        """By how much it ends deeper than it began [m]; 0 once the film no longer creeps from period to period."""
+        """By how much it ends deeper than it began [m]; 0 once the film no longer creeps."""
         return float(self.deflection[-1] - self.deflection[0])
 
     @property

@@ -16,21 +16,20 @@ from tympan.studies.files import write_csv
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
-from tympan.studies.lumped.simulate import Loop, SolverSettings, last_loop, simulate
+from tympan.studies.lumped.simulate import Loop, last_loop, simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES
 from tympan.studies.replica import settling
-from tympan.studies.replica.fleet import Fleet
 from tympan.studies.replica.missing_from_levels import fit_levels
 from tympan.studies.replica.missing_parameters import (
-    Lost,
-    Ranges,
+    MissingParameters,
     allowed,
+    deflections,
     fit,
     smallest_worst,
     worst_misfit,
 )
-from tympan.studies.replica.settling import Criterion, Swings
+from tympan.studies.replica.settling import Criterion, Decay
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -39,9 +38,8 @@ Reading = Literal["rest", "levels"]
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
 _STEP_END, ZOOM = 30.0, 3.0  # [s]; the time axes of figures 9–12 are lost
-_LONG = 1e-5  # relative error of a step; still within a twentieth of what the sensor sees
+_PRECISION = 1e-10  # of responses [m]; the sensor sees 1 µm
 _BUCKETS = 3000
-_SOLVER = SolverSettings(1e-6, 1e-7)
 _SEEDS = 10_000
 
 
@@ -50,7 +48,7 @@ class Choices:
     """What the paper leaves open: figure 14's levels and their seed, figure 13's period [s]; None: found, and told.
 
     ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's
-    voltages is taken. ``reading`` is how Table 2 is read to find the lost ε_r and α₁: ``rest``,
+    voltages is taken. ``reading`` is how Table 2 is read to find the missing ε_r and α₁: ``rest``,
     from 0 to 7 kV at rest, or ``levels``, at the ends of figure 14's levels; None: whichever fits
     it better.
     """
@@ -120,15 +118,15 @@ class Replica:
     """Everything of figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator."""
 
     reading: Reading
-    fits: dict[Reading, Lost]
-    others: dict[str, Lost]
-    smallest_worst: Lost
+    fits: dict[Reading, MissingParameters]
+    others: dict[str, MissingParameters]
+    smallest_worst: MissingParameters
     allowed: dict[str, tuple[float, float]]
     worst: tuple[Array, Array, Array]
     voltages: Array
     static: Array
     steps: list[list[Trace]]
-    swings: list[list[Swings]]
+    decays: list[list[Decay]]
     poles: NDArray[np.complex128]
     period: float
     loops: list[list[Loop]]
@@ -138,7 +136,7 @@ class Replica:
     level_ranges: Array
 
     @property
-    def lost(self) -> Lost:
+    def missing(self) -> MissingParameters:
         """The ε_r and α₁ everything was computed with."""
         return self.fits[self.reading]
 
@@ -155,11 +153,11 @@ class Replica:
     @cached_property
     def criteria(self) -> list[Criterion]:
         """Settling times by the usual criteria, by what the sensor sees, and by the nearest of each kind."""
-        usual = [settling.at(self.swings, kind, share) for kind in settling.KINDS
+        usual = [settling.settling_times(self.decays, kind, share) for kind in settling.KINDS
                  if kind != "length"
                  for share in settling.USUAL]
-        return [*usual, settling.at(self.swings, "length", 1e-6),
-                *(settling.nearest(self.swings, kind) for kind in settling.KINDS)]
+        return [*usual, settling.settling_times(self.decays, "length", 1e-6),
+                *(settling.nearest(self.decays, kind) for kind in settling.KINDS)]
 
 
 def period_of(actuator: Actuator) -> float:
@@ -181,56 +179,63 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     InputError
         When figure 14's levels cannot reach both voltages, or one of them is beyond pull-in.
     """
-    progress("lost parameters from Table 2")
+    progress("missing parameters from Table 2")
     signal, seed = choices.steps()
-    fits: dict[Reading, Lost] = {"rest": fit(), "levels": fit_levels(signal)}
+    fits: dict[Reading, MissingParameters] = {"rest": fit(), "levels": fit_levels(signal)}
     better: Reading = "levels" if fits["levels"].rms < fits["rest"].rms else "rest"
     reading = choices.reading or better
-    lost = fits[reading]
+    missing = fits[reading]
     others = {"one alpha for each ellipse": fit(shared=False),
               **{f"{1e3 * mass:g} g alone": fit(rows=(row,)) for row, mass in enumerate(MASSES)}}
     permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
     map_ = permittivities, alphas, worst_misfit(permittivities, alphas)
     limits, best = allowed(), smallest_worst()
-    models = [lost.actuators(mass) for mass in MASSES]
+    models = [missing.actuators(mass) for mass in MASSES]
     progress("figures 7 and 8")
     voltages = np.linspace(published.LOWEST, published.HIGHEST, 71)
-    at_rest = Ranges()
-    static = np.array([[at_rest.rest(number, mass, voltages, lost.permittivity,
-                                     lost.weights(number)[0])[0]
-                        for number in range(len(NAMES))] for mass in MASSES])
-    fleet = Fleet(tuple(model for row in models for model in row))
+    static = deflections(missing.permittivity, missing.alpha, voltages[:, None, None])
     progress("figures 9 to 12")
-    time, deflections = fleet.simulate(step(*published.STEP, 0.0, _STEP_END), INTERVAL)
-    traces = _by_mass([Trace.of(time, column, ZOOM) for column in deflections.T])
-    swings = _by_mass([Swings.of(time, column) for column in deflections.T])
+    time, steps = _responses(models, step(*published.STEP, 0.0, _STEP_END))
+    traces = [[Trace.of(time, y, ZOOM) for y in row] for row in steps]
+    decays = [[Decay.of(time, y) for y in row] for row in steps]
     period = choices.period or period_of(models[0][0])
     loops = [[_loop(model, Sine(*sine, period), progress) for model in models[0]]
              for sine in published.SINES]
     progress("figure 14")
-    time, deflections = fleet.simulate(signal, INTERVAL, _LONG)
-    random = _by_mass([Trace.of(time, column) for column in deflections.T])
+    time, random = _responses(models, signal)
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
-    levels = np.ptp(deflections[ends], axis=0).reshape(len(MASSES), len(NAMES))
     poles = np.array([[linearise(model, published.STEP[1]).poles[-1] for model in row]
                       for row in models])
-    return Replica(reading, fits, others, best, limits, map_, voltages, static, traces, swings,
-                   poles, period, loops,
-                   signal, seed, random, levels)
+    return Replica(reading, fits, others, best, limits, map_, voltages,
+                   np.moveaxis(static, 0, -1), traces, decays, poles, period, loops, signal, seed,
+                   [[Trace.of(time, y) for y in row] for row in random],
+                   np.ptp(random[..., ends], axis=-1))
 
 
 #: How often :func:`run` calls ``progress``.
 STEPS_OF_RUN = 4 + len(published.SINES) * len(NAMES)
 
 
-def _by_mass(items: list[Any]) -> list[list[Any]]:
-    return [items[:len(NAMES)], items[len(NAMES):]]
+def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Array, Array]:
+    """Times [s] and deflections [m], shape (masses, actuators, times), from rest.
+
+    Raises
+    ------
+    InputError
+        When a film is drawn in.
+    """
+    time = np.arange(0.0, signal.end + INTERVAL / 2, INTERVAL)
+    responses = [[simulate(model, signal, precision=_PRECISION) for model in row]
+                 for row in models]
+    if any(response.drawn_in is not None for row in responses for response in row):
+        raise InputError("one of the films is drawn in: a step overshoots what a slow ramp may "
+                         "reach; lower the voltage", key="signal", given=f"{signal.peak / 1e3:g} kV")
+    return time, np.array([[response.deflection(time) for response in row] for row in responses])
 
 
 def _loop(model: Actuator, signal: Sine, progress: Progress) -> Loop:
-    # One by one with the stiff solver, which follows a slow sine in long steps; a fleet's cannot.
     progress(f"figure 13: {model.specimen.name} about {1e-3 * signal.offset:g} kV")
-    return last_loop(simulate(model, signal, settings=_SOLVER), signal.period)
+    return last_loop(simulate(model, signal, precision=_PRECISION), signal.period)
 
 
 def write_curves(found: Replica, folder: Path) -> None:

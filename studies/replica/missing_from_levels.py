@@ -1,4 +1,4 @@
-"""The lost ε_r and α from Table 2 read as it was measured: over pseudo-random steps, at the end of each level."""
+"""The missing ε_r and α from Table 2 read over pseudo-random steps, at the end of each level."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tympan.studies.lumped.signals import Signal
-from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.replica.fleet import Fleet
-from tympan.studies.replica.missing_parameters import Lost
+from tympan.studies.lumped.simulate import creep
+from tympan.studies.paper.published import ranges
+from tympan.studies.replica.missing_parameters import MissingParameters, actuators
 
 Array = NDArray[np.float64]
 _STEPS = np.array([1e-2, 1e-2])  # of ε_r and α₁, for their derivatives
@@ -18,15 +18,17 @@ _DRAWN_IN = 1e-2  # [m], far beyond any range: the search turns back
 
 
 def level_ranges(signal: Signal, values: Array) -> Array:
-    """Ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁, shape (pairs, masses, actuators)."""
-    every = [Lost.of(permittivity, (alpha, alpha)) for permittivity, alpha in values]
-    fleet = Fleet(tuple(one for lost in every for mass in MASSES for one in lost.actuators(mass)))
-    return np.asarray(np.ptp(fleet.levels(signal), axis=0).reshape(len(values), len(MASSES),
-                                                                   len(NAMES)))
+    """Ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁.
+
+    Shape (pairs, masses, actuators).
+    """
+    permittivity, alpha = values.T
+    levels = creep(actuators(permittivity, np.array([alpha, alpha]).T), signal)
+    return np.asarray(np.ptp(levels, axis=0))
 
 
-def fit_levels(signal: Signal) -> Lost:
-    """ε_r and α₁, one for both ellipses, by least squares over Table 2's six ranges, each at the levels' ends.
+def fit_levels(signal: Signal) -> MissingParameters:
+    """ε_r and α₁, one for both ellipses, by least squares over Table 2's ranges at levels' ends.
 
     Inertia's overshoot does not count: it is gone within seconds of a switch.
 
@@ -44,14 +46,13 @@ def fit_levels(signal: Signal) -> Lost:
             moves = np.diag(np.where(values > _START, -_STEPS, _STEPS))
             with np.errstate(all="ignore"):
                 tried = level_ranges(signal, np.vstack([values, values + moves]))
-            found = np.nan_to_num(tried, nan=_DRAWN_IN)
-            kept[key] = found[0], ((found[1:] - found[0]).reshape(2, -1)
-                                   / moves.sum(axis=1)[:, None]).T
+            first, *others = np.nan_to_num(tried, nan=_DRAWN_IN)
+            slopes = (np.array(others) - first).reshape(2, -1) / moves.sum(axis=1)[:, None]
+            kept[key] = first, slopes.T
         return kept[key]
 
     done = least_squares(lambda values: 1e3 * (both(values)[0] - read).ravel(), _START,
                          lambda values: 1e3 * both(values)[1], ((1.0, 0.0), (11.0, 1.0)), xtol=1e-5,
-                         ftol=1e-7,
-                         max_nfev=12)
-    found = both(done.x)[0]
-    return Lost(float(done.x[0]), (float(done.x[1]), float(done.x[1])), found, found - read)
+                         ftol=1e-7, max_nfev=12)
+    fitted, (permittivity, alpha) = both(done.x)[0], done.x.tolist()
+    return MissingParameters(permittivity, (alpha, alpha), fitted, fitted - read)

@@ -46,7 +46,7 @@ def record(found: Replica, choices: Choices, seconds: float) -> dict[str, Any]:
     """Everything but the curves."""
     return {
         "lost": {
-            **found.lost.json(), "reading": found.reading,
+            **found.missing.json(), "reading": found.reading,
             "readings": {name: one.json() for name, one in found.fits.items()},
             "others": {name: one.json() for name, one in found.others.items()},
             "smallest_worst": found.smallest_worst.json(), "within_twice": found.allowed,
@@ -71,7 +71,7 @@ def _chosen(found: Replica, choices: Choices) -> list[str]:
     period = "" if choices.period is not None else (
         ", at which the linear model of the circle lags most about 3.5 kV")
     return [
-        f"ε_r {found.lost.permittivity:.3f} and α₁ {found.lost.alpha[0]:.3f} are lost in Table 1: least squares over "
+        f"ε_r {found.missing.permittivity:.3f} and α₁ {found.missing.alpha[0]:.3f} are lost in Table 1: least squares over "
         f"Table 2's six ranges {_READINGS[found.reading]} ({other}); g is 9.80665 m/s².",
         f"Figures 9 to 12: the time axes are lost; {ZOOM:g} s are drawn in the zooms, every {1e3 * INTERVAL:g} ms.",
         f"Figure 13: neither period nor mass is given: {found.period:.3g} s{period}, and {1e3 * MASSES[0]:g} g.",

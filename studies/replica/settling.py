@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Swings:
+class Decay:
     """Half the way [m] between neighbouring extremes, the time midway [s], and how far the response went at last [m].
 
     The crossing of a threshold is interpolated between them on a logarithmic scale, as an
@@ -26,7 +26,7 @@ class Swings:
     travel: float
 
     @classmethod
-    def of(cls, time: Array, deflection: Array) -> Swings:
+    def of(cls, time: Array, deflection: Array) -> Decay:
         """Of a sampled response to a step, the extremes refined by the parabola through three samples."""
         turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
         before, at, after = (deflection[turning + shift] for shift in (-1, 0, 1))
@@ -70,24 +70,24 @@ class Criterion:
 
 #: Kinds of criteria: what the threshold is a share of; a plain length in metres.
 KINDS = {
-    "largest swing": lambda swings: float(swings.height.max()),
-    "whole change": lambda swings: swings.travel,
-    "length": lambda swings: 1.0,
+    "largest swing": lambda decay: float(decay.height.max()),
+    "whole change": lambda decay: decay.travel,
+    "length": lambda decay: 1.0,
 }
 #: Thresholds as shares that are in use.
 USUAL = (0.05, 0.02, 0.01)
 
 
-def at(swings: list[list[Swings]], kind: str, threshold: float) -> Criterion:
+def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Criterion:
     """Settling times by one criterion, for responses by mass and actuator."""
-    times = [[one.settled(threshold * KINDS[kind](one)) for one in row] for row in swings]
+    times = [[one.settled(threshold * KINDS[kind](one)) for one in row] for row in decays]
     return Criterion(kind, threshold, np.array(times))
 
 
-def nearest(swings: list[list[Swings]], kind: str) -> Criterion:
+def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
     """The threshold of a kind whose six times are nearest to the paper's, among those that give all six."""
-    largest = min(one.height.max() / KINDS[kind](one) for row in swings for one in row)
-    smallest = max(one.height.min() / KINDS[kind](one) for row in swings for one in row)
-    found = (at(swings, kind, threshold) for threshold in np.geomspace(largest, smallest,
+    largest = min(one.height.max() / KINDS[kind](one) for row in decays for one in row)
+    smallest = max(one.height.min() / KINDS[kind](one) for row in decays for one in row)
+    found = (settling_times(decays, kind, threshold) for threshold in np.geomspace(largest, smallest,
                                                                        402)[1:-1])
     return min(found, key=lambda one: one.rms)

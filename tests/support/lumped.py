@@ -14,7 +14,7 @@ from tympan.fem.rig import Rig
 from tympan.studies.identify.static_fit import Readings, StaticProblem
 from tympan.studies.lumped.actuator import Actuator, Correction
 from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.membrane import LumpedModel
+from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.paper.table1 import paper_actuators
 
 TAPE = MATERIALS["vhb-4910"].material
@@ -45,7 +45,7 @@ def clean() -> Readings:
     law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
     specimens = tuple(replace(one, membrane=replace(one.membrane, material=law))
                       for one in paper_actuators(8.5))
-    rows = [(number, mass, u, rest(Actuator.of(one, mass, (0.45, 0.55)), float(u)).deflection)
+    rows = [(number, mass, u, rest(Actuator.of(one, mass, (0.45, 0.55)), float(u)))
             for number, one in enumerate(specimens) for mass in MASSES for u in VOLTAGES]
     which, mass, u, y = np.array(rows).T
     unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))

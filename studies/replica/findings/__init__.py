@@ -15,9 +15,9 @@ __all__ = ["Finding", "Number", "findings"]
 
 def findings(found: Replica) -> tuple[Finding, ...]:
     """All of them, with the lost parameters and the ranges of a replica."""
-    lost = found.lost
-    return (sign(lost), softening(lost), cone(lost),
+    missing = found.missing
+    return (sign(missing), softening(missing), cone(missing),
             lost_cells(found.fits["rest"], found.others, found.smallest_worst, found.allowed,
                        found.fits["levels"]),
-            mass_ratio(lost, found.rest_ranges, found.level_ranges, found.random_ranges),
-            energy(lost), checks())
+            mass_ratio(missing, found.rest_ranges, found.level_ranges, found.random_ranges),
+            energy(missing), checks())

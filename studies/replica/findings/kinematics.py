@@ -11,7 +11,7 @@ from tympan.studies.paper.published import NAMES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Finding, Number
 from tympan.studies.replica.findings.law import stress
-from tympan.studies.replica.missing_parameters import Lost
+from tympan.studies.replica.missing_parameters import MissingParameters
 
 _TERMS, _POINTS = 14, 400
 
@@ -44,21 +44,21 @@ def cone_stiffness(radius: float, plate: float) -> float:
     return 2 * np.pi * plate / (radius - plate)
 
 
-def factors(lost: Lost) -> list[float]:
+def factors(missing: MissingParameters) -> list[float]:
     """Stiffness of the taut film over that of the paper's mixture of cones, of each actuator."""
     found = []
     for number, specimen in enumerate(paper_actuators(1.0)):
         a, b = specimen.frame.semi_axes
         plate = specimen.plate.outline.semi_axes[0]
         cones = [cone_stiffness(radius, plate) for radius in sorted({b, a})]
-        mixed = sum(weight * cone for weight, cone in zip(lost.weights(number), cones, strict=True))
+        mixed = sum(weight * cone for weight, cone in zip(missing.weights(number), cones, strict=True))
         found.append(membrane_stiffness((a, b), plate) / mixed)
     return found
 
 
-def cone(lost: Lost) -> Finding:
+def cone(missing: MissingParameters) -> Finding:
     """The factor of each actuator, and what it does to Table 1's stress and to ε_r."""
-    found = factors(lost)
+    found = factors(missing)
     prestretch = float(np.sqrt(paper_actuators(1.0)[0].membrane.area_prestretch))
     at = stress(1.0)[0]
     modulus = at / found[0] / (prestretch**2 - prestretch**-4)
@@ -73,19 +73,19 @@ def cone(lost: Lost) -> Finding:
          f"The fit hides it in the constants: Table 1's {at / 1e3:.1f} kPa of prestress over {found[0]:.3f} is "
          f"{at / found[0] / 1e3:.1f} kPa, that of a neo-Hookean film of {modulus / 1e3:.1f} kPa at "
          f"{prestretch:.3f}; independent data on VHB 4910 ({DEFAULT} of the library) give {tape / 1e3:.1f} kPa. ε_r "
-         f"{lost.permittivity:.2f} over it is {lost.permittivity / found[0]:.2f}, where the literature has 2.6 to "
-         "4.7. The constants of Table 1 are those of the cone, not of the tape."),
+         f"{missing.permittivity:.2f} over it is {missing.permittivity / found[0]:.2f}, where the "
+         "literature has 2.6 to 4.7. The constants of Table 1 are those of the cone, not of the tape."),
         (*(Number(f"taut film over cones, {name}", value)
            for name, value in zip(NAMES, found, strict=True)),
          Number("prestress of Table 1 over the circle's factor", at / found[0], "Pa"),
          Number("neo-Hookean modulus of that prestress", modulus, "Pa"),
          Number(f"prestress of the library's {DEFAULT}", tape, "Pa"),
-         Number("relative permittivity over the circle's factor", lost.permittivity / found[0])))
+         Number("relative permittivity over the circle's factor", missing.permittivity / found[0])))
 
 
-def energy(lost: Lost) -> Finding:
+def energy(missing: MissingParameters) -> Finding:
     """½ u² dC/dy of a cone against the force of the voltage in Eq. (5), of each circle."""
-    circles = [ConeCircle(paper_actuators(lost.permittivity)[0], radius)
+    circles = [ConeCircle(paper_actuators(missing.permittivity)[0], radius)
                for radius in (45e-3, 60e-3, 75e-3)]
     unit = maxwell(circles[0].specimen, 1.0)
     y, step = 3e-3, 1e-5

@@ -10,7 +10,7 @@ from tympan.studies.lumped.equilibria import rest
 from tympan.studies.paper.published import HIGHEST, MASSES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Finding, Number
-from tympan.studies.replica.missing_parameters import Lost
+from tympan.studies.replica.missing_parameters import MissingParameters
 
 
 def stress(stretch: float) -> tuple[float, float]:
@@ -23,7 +23,7 @@ def stress(stretch: float) -> tuple[float, float]:
     return mounted * stretch * w1, mounted * (w1 + mounted * stretch * w11)
 
 
-def softening(lost: Lost) -> Finding:
+def softening(missing: MissingParameters) -> Finding:
     """Stress and its slope at the mounted film, where the slope is zero, what the cone makes of it."""
     law = paper_actuators(1.0)[0].membrane.material
     assert isinstance(law, Separable)
@@ -31,15 +31,14 @@ def softening(lost: Lost) -> Finding:
     turns = float(brentq(lambda x: stress(x)[1], 1.0, 1.5, xtol=1e-12))
     parts = [2 * i * (beta + gamma) for i, beta, gamma in zip((1, 2, 3), law.beta, law.gamma,
                                                               strict=True)]
-    circle = lost.actuators(MASSES[0])[0]
+    circle = missing.actuators(MASSES[0])[0]
     first, second = (float(circle.elastic(y)[2]) for y in (1e-6, 3e-3))
     largest = minimize_scalar(lambda y: -float(circle.elastic(y)[1]),
                               bounds=(1e-3, circle.reach / 3), method="bounded",
                               options={"xatol": 1e-9})
     peaks = float(circle.elastic(largest.x)[2]) / first
-    visited = [max(circle_.stretch(rest(actuator, HIGHEST).deflection)[0]
-                   for circle_ in actuator.circles)
-               for mass in MASSES for actuator in lost.actuators(mass)]
+    visited = [actuator.circles.stretch(rest(actuator, HIGHEST))[0].max()
+               for mass in MASSES for actuator in missing.actuators(mass)]
     words = [
         f"At the mounted film Eq. (8) gives {at / 1e3:.1f} kPa and dσ/dλ = Σ 2i (β_i + γ_i) = {slope / 1e3:.1f} kPa: "
         f"{parts[0] / 1e3:+.1f}, {parts[1] / 1e3:+.1f} and {parts[2] / 1e3:+.1f} kPa of i = 1, 2, 3. The stress "
@@ -47,7 +46,7 @@ def softening(lost: Lost) -> Finding:
         "A negative γ is a term that pulls less the more it is stretched; γ₂ alone outweighs the rest. The cone of "
         f"the circle loses {100 * (1 - second / first):.1f} % of its stiffness from flat to 3 mm; that of a constant "
         "stress would lose "
-        f"{100 * (1 - _constant_stress(circle.circles[0].steepness * 3e-3)):.1f} %."]
+        f"{100 * (1 - _constant_stress(float(circle.circles.steepness[0]) * 3e-3)):.1f} %."]
     if abs(peaks) < 1e-3:
         words.append(f"Its force has a maximum at {1e3 * float(largest.x):.1f} mm: it holds "
                      f"{1e3 * -float(largest.fun) / circle.rig.gravity:.1f} g and no more.")
@@ -59,7 +58,7 @@ def softening(lost: Lost) -> Finding:
                Number("largest stretch at 7 kV", float(max(visited))),
                Number("circle's stiffness at 3 mm over that when flat", second / first),
                Number("the same of a constant stress",
-                      _constant_stress(circle.circles[0].steepness * 3e-3))]
+                      _constant_stress(float(circle.circles.steepness[0]) * 3e-3))]
     return Finding("law", "Table 1's Ogden set loses stress with stretch", tuple(words),
                    tuple(numbers))
 

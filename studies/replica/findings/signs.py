@@ -5,62 +5,39 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
-from tympan.studies.circles.cone import ConeCircle
-from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.equilibria import rest
+from tympan.fem.rig import Rig
+from tympan.studies.identify.static_fit import Readings, StaticProblem
 from tympan.studies.paper.published import MASSES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Finding, Number
-from tympan.studies.replica.missing_parameters import Lost
+from tympan.studies.replica.missing_parameters import MissingParameters, deflections
 
 Array = NDArray[np.float64]
 _VOLTAGES = np.linspace(0.0, 7e3, 15)
-_POWERS = (1, 2, 3)
 _SIZES = np.array([*[50e3] * 6, 5.0])
 
 
-def forces(actuator: Actuator, y: Array, voltage: Array) -> Array:
-    """The film's force [N] at deflections [m] and voltages [V] per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (points, 7).
+def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
+    """Eq. (11) at the model's own rests, which are data without an error.
 
-    Eq. (11) is linear in all of them once the weights are given.
+    Force per unit of β₁…β₃, γ₁…γ₃ and ε_r, shape (readings, 7), these constants, and weights [N].
     """
-    film = actuator.specimen.membrane
-    laws = [Separable((float(one == "beta"),), (float(one == "gamma"),), (2.0 * power,),
-                      film.area_prestretch**0.5)
-            for one in ("beta", "gamma") for power in _POWERS]
-    unit = maxwell(paper_actuators(1.0)[0], 1.0)
-    total = np.zeros((len(y), 7))
-    for weight, circle in zip(actuator.weights, actuator.circles, strict=True):
-        assert isinstance(circle, ConeCircle)
-        columns = [circle.pull(law, y)[1] for law in laws]
-        total += weight * np.array([*columns, voltage**2 * circle.pull(unit, y)[1]]).T
-    return total
-
-
-def at_rest(lost: Lost) -> tuple[Array, Array]:
-    """Forces per constant, shape (readings, 7), and weights [N] at the model's own rests: data without an error."""
-    rows, loads = [], []
-    for mass in MASSES:
-        for actuator in lost.actuators(mass):
-            y = np.array([rest(actuator, float(volts)).deflection for volts in _VOLTAGES])
-            rows.append(forces(actuator, y, _VOLTAGES))
-            loads.append(np.full(len(y), actuator.load))
-    return np.vstack(rows), np.concatenate(loads)
-
-
-def constants(lost: Lost) -> Array:
-    """β₁…β₃, γ₁…γ₃ [Pa] of Table 1 and ε_r."""
-    law = paper_actuators(lost.permittivity)[0].membrane.material
+    specimens = paper_actuators(missing.permittivity)
+    rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
+    voltage, mass, which = (axis.ravel() for axis in np.meshgrid(
+        _VOLTAGES, MASSES, np.arange(3), indexing="ij"))
+    problem = StaticProblem(Readings(specimens, Rig(), which, mass, voltage, rests.ravel()))
+    law = specimens[0].membrane.material
     assert isinstance(law, Separable)
-    return np.array([*law.beta, *law.gamma, lost.permittivity])
+    values = np.array([*law.beta, *law.gamma, missing.permittivity, *missing.alpha])
+    return problem.force(values, problem.read)[2][:, :7], values[:7], problem.load
 
 
-def sign(lost: Lost) -> Finding:
+def sign(missing: MissingParameters) -> Finding:
     """The residual of Eq. (11) at rest with both signs, and what the search finds with both."""
-    columns, load = at_rest(lost)
-    force = columns @ constants(lost)
+    columns, constants, load = at_rest(missing)
+    force = columns @ constants
     printed, right = load + force, load - force
     found = {}
     for name, direction in (("as Eq. (5)", 1.0), ("as printed", -1.0)):

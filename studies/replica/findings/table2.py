@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -10,14 +12,14 @@ from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, ROUNDING, STEP, SWITCH, ranges
 from tympan.studies.replica.findings.finding import Finding, Number
-from tympan.studies.replica.missing_parameters import Lost, Ranges
+from tympan.studies.replica.missing_parameters import MissingParameters, rest_ranges
 
 Array = NDArray[np.float64]
 _ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
 
 
-def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost,
-               limits: dict[str, tuple[float, float]], levels: Lost
+def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters], best: MissingParameters,
+               limits: dict[str, tuple[float, float]], levels: MissingParameters
                ) -> Finding:
     """Fits at rest, the smallest worst misfit, what is within twice that, and the fit at the ends of the levels."""
     light, heavy = (next(one for one in others.values() if one.rows == (row,)) for row in (0, 1))
@@ -27,8 +29,9 @@ def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost,
     return Finding(
         "lost", "The lost ε_r and α: what Table 2 allows",
         ("With the paper's cones and Table 1's constants, and Table 2 read as the way from 0 to 7 kV at rest, least "
-         f"squares over its six ranges give ε_r {lost.permittivity:.3f} and α₁ {lost.alpha[0]:.3f} (of the circle "
-         f"with the short semi-axis), with {1e3 * lost.rms:.3f} mm left; with an α₁ for each ellipse "
+         f"squares over its six ranges give ε_r {missing.permittivity:.3f} and α₁ "
+         f"{missing.alpha[0]:.3f} (of the circle with the short semi-axis), with "
+         f"{1e3 * missing.rms:.3f} mm left; with an α₁ for each ellipse "
          f"{own.permittivity:.3f}, {own.alpha[0]:.3f} and {own.alpha[1]:.3f}, with {1e3 * own.rms:.3f} mm left. No "
          f"pair reproduces the table within its rounding of ±{1e3 * ROUNDING:g} mm: the smallest possible worst "
          f"misfit is {1e3 * best.worst:.3f} mm, at ε_r {best.permittivity:.3f}, {best.worst / ROUNDING:.0f} times "
@@ -40,9 +43,9 @@ def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost,
          f"{1e3 * levels.rms:.3f} mm: the ellipses' four ranges are met within {ellipses:.3f} mm, the circle's "
          f"missed by {circle[0]:+.3f} and {circle[1]:+.3f} mm. The paper's levels are lost; `docs/paper.md` has the "
          "same with other seeds."),
-        (Number("relative permittivity, at rest", lost.permittivity),
-         Number("alpha_1, at rest", lost.alpha[0]),
-         Number("root mean square misfit, at rest", lost.rms, "m"),
+        (Number("relative permittivity, at rest", missing.permittivity),
+         Number("alpha_1, at rest", missing.alpha[0]),
+         Number("root mean square misfit, at rest", missing.rms, "m"),
          Number("relative permittivity, an alpha_1 for each ellipse", own.permittivity),
          Number("alpha_1 of the small ellipse", own.alpha[0]),
          Number("alpha_1 of the large ellipse", own.alpha[1]),
@@ -60,44 +63,39 @@ def lost_cells(lost: Lost, others: dict[str, Lost], best: Lost,
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
-    """Smallest ratio of ranges at rest under the two masses over ε_r, α₁ and the upper voltage [V], by actuator."""
-    grid = np.meshgrid(permittivities, alphas, indexing="ij")
-    found = np.full(len(NAMES), np.inf)
+    """Smallest ratio of ranges at rest under the two masses, by actuator.
+
+    Over ε_r, α₁ and the upper voltage [V].
+    """
+    grid, alpha = np.meshgrid(permittivities, alphas, indexing="ij")
+    growths = []
     for voltage in voltages:
-        model = Ranges(high=float(voltage))
-        for column in range(len(NAMES)):
-            moved = [model.rest(column, mass, voltage, *grid)[0] - model.rest(column, mass, 0.0,
-                                                                              *grid)[0]
-                     for mass in MASSES]
-            found[column] = min(found[column], float(np.nanmin(moved[1] / moved[0])))
-    return found
+        light, heavy = np.moveaxis(rest_ranges(grid, np.stack([alpha, alpha], -1), voltage), -2, 0)
+        growths.append(np.nanmin(heavy / light, axis=(0, 1)))
+    return np.asarray(np.min(growths, axis=0))
 
 
-def unaccounted(lost: Lost, growth: Array) -> Array:
-    """Mass [kg] that would have to hang on the plate beside the stated one for the growth at rest; by actuator."""
-    found = []
+def unaccounted(missing: MissingParameters, growth: Array) -> Array:
+    """Mass [kg] beside the stated one on the plate for the growth at rest; by actuator."""
+    extras = []
     for column, wanted in enumerate(growth):
-        alpha = lost.weights(column)[0]
+        def moved(row: int, extra: float, permittivity: float, column: int = column) -> float:
+            ours = rest_ranges(permittivity, missing.alpha, masses=(MASSES[row] + extra,))
+            return float(np.nan_to_num(ours[0, column], nan=1.0))
 
         def miss(extra: float, column: int = column, wanted: float = float(wanted),
-                 alpha: float = alpha) -> float:
-            model = Ranges(unaccounted=extra)
+                 moved: Any = moved) -> float:
             # The permittivity follows, so that the range under the smaller mass stays what it is.
-            def range_(mass: float, permittivity: float) -> float:
-                high, low = (model.rest(column, mass, volts, permittivity, alpha)[0]
-                             for volts in (HIGHEST, 0.0))
-                return float(np.nan_to_num(high - low, nan=1.0))
-
             target = float(ranges()[0, column])
-            permittivity = float(brentq(lambda value: range_(MASSES[0], value) - target, 1.0, 9.9,
+            permittivity = float(brentq(lambda value: moved(0, extra, value) - target, 1.0, 9.9,
                                         xtol=1e-9))
-            return range_(MASSES[1], permittivity) / target - wanted
+            return float(moved(1, extra, permittivity) / target - wanted)
 
-        found.append(float(brentq(miss, 0.0, 0.2, xtol=1e-7)))
-    return np.array(found)
+        extras.append(float(brentq(miss, 0.0, 0.2, xtol=1e-7)))
+    return np.array(extras)
 
 
-def mass_ratio(lost: Lost, rest: Array, levels: Array, whole: Array) -> Finding:
+def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Array) -> Finding:
     """How ranges grow with the mass: in Table 2, at rest whatever ε_r and α, and over figure 14's steps.
 
     ``rest``, ``levels`` and ``whole`` are the model's ranges [m] at rest, at the ends of figure
@@ -106,9 +104,9 @@ def mass_ratio(lost: Lost, rest: Array, levels: Array, whole: Array) -> Finding:
     growth, at_rest, at_ends, moving = (one[1] / one[0] for one in (ranges(), rest, levels, whole))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
                             np.array([1e3, 4e3, HIGHEST]))
-    extra = unaccounted(lost, growth)
+    extra = unaccounted(missing, growth)
     left = [[_left(actuator, volts) for volts in (STEP[1], HIGHEST)]
-            for mass in MASSES for actuator in lost.actuators(mass)]
+            for mass in MASSES for actuator in missing.actuators(mass)]
     masses, cubic = MASSES[1] / MASSES[0], (MASSES[1] / MASSES[0]) ** (1 / 3)
     alike = np.abs(at_ends - growth) < _ALIKE
     odd = (" So Table 2's ellipses agree with readings after 30 s that leave the overshoot out, and its circle, whose "

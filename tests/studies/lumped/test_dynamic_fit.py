@@ -17,12 +17,12 @@ from tympan.cli import main
 from tympan.fem.film.laws import Separable
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.studies.identify.collocation import Follower
 from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held, Statics
 from tympan.studies.identify.dynamic_search import DynamicFit, identify_dynamic, nelder_mead_dynamic
 from tympan.studies.identify.responses import Record, drive_of
 from tympan.studies.identify.static_search import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
 from tympan.studies.paper.table1 import paper_actuators
@@ -42,7 +42,7 @@ def actuator(number: int = 2, mass: float = MASSES[0]) -> Actuator:
 
 def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.ndarray:
     """States at times, shape (size, times), by DOP853 from rest at the signal's first voltage, piece by piece."""
-    state, parts = model.rest(rest(model, signal.first).deflection), []
+    state, parts = model.rest(rest(model, signal.first)), []
     for piece, (left, right) in enumerate(pairwise(signal.breaks)):
         inside = time[(time >= left) & ((time < right) | (right == signal.end))]
         done = solve_ivp(lambda t, x, piece=piece: model.rates(x, signal.within(piece, t)),
@@ -97,8 +97,8 @@ def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
     """To 1 nm, a thousandth of the sensor's noise; the voltage is given as straight lines to both."""
     given = drive(signal)
     model = actuator()
-    follower = Follower(lambda _: model, lambda *_: np.zeros(0), given, float(given.voltage[0]))
-    motion = follower.solve(np.zeros(0), derivatives=False)
+    start = model.rest(rest(model, given.first))
+    motion = CollocationSolver(given).solve(model, start[:, None])
     time = np.linspace(0.0, given.end, 3001)
     other = explicit(model, given, time)
     y, speed, _ = motion.deflection(time)

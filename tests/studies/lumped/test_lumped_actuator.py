@@ -42,7 +42,7 @@ def test_derivatives_by_complex_step(actuator: Actuator) -> None:
     rng = np.random.default_rng(2)
     for _ in range(5):
         state = np.concatenate([[rng.uniform(1e-3, 9e-3), rng.uniform(-0.1, 0.1)],
-                                rng.uniform(0, 0.02, len(actuator.circles))])
+                                rng.uniform(0, 0.02, actuator.count)])
         u = rng.uniform(500, 5e3)
         steps = 1e-30j * np.eye(len(state))
         numeric = np.array([actuator.rates(state + step, u).imag for step in steps]).T / 1e-30
@@ -54,7 +54,7 @@ def test_derivatives_by_complex_step(actuator: Actuator) -> None:
 @EVERY
 def test_forces_derive_from_the_energy(actuator: Actuator) -> None:
     """∂energy/∂y is the force of a film at rest and of its branches; by ε₁ it is what drives Eq. (9)."""
-    state = np.concatenate([[4e-3, 0.0], np.full(len(actuator.circles), 3e-3)])
+    state = np.concatenate([[4e-3, 0.0], np.full(actuator.count, 3e-3)])
     u, step = 3e3, 1e-30
     slope = actuator.energy(state + step * 1j * np.eye(len(state))[0], u).imag / step
     assert slope == pytest.approx(-actuator.moved * actuator.rates(state, u)[1], rel=1e-9)
@@ -118,7 +118,8 @@ def test_capacitance_and_energy_of_equation_1() -> None:
 def test_electric_force_is_less_than_that_of_half_c_u_squared() -> None:
     """The whole cone's ½Cu² pulls (r₁ + r)/2r times as hard as Eq. (5), which takes the film at the plate's edge."""
     actuator = MODELS["paper"]
-    one = replace(actuator, circles=actuator.circles[:1], weights=(1.0,))
+    short = replace(actuator.circles, radius=actuator.circles.radius[:1])
+    one = replace(actuator, circles=short, weights=(1.0,))
     y, step = 3e-3, 1e-6
     by_energy = -(one.capacitance(y + step) - one.capacitance(y - step)) / (4 * step)
     assert by_energy / one.electric(y)[1] == pytest.approx((4.5 + 1) / 2, rel=1e-6)
@@ -130,7 +131,7 @@ def test_linear_model_is_a_control_system() -> None:
     linear = linearise(MODELS["tape"], 3e3)
     system = linear.to_control()
     assert isinstance(system, control.StateSpace)
-    slope = (rest(MODELS["tape"], 3001.0).deflection - rest(MODELS["tape"], 2999.0).deflection) / 2
+    slope = (rest(MODELS["tape"], 3001.0) - rest(MODELS["tape"], 2999.0)) / 2
     assert linear.gain == pytest.approx(slope, rel=1e-5)
     assert float(np.real(np.squeeze(control.dcgain(system)))) == pytest.approx(slope, rel=1e-5)
     assert np.all(linear.poles.real < 0)

@@ -25,11 +25,11 @@ from tympan.geometry.outlines import Circle, Ellipse, examples
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.studies.case import Settings
 from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.circles.membrane import MembraneCircle
 from tympan.studies.lumped.actuator import Correction, Viscous
 from tympan.studies.lumped.build import BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
-from tympan.studies.lumped.membrane import LumpedModel, MembraneCircle
-from tympan.studies.lumped.model_file import model_to_toml, read_model, write_model
+from tympan.studies.lumped.model_file import LumpedModel, model_to_toml, read_model, write_model
 from tympan.studies.lumped.signals import step
 from tympan.studies.lumped.simulate import simulate
 

@@ -34,7 +34,7 @@ ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
 def test_against_an_explicit_integrator_of_the_printed_equations(signal: Pieces | Sine) -> None:
     """DOP853 at 1e-12, on the equations typed again, with the signal written again as a lookup."""
     response = simulate(PAPER, signal)
-    state = response.state(np.array([0.0]))[:, 0]
+    state = response.state(np.array([0.0]))[0]
     worst = 0.0
     for piece, (left, right) in enumerate(zip(signal.breaks[:-1], signal.breaks[1:], strict=True)):
         other = solve_ivp(lambda t, x, piece=piece: equations(x, signal.within(piece, t),
@@ -70,7 +70,7 @@ def test_energy_never_grows_at_a_constant_voltage(name: str) -> None:
     constant = step(2e3, 2e3, 0.5, 1.0)
     for _ in range(2):
         start = np.concatenate([[rng.uniform(1e-3, 6e-3), rng.uniform(-0.1, 0.1)],
-                                rng.uniform(0, 0.01, len(actuator.circles))])
+                                rng.uniform(0, 0.01, actuator.count)])
         energy = actuator.energy(simulate(actuator, constant, start).state(np.linspace(0, 1, 2001)),
                                  2e3)
         swing = float(np.ptp(energy))

@@ -10,62 +10,59 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.specimens import circular
 from tympan.cli import main
-from tympan.fem.film.laws import NeoHooke
 from tympan.geometry.errors import InputError
 from tympan.reports.paper import figures as lumped_paper
-from tympan.studies.lumped.actuator import Actuator, Correction
+from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest
 from tympan.studies.lumped.signals import random_steps, step
-from tympan.studies.lumped.simulate import settling_time, simulate
+from tympan.studies.lumped.simulate import creep, settling_time, simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica import missing_from_levels as lost_steps
 from tympan.studies.replica import missing_parameters as lost
 from tympan.studies.replica.figures import Choices, Trace, period_of
-from tympan.studies.replica.fleet import Fleet
 from tympan.studies.replica.output import loop_gap
-from tympan.studies.replica.settling import Swings
+from tympan.studies.replica.settling import Decay
 
 FIGURES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "fig14", "misfit")
 
 
 @pytest.fixture(scope="module")
-def fitted() -> lost.Lost:
+def fitted() -> lost.MissingParameters:
     return lost.fit()
 
 
 def test_ranges_are_those_of_the_models_own_rests() -> None:
     """Newton from flat against roots on a grid, at loads up to near pull-in; beyond it nothing."""
-    model = lost.Ranges()
     for column, mass, voltage, alpha in ((0, 17.9e-3, 9.2e3, 1.0), (1, 22.45e-3, 7e3, 0.3),
                                          (2, 17.9e-3, 3e3, 0.9)):
         actuator = Actuator.of(paper_actuators(8.5)[column], mass, (alpha, 1 - alpha))
-        found = model.rest(column, mass, voltage, 8.5, alpha)[0]
-        assert found == pytest.approx(rest(actuator, voltage).deflection, rel=1e-9)
+        found = lost.deflections(8.5, (alpha, alpha), voltage, (mass,))[0, column]
+        assert found == pytest.approx(rest(actuator, voltage), rel=1e-9)
     limit = (pull_in(Actuator.of(paper_actuators(8.5)[0], 17.9e-3)) or (0.0, 0.0))[0]
     assert limit == pytest.approx(9.21e3, abs=10)
-    below, above = (model.rest(0, 17.9e-3, share * limit, 8.5, 1.0)[0]
+    below, above = (lost.deflections(8.5, (1.0, 1.0), share * limit)[0, 0]
                     for share in (1 - 1e-5, 1 + 1e-5))
     assert np.isfinite(below)
     assert np.isnan(above)
 
 
 def test_slopes_of_ranges_by_differences() -> None:
-    model, at, step_ = lost.Ranges(), np.array([8.2, 0.4, 0.7]), 1e-5
-    slopes = model.at(at)[1]
+    at, step_ = np.array([8.2, 0.4, 0.7]), 1e-5
+    slopes = lost.ranges_with_slopes(at)[1]
     for number in range(3):
         move = step_ * np.eye(3)[number]
-        difference = (model.at(at + move)[0] - model.at(at - move)[0]) / (2 * step_)
+        ends = [lost.ranges_with_slopes(at + sign * move)[0] for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * step_)
         assert slopes[:, :, number] == pytest.approx(difference, rel=1e-6, abs=1e-12)
 
 
-def test_lost_parameters_against_a_grid(fitted: lost.Lost) -> None:
+def test_lost_parameters_against_a_grid(fitted: lost.MissingParameters) -> None:
     """No point of a grid does better, in squares or in the worst; the ends of what is within twice are on its edge."""
-    model, read = lost.Ranges(), published.ranges()
+    read = published.ranges()
     permittivity, alpha = np.linspace(7.6, 9.2, 33), np.linspace(0.1, 0.95, 18)
-    squares = [np.sum((model.at(np.array([e, a, a]))[0] - read) ** 2) for e in permittivity[::4]
+    squares = [np.sum((lost.rest_ranges(e, (a, a)) - read) ** 2) for e in permittivity[::4]
                for a in alpha[::3]]
     assert min(squares) > np.sum(fitted.misfit**2)
     assert np.sum(fitted.misfit**2) > 0.95 * min(squares[0],
@@ -82,34 +79,36 @@ def test_lost_parameters_against_a_grid(fitted: lost.Lost) -> None:
 
 def test_parameters_come_back_from_ranges_they_made(monkeypatch: pytest.MonkeyPatch) -> None:
     truth = np.array([8.9, 0.3, 0.8])
-    monkeypatch.setattr(lost, "ranges", lambda: lost.Ranges().at(truth)[0])
+    made = lost.rest_ranges(truth[0], truth[1:])
+    monkeypatch.setattr(lost, "ranges", lambda: made)
     found = lost.fit(shared=False)
     assert [found.permittivity, *found.alpha] == pytest.approx(truth, rel=1e-7)
     assert found.worst < 1e-12
 
 
-def test_a_fleet_moves_as_its_actuators_do() -> None:
-    """Against Radau one by one: a circle, an ellipse and another mass and permittivity under the same random steps."""
-    actuators = (Actuator.of(paper_actuators(8.4)[0], 17.9e-3),
-                 Actuator.of(paper_actuators(7.0)[1], 20e-3),
-                 Actuator.of(paper_actuators(8.4)[2], 22.45e-3, (0.3, 0.7)))
-    signal = random_steps(-6e3, 6e3, 0.4, 2, 4)
-    for tolerance, error in ((1e-7, 1e-9), (1e-5, 1e-7)):
-        time, found = Fleet(actuators).simulate(signal, 1e-2, tolerance)
-        for actuator, column in zip(actuators, found.T, strict=True):
-            assert column == pytest.approx(simulate(actuator, signal).deflection(time), abs=error)
+def test_an_array_is_its_actuators(fitted: lost.MissingParameters) -> None:
+    """Forces, rates and derivatives of six at once, those of one by one."""
+    array = lost.actuators(fitted.permittivity, fitted.alpha)
+    rng = np.random.default_rng(4)
+    state = rng.uniform([1e-3, -0.1, 0, 0], [8e-3, 0.1, 0.02, 0.02], (2, 3, 4))
+    rates, slopes = array.linear(state, 3e3)
+    assert array.rates(state, 3e3) == pytest.approx(rates, rel=1e-12)
+    for row, mass in enumerate(published.MASSES):
+        for column, actuator in enumerate(fitted.actuators(mass)):
+            size = 2 + actuator.count
+            alone = actuator.linear(state[row, column, :size], 3e3)
+            assert rates[row, column, :size] == pytest.approx(alone[0], rel=1e-12)
+            assert slopes[row, column, :size, :size] == pytest.approx(alone[1], rel=1e-12)
 
 
-def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.Lost) -> None:
+def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.MissingParameters) -> None:
     """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it back by a little."""
-    fleet = Fleet(fitted.actuators(22.45e-3))
     signal = random_steps(0.0, 7e3, 6.0, 3, 4)
-    time, moved = fleet.simulate(signal, 0.1, 1e-7)
-    ends = moved[np.round(signal.breaks / 0.1).astype(int)]
-    assert fleet.levels(signal) == pytest.approx(ends, abs=3e-7)
-    assert fleet.levels(signal, 0.25) == pytest.approx(fleet.levels(signal), abs=1e-10)
+    levels = creep(lost.actuators(fitted.permittivity, fitted.alpha), signal)[:, 1]
+    ends = np.array([simulate(actuator, signal).deflection(signal.breaks)
+                     for actuator in fitted.actuators(22.45e-3)]).T
+    assert levels == pytest.approx(ends, abs=3e-7)
     assert np.ptp(ends, axis=0).min() > 1e-4
-    assert time[-1] == pytest.approx(18.0)
 
 
 def test_parameters_come_back_from_levels_they_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,36 +130,30 @@ def test_table_2_at_the_ends_of_levels() -> None:
         assert found.rms < 0.4 * lost.fit().rms
 
 
-def test_a_fleet_is_of_one_film() -> None:
-    one, other = (Actuator.of(circular(NeoHooke(modulus)), 17.9e-3) for modulus in (20e3, 21e3))
-    for odd in (other, replace(one, correction=Correction(1.1))):
-        with pytest.raises(InputError, match="same film"):
-            Fleet((one, odd))
-
-
 def test_settling_of_a_known_oscillation() -> None:
-    """Swings of exp(−t) cos(60 t) on a slow slope fall below a share after its logarithm, whatever the sampling."""
+    """Decay of exp(−t) cos(60 t) on a slow slope fall below a share after its logarithm, whatever the sampling."""
     t = np.linspace(0, 8, 8001)
-    swings = Swings.of(t, 1e-4 * (0.05 * t + np.exp(-t) * np.cos(60 * t)))
+    swings = Decay.of(t, 1e-4 * (0.05 * t + np.exp(-t) * np.cos(60 * t)))
     assert swings.settled(1e-5) - swings.settled(5e-5) == pytest.approx(np.log(5), abs=0.02)
     assert swings.settled(0.05 * swings.height.max()) == pytest.approx(
         settling_time(t, 0.05 * t + np.exp(-t) * np.cos(60 * t)), abs=np.pi / 60)
     assert np.isnan(swings.settled(1.0))
 
 
-def test_damping_and_settling_agree(fitted: lost.Lost) -> None:
+def test_damping_and_settling_agree(fitted: lost.MissingParameters) -> None:
     """Between two thresholds the time is the logarithm of their ratio over the linear model's rate."""
     from tympan.studies.lumped.linear import linearise
 
     actuator = fitted.actuators(22.45e-3)[2]
-    time, moved = Fleet((actuator,)).simulate(step(0.0, 3.5e3, 0.0, 4.0), 1e-3)
-    swings = Swings.of(time, moved[:, 0])
+    time = np.linspace(0.0, 4.0, 4001)
+    moved = simulate(actuator, step(0.0, 3.5e3, 0.0, 4.0)).deflection(time)
+    swings = Decay.of(time, moved)
     # About where it swings, for the film creeps on for long after.
-    rate = -linearise(actuator, 3.5e3, float(moved[1500, 0])).poles[-1].real
+    rate = -linearise(actuator, 3.5e3, float(moved[1500])).poles[-1].real
     assert swings.settled(3e-6) - swings.settled(3e-5) == pytest.approx(np.log(10) / rate, rel=0.05)
 
 
-def test_the_period_that_lags_most(fitted: lost.Lost) -> None:
+def test_the_period_that_lags_most(fitted: lost.MissingParameters) -> None:
     """Against the phase of the linear model on a grid of slow periods."""
     from tympan.studies.lumped.linear import linearise
 
@@ -199,7 +192,7 @@ def test_the_seed_is_the_first_that_reaches_both_ends() -> None:
         replace(Choices(), levels=2, near=0.01).steps()
 
 
-def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.Lost) -> None:
+def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.MissingParameters) -> None:
     actuator = fitted.actuators(17.9e-3)[1]
     state = actuator.rest(2e-3)
     assert np.array_equal(actuator.rates(state, -3e3), actuator.rates(state, 3e3))

@@ -64,7 +64,7 @@ def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
         weights = (alpha, 1 - alpha) if number else None
         law = problem.specimen(number, values)
         assert read[first] == pytest.approx(rest(Actuator.of(law, base.mass[first], weights),
-                                                 0.0).deflection, rel=1e-9)
+                                                 0.0), rel=1e-9)
         assert law.frame == one.frame
     read = read + NOISE * np.random.default_rng(3).standard_normal(len(read))
     each, shared = (identify_static(StaticProblem(replace(base, displacement=read), alpha=sharing))

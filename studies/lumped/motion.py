@@ -1,4 +1,4 @@
-"""A solved motion of a lumped actuator with its derivatives by constants: dense in time, its error known."""
+"""A solved motion of a lumped actuator with derivatives: dense in time, its error known."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Motion:
     ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their
     derivatives by p constants, (2, 3, steps, p): where the voltage jumps at a node there are two
     accelerations. ``breaks`` says of the inner nodes where the voltage has a jump or a kink.
-    ``stages`` are the states within the steps, (steps, 3, size), and ``stage_slopes`` their
-    derivatives, (steps, 3, size, p).
+    ``stages`` are the states within the steps, (steps, 3, size), ``stage_slopes`` their
+    derivatives, (steps, 3, size, p), and ``creep`` how fast the branches move at the nodes.
     """
 
     time: Array
@@ -28,9 +28,10 @@ class Motion:
     breaks: NDArray[np.bool_]
     stages: Array
     stage_slopes: Array
+    creep: Array
 
     def deflection(self, time: Array) -> tuple[Array, Array, Array]:
-        """y [m], ẏ [m/s], both (times,), and y's derivatives, (times, p); beyond the mesh those at its end."""
+        """y [m], ẏ [m/s], both (times,), and y's derivatives, (times, p); at rest beyond the mesh."""
         step, basis, moving = self._place(time)
         y, speed = (np.einsum("ekn,ekn->n", part, self.ends[:, :, step])
                     for part in (basis, moving))
@@ -41,14 +42,20 @@ class Motion:
         return y, speed, slopes
 
     def state(self, time: Array) -> Array:
-        """States at times, shape (times, size): y and ẏ by the quintic, the branches on straight lines."""
+        """States at times, shape (times, size): y and ẏ by the quintic, the branches by cubics."""
         y, speed, _ = self.deflection(time)
-        return np.array([y, speed,
-                         *(np.interp(time, self.time, branch) for branch in self.nodes.T[2:])]).T
+        at = np.clip(time, self.time[0], self.time[-1])
+        step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
+        h = np.diff(self.time)[step][:, None]
+        s = (at - self.time[step])[:, None] / h
+        r = 1 - s
+        branches = (r**2 * ((1 + 2 * s) * self.nodes[step, 2:] + h * s * self.creep[step])
+                    + s**2 * ((1 + 2 * r) * self.nodes[step + 1, 2:] - h * r * self.creep[step + 1]))
+        return np.column_stack([y, speed, branches])
 
     @property
     def errors(self) -> Array:
-        """Of every step how far its quintic may be off [m], by how its fifth derivative changes to the next."""
+        """How far the quintic of each step may be off [m], by how its fifth derivative changes."""
         width = np.diff(self.time)
         (y0, v0, a0), (y1, v1, a1) = self.ends
         fifth = 120 * (6 * (y1 - y0) - 3 * width * (v0 + v1) + width**2 * (a1 - a0) / 2) / width**5
@@ -60,7 +67,7 @@ class Motion:
                           / 46080)
 
     def _place(self, time: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """The step of each time, and the basis of y, ẏ, ÿ at its two ends, (2, 3, times), with its derivative."""
+        """The step of each time, the basis of y, ẏ, ÿ at its ends, (2, 3, times), its derivative."""
         at = np.clip(time, self.time[0], self.time[-1])
         step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
         h = np.diff(self.time)[step]

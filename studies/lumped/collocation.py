@@ -1,0 +1,281 @@
+"""The lumped model's motion and its exact derivatives by constants, over all steps at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.errors import InputError
+from tympan.studies.lumped.actuator import Actuator
+from tympan.studies.lumped.motion import Motion
+from tympan.studies.lumped.signals import Signal
+
+Array = NDArray[np.float64]
+#: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.
+Slopes = Callable[[Array, Array], Array]
+
+# Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary
+# Differential Equations II*, 1996, IV.5), and the weights of the stages, less the start, in the
+# step's end.
+_ROOT = 15**0.5
+_C = np.array([0.5 - _ROOT / 10, 0.5, 0.5 + _ROOT / 10])
+_A = np.array([[5 / 36, 2 / 9 - _ROOT / 15, 5 / 36 - _ROOT / 30],
+               [5 / 36 + _ROOT / 24, 2 / 9, 5 / 36 - _ROOT / 24],
+               [5 / 36 + _ROOT / 30, 2 / 9 + _ROOT / 15, 5 / 36]])
+_END = np.linalg.solve(_A.T, np.array([5 / 18, 4 / 9, 5 / 18]))
+
+_PRECISION = 1e-10  # of the quintics [m]
+_CLOSE = 1e-7  # [m]: from a change so small Newton's next step, the one with derivatives, is exact
+_NEWTON, _ROUNDS = 12, 8
+_GROWTH = 5.0  # of a step from mesh to mesh, at first; then they only shrink, and there is an end
+_STEPS = 20_000  # of a first mesh, unless the signal has more pieces
+_LEAST = 24  # of a piece of a signal of few
+
+
+class DrawnIn(InputError):
+    """A motion that has no end within the model; ``time`` is up to when it has one [s]."""
+
+    def __init__(self, actuator: Actuator, time: float) -> None:
+        super().__init__("is drawn in with these constants: its motion goes beyond the model's "
+                         "reach", key=actuator.specimen.name, given=f"after {time:.4g} s")
+        self.time = time
+
+
+@dataclass(eq=False)
+class CollocationSolver:
+    """Solves an actuator's motion under one signal, for one set of constants after the other.
+
+    Newton's method runs over all steps at once, begun from the last motion and its derivatives;
+    where it does not converge, over half of them. Derivatives are the same linear equations with
+    other right sides. The mesh moves until its quintics are within ``precision`` [m].
+    """
+
+    signal: Signal
+    precision: float = _PRECISION
+    last: Motion | None = None
+    constants: Array | None = None
+    evaluations: int = 0
+
+    def solve(self, actuator: Actuator, start: Array, mesh: Array | None = None,
+              constants: Array | None = None, by_constants: Slopes | None = None) -> Motion:
+        """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
+
+        ``mesh`` are the times to begin with [s], by default those of the last motion, or of
+        :func:`first_mesh`; ``by_constants`` what drives the derivatives.
+
+        Raises
+        ------
+        DrawnIn
+            When the motion has no end.
+        """
+        time = mesh
+        if time is None:
+            time = self.last.time if self.last is not None else \
+                first_mesh(actuator, start[:, 0], self.signal)
+        for number in range(_ROUNDS):
+            steps = _Mesh(actuator, self.signal, time)
+            with np.errstate(all="ignore"):
+                stages, _ = self._solved(steps, self._guess(steps, constants), start[:, 0])
+                motion = _finished(steps, stages, start, by_constants)
+            self.last, self.constants = motion, None if constants is None else constants.copy()
+            errors = motion.errors
+            if errors.max() < 4 * self.precision:
+                break
+            time = self._moved(motion, errors, _GROWTH if number < _ROUNDS // 2 else 1.0)
+        return motion
+
+    def _guess(self, mesh: _Mesh, constants: Array | None) -> Array | None:
+        """States within the steps from the last motion, shape (steps, 3, size)."""
+        last = self.last
+        if last is None or last.time[0] != mesh.time[0] or last.time[-1] != mesh.time[-1]:
+            return None
+        if last.time is not mesh.time:
+            return last.state(mesh.within.ravel()).reshape(len(mesh.width), 3, -1)
+        if constants is None or self.constants is None or not last.stage_slopes.shape[-1]:
+            return last.stages
+        return np.asarray(last.stages + last.stage_slopes @ (constants - self.constants))
+
+    def _solved(self, mesh: _Mesh, guess: Array | None, start: Array) -> tuple[Array, Array]:
+        """Stages and last state of a mesh, by halves where Newton's method does not get there."""
+        steps = len(mesh.width)
+        first = np.broadcast_to(start, (steps, 3, len(start))) if guess is None else guess
+        solution = self._newton(mesh, first, start)
+        if solution is not None:
+            return solution
+        if steps == 1:
+            raise DrawnIn(mesh.actuator, float(mesh.time[0]))
+        half = steps // 2
+        left, middle = self._solved(mesh.part(0, half), None if guess is None else guess[:half],
+                                    start)
+        right, end = self._solved(mesh.part(half, steps), None if guess is None else guess[half:],
+                                  middle)
+        return np.concatenate([left, right]), end
+
+    def _newton(self, mesh: _Mesh, stages: Array, start: Array) -> tuple[Array, Array] | None:
+        before = np.inf
+        for _ in range(_NEWTON):
+            self.evaluations += stages.shape[0] * stages.shape[1]
+            nodes, new = _passed(mesh, stages, start[:, None], np.zeros((*stages.shape, 0)))
+            change = float(np.abs(new[..., 0, 0] - stages[..., 0]).max())
+            if not np.isfinite(new).all() or change > max(10 * before, mesh.actuator.reach):
+                return None
+            stages, before = new[..., 0], change
+            if change < _CLOSE:
+                return stages, nodes[-1, :, 0]
+        return None
+
+    def _moved(self, motion: Motion, errors: Array, growth: float) -> Array:
+        """A mesh whose steps all err alike: as many as each piece of the voltage needs for it.
+
+        No step grows by more than ``growth``.
+        """
+        width, breaks = np.diff(motion.time), self.signal.breaks
+        share = 0.8 * (self.precision / np.maximum(errors, 1e-30)) ** (1 / 6)
+        place = np.append(0.0, np.cumsum(1 / np.clip(share, 0.1, growth)))
+        inside = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
+        edges = [0, *np.searchsorted(motion.time, inside).tolist(), len(width)]
+        pieces = []
+        for left, right in pairwise(edges):
+            count = max(int(np.ceil(place[right] - place[left])), 1)
+            even = np.linspace(place[left], place[right], count + 1)
+            pieces.append(np.interp(even, place[left:right + 1], motion.time[left:right + 1])[:-1])
+        return np.concatenate([*pieces, motion.time[-1:]])
+
+
+def first_mesh(actuator: Actuator, start: Array, signal: Signal) -> Array:
+    """Times [s] to begin with: after each break two steps for a radian of the fastest pole.
+
+    As its motion dies the steps grow, for their error goes as its height and the sixth power.
+    """
+    breaks = signal.breaks
+    poles = np.linalg.eigvals(actuator.jacobian(start, signal.first))
+    fastest = complex(max(poles, key=abs))
+    first = max(0.5 / abs(fastest), float(np.ptp(breaks)) / _STEPS)
+    least = _LEAST if len(breaks) < 100 else 1
+    return np.concatenate([*(left + _graded(right - left, first, abs(fastest.real), least)[:-1]
+                             for left, right in pairwise(breaks)), breaks[-1:]])
+
+
+def _graded(length: float, first: float, decay: float, least: int) -> Array:
+    """Times from 0 to a length [s], steps of ``first`` exp(``decay`` t/6), ``least`` of them."""
+    widest, rate = max(length / least, first), decay / 6
+    grown = min(length, np.log(widest / first) / rate) if rate * length > 1e-6 else 0.0
+    if grown == 0:
+        return np.linspace(0.0, length, max(least, round(length / first)) + 1)
+    share = -np.expm1(-rate * grown)
+    count = max(least, int(np.ceil(share / (rate * first))))
+    times = -np.log1p(-share * np.linspace(0, 1, count + 1)) / rate
+    times[-1] = grown
+    if grown == length:
+        return times
+    even = np.linspace(grown, length, int(np.ceil((length - grown) / widest)) + 1)
+    return np.concatenate([times, even[1:]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """Steps of one motion and the voltages at their ends and within; some in a row are one too."""
+
+    actuator: Actuator
+    signal: Signal
+    time: Array
+
+    @cached_property
+    def width(self) -> Array:
+        """Of every step [s]."""
+        return np.diff(self.time)
+
+    @cached_property
+    def within(self) -> Array:
+        """The times of the stages, shape (steps, 3)."""
+        return np.asarray(self.time[:-1, None] + self.width[:, None] * _C)
+
+    @cached_property
+    def piece(self) -> NDArray[np.int64]:
+        """The piece of the signal each step lies on."""
+        middle = (self.time[1:] + self.time[:-1]) / 2
+        return np.searchsorted(self.signal.breaks, middle, "right") - 1
+
+    @cached_property
+    def at_ends(self) -> Array:
+        """Voltages at the steps' beginnings and ends, shape (2, steps), on the step's piece."""
+        return np.array([self.signal.within(self.piece, at)
+                         for at in (self.time[:-1], self.time[1:])])
+
+    @cached_property
+    def volts(self) -> Array:
+        """Voltages at the stages, shape (steps, 3)."""
+        return np.asarray(self.signal.within(self.piece[:, None], self.within))
+
+    def part(self, first: int, last: int) -> _Mesh:
+        """Some steps in a row."""
+        return _Mesh(self.actuator, self.signal, self.time[first:last + 1])
+
+
+def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[Array, Array]:
+    """One step of Newton's method over all steps: nodes, (steps + 1, …), and stages, (steps, 3, …).
+
+    Each is followed by size and 1 + p.
+    ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p)
+    what drives those. Every stage is affine in the state its step begins with, so only that is
+    handed on from step to step.
+    """
+    steps, _, size = stages.shape
+    rates, slopes = mesh.actuator.linear(stages, mesh.volts)
+    reach = mesh.width[:, None, None] * _A
+    matrix = np.eye(3 * size).reshape(3, size, 3, size) \
+        - reach[:, :, None, :, None] * np.moveaxis(slopes, 1, 2)[:, None]
+    free = rates - (slopes @ stages[..., None])[..., 0]
+    driven = np.concatenate([free[..., None], sources], axis=-1).reshape(steps, 3, -1)
+    driven = (reach @ driven).reshape(steps, 3, size, -1)
+    follow = np.broadcast_to(np.tile(np.eye(size), (3, 1)).reshape(3, size, size),
+                             (steps, 3, size, size))
+    right = np.concatenate([follow, driven], axis=-1).reshape(steps, 3 * size, -1)
+    solved = np.linalg.solve(matrix.reshape(steps, 3 * size, 3 * size), right)
+    solved = solved.reshape(steps, 3, size, -1)
+    end = np.tensordot(_END, solved, (0, 1))
+    nodes = _chained(end[..., :size] + (1 - _END.sum()) * np.eye(size), end[..., size:], start)
+    return nodes, solved[..., :size] @ nodes[:-1, None] + solved[..., size:]
+
+
+def _chained(across: Array, added: Array, start: Array) -> Array:
+    """x of x_{n+1} = ``across``_n x_n + ``added``_n, (steps + 1, …): two steps are one twice."""
+    nodes = np.empty((len(across) + 1, *start.shape))
+    nodes[0] = start
+    if len(across) == 1:
+        nodes[1] = across[0] @ start + added[0]
+    elif len(across):
+        even = len(across) // 2 * 2
+        first, second = slice(0, even, 2), slice(1, even, 2)
+        nodes[:even + 1:2] = _chained(across[second] @ across[first],
+                                      across[second] @ added[first] + added[second],
+                                      start)
+        nodes[1::2] = across[::2] @ nodes[:len(across):2] + added[::2]
+    return nodes
+
+
+def _finished(mesh: _Mesh, stages: Array, start: Array, by_constants: Slopes | None) -> Motion:
+    """A last step of Newton's method, with the derivatives, and what is dense in time."""
+    count = start.shape[1] - 1
+    sources = np.zeros((*stages.shape, 0)) if by_constants is None \
+        else by_constants(stages, mesh.volts)
+    nodes, stages = _passed(mesh, stages, start, sources)
+    ends, end_slopes = np.empty((2, 3, len(mesh.width))), np.empty((2, 3, len(mesh.width), count))
+    creep = np.empty((len(nodes), nodes.shape[1] - 2))
+    for side, at in enumerate((nodes[:-1], nodes[1:])):
+        state, volts = at[..., 0], mesh.at_ends[side]
+        rates, by_state = mesh.actuator.linear(state, volts)
+        ends[side] = state[:, 0], state[:, 1], rates[:, 1]
+        creep[side:len(nodes) - 1 + side] = rates[:, 2:]
+        end_slopes[side, 0], end_slopes[side, 1] = at[:, 0, 1:], at[:, 1, 1:]
+        if by_constants is not None:
+            driven = by_constants(state, volts)[:, 1]
+            end_slopes[side, 2] = np.einsum("nl,nlp->np", by_state[:, 1], at[..., 1:]) + driven
+    breaks = np.isin(mesh.time[1:-1], mesh.signal.breaks)
+    return Motion(mesh.time, nodes[..., 0], ends, end_slopes, breaks, stages[..., 0],
+                  stages[..., 1:], creep)
