@@ -71,8 +71,8 @@ def _chosen(found: Replica, choices: Choices) -> list[str]:
     period = "" if choices.period is not None else (
         ", at which the linear model of the circle lags most about 3.5 kV")
     return [
-        f"ε_r {found.missing.permittivity:.3f} and α₁ {found.missing.alpha[0]:.3f} are lost in Table 1: least squares over "
-        f"Table 2's six ranges {_READINGS[found.reading]} ({other}); g is 9.80665 m/s².",
+        f"ε_r {found.missing.permittivity:.3f} and α₁ {found.missing.alpha[0]:.3f} are lost in Table 1: "
+        f"least squares over Table 2's six ranges {_READINGS[found.reading]} ({other}); g is 9.80665 m/s².",
         f"Figures 9 to 12: the time axes are lost; {ZOOM:g} s are drawn in the zooms, every {1e3 * INTERVAL:g} ms.",
         f"Figure 13: neither period nor mass is given: {found.period:.3g} s{period}, and {1e3 * MASSES[0]:g} g.",
         f"Figure 14: the levels are lost: {choices.levels}, even between 0 and 7 kV, of seed {found.seed}{seed}; "
