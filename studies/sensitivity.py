@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
+from tympan.studies.files import write_json
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
@@ -157,6 +159,10 @@ class SensitivityResult:
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V,
                 "status": self.status,
                 "quantities": found, "warnings": list(self.warnings)}
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-sensitivity.json``; NAME is the specimen's."""
+        write_json(folder / f"{self.specimen}-sensitivity.json", self.json())
 
 
 def sensitivity(case: Case, settings: Settings,

@@ -1,14 +1,46 @@
-"""Dielectric-elastomer membrane actuators; the library itself lives in the packages beside this file."""
+"""Dielectric-elastomer membrane actuators: film, plate, weight and voltage.
+
+What scripts need is here; it is loaded when it is first asked for::
+
+    import tympan
+
+    oval = tympan.load("oval.toml")
+    result = tympan.solve(oval, mass="17.9 g", voltage="3.5 kV")
+    print(result.status, result.deflection_m)
+
+Quantities are SI numbers or texts with their unit.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tympan.door import *
+
+    __version__: str
+
+__all__ = [
+    "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent", "InputError",
+    "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon", "Region",
+    "RegularPolygon", "Result", "Rig", "RoundedRectangle", "Settings", "Specimen", "Stadium",
+    "Superellipse", "Yeoh", "__version__", "alpha", "load", "material", "modes", "path",
+    "sensitivity", "solve", "sweep",
+]
 
 
 def __getattr__(name: str) -> Any:
-    """``__version__``, asked of the installed distribution only when somebody wants it."""
+    """What is public, from :mod:`tympan.door`; the version, of the installed distribution."""
     if name == "__version__":
         from importlib.metadata import version
 
         return version("tympan")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from tympan import door
+
+    return getattr(door, name)
+
+
+def __dir__() -> list[str]:
+    return __all__

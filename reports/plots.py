@@ -1,0 +1,146 @@
+"""One plain picture of each kind of result, on matplotlib's axes or in a file."""
+
+from __future__ import annotations
+
+import os
+from functools import partial, singledispatch
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.tri import Triangulation
+
+from tympan.geometry.errors import InputError
+from tympan.reports import look
+from tympan.studies.alpha import AlphaResult
+from tympan.studies.alpha.weights import Weights
+from tympan.studies.case import CaseResult
+from tympan.studies.files import write_atomically
+from tympan.studies.film_surface import FilmSurface
+from tympan.studies.modes import ModesResult
+from tympan.studies.path import PathResult
+from tympan.studies.sensitivity import SensitivityResult
+from tympan.studies.sweep.run import SweepResult
+
+_HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
+_SHOWN = 12  #: bars of a chart of sensitivities
+
+
+def plot(result: object, target: Axes | str | os.PathLike[str]) -> Axes:
+    """Draw a result on axes, or into a file of any kind matplotlib writes; answers the axes.
+
+    Raises
+    ------
+    InputError
+        When there is nothing to draw, or the file's kind is not known.
+    """
+    if isinstance(target, Axes):
+        draw(result, target)
+        return target
+    file = Path(target)
+    with look.figure_style():
+        figure = look.new_figure(_HEIGHT, _WIDTH)
+        if file.suffix[1:] not in figure.canvas.get_supported_filetypes():
+            raise InputError("must end in .png, .svg or .pdf", key="file", given=str(file))
+        axes = figure.add_subplot()
+        draw(result, axes)
+        figure.tight_layout()
+        write_atomically(file, partial(figure.savefig, dpi=look.DPI))
+    return axes
+
+
+@singledispatch
+def draw(result: object, axes: Axes) -> None:
+    """Draw one kind of result; each kind registers its own."""
+    raise TypeError(f"there is no picture of {type(result).__name__}")
+
+
+@draw.register
+def _(result: CaseResult, axes: Axes) -> None:
+    film = _film(result.film, result.warnings)
+    _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress [kPa]")
+    axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
+                   f"{1e-3 * result.voltage_V:.4g} kV, "
+                   f"deflection {1e3 * (result.deflection_m or 0.0):.4g} mm")
+
+
+@draw.register
+def _(result: ModesResult, axes: Axes) -> None:
+    film = _film(result.film, result.warnings)
+    _map(axes, film, film.values["mode_1"][:, 2], "motion along the load, relative")
+    axes.set_title(f"{result.specimen}: {result.modes[0].name}, {result.modes[0].speed}")
+
+
+@draw.register
+def _(result: PathResult, axes: Axes) -> None:
+    along, unit, factor = {
+        "voltage": ("voltage_V", "voltage [kV]", 1e-3), "charge": ("charge_C", "charge [µC]", 1e6),
+        "mass": ("force_N", "force on the plate [N]", 1.0),
+        "pressure": ("pressure_Pa", "gas pressure [Pa]", 1.0)}[result.along]
+    grows = factor * np.array([getattr(station, along) for station in result.stations])
+    deflection = 1e3 * np.array([station.deflection_m for station in result.stations])
+    stable = np.array([station.stable for station in result.stations])
+    axes.plot(grows, deflection, "--", color=look.PALETTE[5], linewidth=0.8, label="unstable")
+    axes.plot(np.where(stable, grows, np.nan), deflection, color=look.PALETTE[0], label="stable")
+    for number, event in enumerate(result.events):
+        axes.plot(factor * getattr(event.station, along), 1e3 * event.station.deflection_m,
+                  look.marker_of(number), color=look.PALETTE[1], markersize=4,
+                  label=f"{event.what}: {event.value_text}")
+    axes.set(xlabel=unit, ylabel="deflection [mm]", title=result.specimen)
+    axes.legend()
+
+
+@draw.register
+def _(result: SensitivityResult, axes: Axes) -> None:
+    if not result.quantities:
+        raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
+    first = result.quantities[0]
+    bars = sorted(((answer.elasticity, answer.parameter) for answer in first.answers
+                   if answer.elasticity), key=lambda bar: abs(bar[0]))[-_SHOWN:]
+    axes.barh([name for _, name in bars], [size for size, _ in bars], color=look.PALETTE[0])
+    axes.set(xlabel=f"change of {first.quantity} [%] by 1 % more", title=result.specimen)
+
+
+@draw.register
+def _(result: AlphaResult, axes: Axes) -> None:
+    bases: list[tuple[str, Weights]] = [*result.by_basis.items(),
+                                        ("from fields", result.from_fields)]
+    width = 0.8 / len(bases)
+    place = np.arange(len(result.circles))
+    for number, (basis, weights) in enumerate(bases):
+        axes.bar(place + width * (number - (len(bases) - 1) / 2), weights.alpha, width,
+                 color=look.colour_of(number), label=basis.replace("_", " "))
+    axes.set_xticks(place, [f"{1e3 * radius:.4g}" for radius in result.circles])
+    axes.set(xlabel="radius of the circle [mm]", ylabel="α", title=result.specimen)
+    axes.legend()
+
+
+@draw.register
+def _(result: SweepResult, axes: Axes) -> None:
+    table = result.table
+    for number, specimen in enumerate(table["specimen"].values):
+        for mass in table["mass_kg"].values:
+            line = table.sel(specimen=specimen, mass_kg=mass)
+            axes.plot(1e-3 * line["voltage_V"], 1e3 * line["deflection_m"],
+                      f"{look.marker_of(number)}-", color=look.colour_of(number), markersize=3,
+                      label=f"{specimen}, {1e3 * float(mass):.4g} g")
+    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
+    if len(table["specimen"]) * len(table["mass_kg"]) <= _SHOWN:
+        axes.legend()
+
+
+def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:
+    if film is None:
+        raise InputError(f"there is no film to draw: {'; '.join(warnings)}")
+    return film
+
+
+def _map(axes: Axes, film: FilmSurface, values: np.ndarray, words: str) -> None:
+    """Values over the flat mounted film, seen along the load."""
+    x, y, _ = 1e3 * film.mounted.T
+    drawn = axes.tripcolor(Triangulation(x, y, film.triangles), values, shading="gouraud",
+                           cmap=look.COLOURS, rasterized=True)
+    figure = axes.get_figure()
+    assert figure is not None
+    figure.colorbar(drawn, ax=axes, label=words)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")

@@ -1,0 +1,69 @@
+"""Results as pandas tables: a row for each state, mode, circle or case, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any
+
+from tympan.studies.alpha import AlphaResult
+from tympan.studies.alpha.weights import Weights
+from tympan.studies.case import CaseResult
+from tympan.studies.modes import ModesResult
+from tympan.studies.path import PathResult
+from tympan.studies.sensitivity import SensitivityResult
+from tympan.studies.sweep.run import SweepResult
+from tympan.studies.sweep.table import frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@singledispatch
+def table(result: object) -> pd.DataFrame:
+    """The table of one kind of result; each kind registers its own."""
+    raise TypeError(f"there is no table of {type(result).__name__}")
+
+
+@table.register
+def _(result: CaseResult) -> Any:
+    return _frame([result.json() | {"warnings": " | ".join(result.warnings)}])
+
+
+@table.register
+def _(result: PathResult) -> Any:
+    return _frame([asdict(station) for station in result.stations])
+
+
+@table.register
+def _(result: ModesResult) -> Any:
+    return _frame([{"name": mode.name, "frequency_Hz": mode.frequency_Hz,
+                    "growth_per_s": mode.growth_per_s, "film_share": mode.film_share}
+                   | {f"plate_share_{axis}": share for axis, share in mode.plate_share.items()}
+                   for mode in result.modes])
+
+
+@table.register
+def _(result: SensitivityResult) -> Any:
+    return _frame([{"quantity": answers.quantity, **asdict(answer)}
+                   for answers in result.quantities for answer in answers.answers])
+
+
+@table.register
+def _(result: AlphaResult) -> Any:
+    bases: list[tuple[str, Weights]] = [*result.by_basis.items(),
+                                        ("from_fields", result.from_fields)]
+    return _frame([{"radius_m": radius}
+                   | {f"alpha_{basis}": weights.alpha[number] for basis, weights in bases}
+                   for number, radius in enumerate(result.circles)])
+
+
+@table.register
+def _(result: SweepResult) -> Any:
+    return frame(result.table)
+
+
+def _frame(rows: list[dict[str, Any]]) -> Any:
+    import pandas as pd
+
+    return pd.DataFrame(rows)

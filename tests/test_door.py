@@ -1,0 +1,109 @@
+"""The public door: quick to open; results with pictures, files, tables."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+import tympan
+from tests.support.specimens import circular, elliptical
+from tests.support.sweeps import written
+from tympan.geometry.mesher import MeshSettings
+from tympan.studies.alpha import AlphaSettings
+from tympan.studies.alpha.samples import LoadGrid
+from tympan.studies.case import CaseResult, Settings, solve
+
+ROOT = Path(__file__).parent.parent
+COARSE = Settings(MeshSettings(order=2).refined(0.6))
+
+
+def test_opening_the_door_imports_nothing_heavy() -> None:
+    code = ("import sys; before = set(sys.modules); import tympan; dir(tympan);"
+            "print(*{name.split('.')[0] for name in set(sys.modules) - before})")
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True,
+                          check=True)
+    assert set(done.stdout.split()) <= set(sys.stdlib_module_names) | {"tympan"}
+
+
+def test_what_is_public_is_there_and_nothing_else() -> None:
+    assert dir(tympan) == sorted(tympan.__all__)
+    for name in tympan.__all__:
+        assert getattr(tympan, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        tympan.nonsense  # noqa: B018
+
+
+@pytest.fixture(scope="module")
+def solved() -> tympan.Result[CaseResult]:
+    return tympan.solve(circular(), COARSE, mass="17.9 g", voltage="3.5 kV")
+
+
+def test_a_result_has_the_study_s_numbers(solved: tympan.Result[CaseResult]) -> None:
+    case = tympan.Case(circular(), mass=17.9e-3, voltage=3500.0)
+    expected = solve(case, COARSE)
+    assert solved.status == expected.status == "equilibrium"
+    assert solved.deflection_m == expected.deflection_m
+    assert {"deflection_m", "plot", "json"} <= set(dir(solved))
+    with pytest.raises(AttributeError):
+        solved.deflection_mm  # noqa: B018
+    assert pickle.loads(pickle.dumps(solved)) == solved
+
+
+def test_a_result_is_saved_drawn_and_tabulated(solved: tympan.Result[CaseResult],
+                                               tmp_path: Path) -> None:
+    assert CaseResult.load(solved.save(tmp_path / "folder")) == solved.numbers
+    assert json.loads(solved.save(tmp_path / "a.json").read_text()) == solved.json()
+    assert solved.save(tmp_path / "a.csv").read_text().startswith("specimen,mass_kg,voltage_V")
+    assert solved.to_xarray()["deflection_m"].item() == solved.deflection_m
+    with pytest.raises(tympan.InputError, match="must be a folder, or end in"):
+        solved.save(tmp_path / "a.xlsx")
+    axes = Figure().add_subplot()
+    assert solved.plot(axes) is axes
+    assert "3.5 kV" in axes.get_title()
+    solved.plot(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(tympan.InputError, match="must end in"):
+        solved.plot(tmp_path / "a.xyz")
+
+
+def test_past_pull_in_there_is_nothing_to_draw(tmp_path: Path) -> None:
+    gone = tympan.solve(circular(), COARSE, mass="17.9 g", voltage="20 kV")
+    assert gone.status == "no_equilibrium"
+    assert gone.deflection_m is None
+    with pytest.raises(tympan.InputError, match="no film to draw: the film pulls in"):
+        gone.plot(tmp_path / "a.png")
+
+
+def test_every_study_has_a_picture_and_a_table(tmp_path: Path) -> None:
+    specimen, loads = circular(), {"mass": "17.9 g", "voltage": "1 kV"}
+    written(tmp_path, 'specimen = "oval.toml"\nmass = ["17.9 g"]\nvoltage = ["0 kV", "2 kV"]')
+    grid = LoadGrid((17.9e-3,), (0.0, 2e3))
+    results = {
+        "deflection_m": tympan.path(specimen, settings=COARSE, **loads),
+        "frequency_Hz": tympan.modes(specimen, settings=COARSE, **loads),
+        "elasticity": tympan.sensitivity(specimen, "heave", settings=COARSE, **loads),
+        "alpha_membrane": tympan.alpha(elliptical(60e-3), AlphaSettings(grid, grid), COARSE),
+        "status": tympan.sweep(tmp_path / "SWEEP.toml", settings=COARSE),
+    }
+    for column, result in results.items():
+        assert result.to_pandas()[column].notna().any()
+        axes = result.plot(Figure().add_subplot())
+        assert axes.has_data()
+    assert dict(results["status"].to_xarray().sizes) == {"specimen": 1, "mass": 1, "voltage": 2}
+
+
+def test_loads_are_named_and_carry_their_unit() -> None:
+    with pytest.raises(TypeError, match="positional"):
+        tympan.Case(circular(), 20, 3)
+    with pytest.raises(TypeError, match="positional"):
+        tympan.solve(circular(), COARSE, "17.9 g")
+    with pytest.raises(tympan.InputError, match=r"mass.*must be a mass with its unit"):
+        tympan.solve(circular(), COARSE, mass="17.9 kV")
+    with pytest.raises(tympan.InputError, match="must be one of vhb-4910"):
+        tympan.material("chewing gum")

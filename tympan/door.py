@@ -1,0 +1,141 @@
+"""What ``import tympan`` offers: an actuator's parts and what can be asked of it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
+
+from tympan.fem.film.laws import Gent as Gent
+from tympan.fem.film.laws import MooneyRivlin as MooneyRivlin
+from tympan.fem.film.laws import NeoHooke as NeoHooke
+from tympan.fem.film.laws import Ogden as Ogden
+from tympan.fem.film.laws import Yeoh as Yeoh
+from tympan.fem.film.library import MATERIALS, load_specimen
+from tympan.fem.rig import Rig as Rig
+from tympan.geometry.errors import InputError as InputError
+from tympan.geometry.mesher import MeshSettings as MeshSettings
+from tympan.geometry.outlines import Circle as Circle
+from tympan.geometry.outlines import ClosedSpline as ClosedSpline
+from tympan.geometry.outlines import Ellipse as Ellipse
+from tympan.geometry.outlines import Polygon as Polygon
+from tympan.geometry.outlines import RegularPolygon as RegularPolygon
+from tympan.geometry.outlines import RoundedRectangle as RoundedRectangle
+from tympan.geometry.outlines import Stadium as Stadium
+from tympan.geometry.outlines import Superellipse as Superellipse
+from tympan.geometry.specimen import Electrode as Electrode
+from tympan.geometry.specimen import Film as Film
+from tympan.geometry.specimen import Material
+from tympan.geometry.specimen import Plate as Plate
+from tympan.geometry.specimen import Region as Region
+from tympan.geometry.specimen import Specimen as Specimen
+from tympan.result import Result as Result
+from tympan.studies.case import Case as Case
+from tympan.studies.case import CaseResult
+from tympan.studies.case import Settings as Settings
+
+if TYPE_CHECKING:
+    from tympan.studies.alpha import AlphaResult, AlphaSettings
+    from tympan.studies.modes import ModesResult
+    from tympan.studies.path import PathResult
+    from tympan.studies.sensitivity import SensitivityResult
+    from tympan.studies.sweep.run import SweepResult
+
+File = str | os.PathLike[str]
+
+
+class Loads(TypedDict, total=False):
+    """What acts on a specimen, as :class:`Case` takes it: SI numbers or texts with their unit."""
+
+    mass: float | str
+    voltage: float | str
+    rig: Rig
+    elapsed: float | str
+    direction: float
+
+
+def load(file: File) -> Specimen:
+    """The specimen of a TOML file.
+
+    Raises
+    ------
+    InputError
+        When it is missing or wrong, naming file, key, what was given and what is allowed.
+    """
+    return load_specimen(Path(file))
+
+
+def material(name: str) -> Material:
+    """A material of the library, as ``tympan materials`` lists it with its source.
+
+    Examples
+    --------
+    >>> material("vhb-4910").law
+    'ogden'
+    """
+    if name not in MATERIALS:
+        raise InputError(f"must be one of {', '.join(MATERIALS)}", key="material", given=name)
+    return MATERIALS[name].material
+
+
+def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
+          ) -> Result[CaseResult]:
+    """The equilibrium of a specimen under a mass and a voltage, with its fields.
+
+    ``result.status`` is "equilibrium", "no_equilibrium" (past pull-in) or "not_converged"; the
+    numbers of a state that does not exist are None.
+    """
+    from tympan.studies.case import solve
+
+    return Result(solve(Case(specimen, **loads), settings, film=True))
+
+
+def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
+         settings: Settings = Settings(), **loads: Unpack[Loads]) -> Result[PathResult]:
+    """The equilibria while one quantity grows from where the loads are, and through limit points."""
+    from tympan.studies.path import path
+
+    return Result(path(Case(specimen, **loads), settings, along))
+
+
+def modes(specimen: Specimen, count: int = 6, settings: Settings = Settings(),
+          **loads: Unpack[Loads]) -> Result[ModesResult]:
+    """Small vibrations about an equilibrium, the voltage held constant."""
+    from tympan.studies.modes import modes
+
+    return Result(modes(Case(specimen, **loads), settings, count))
+
+
+def sensitivity(specimen: Specimen, *quantities: str, settings: Settings = Settings(),
+                **loads: Unpack[Loads]) -> Result[SensitivityResult]:
+    """Derivatives of named quantities, "heave" if none is named, by all they depend on."""
+    from tympan.studies.sensitivity import sensitivity
+
+    return Result(sensitivity(Case(specimen, **loads), settings, quantities or ("heave",)))
+
+
+def alpha(specimen: Specimen, alpha_settings: AlphaSettings | None = None,
+          settings: Settings = Settings(), rig: Rig = Rig()) -> Result[AlphaResult]:
+    """Weights of the circles that stand for a specimen in a lumped model."""
+    from tympan.studies.alpha import AlphaSettings, alpha
+
+    return Result(alpha(specimen, settings, alpha_settings or AlphaSettings(), rig))
+
+
+def sweep(file: File, folder: File | None = None, workers: int = 1,
+          settings: Settings = Settings()) -> Result[SweepResult]:
+    """All cases of SWEEP.toml; what a ``folder`` holds already is not solved again.
+
+    With more than one worker the calling script needs a main guard.
+    """
+    from functools import partial
+
+    from tympan.studies.parallel import processes, serial
+    from tympan.studies.sweep.plan import read_sweep
+    from tympan.studies.sweep.run import run
+
+    planned = read_sweep(Path(file), settings)
+    pool = serial if workers == 1 else partial(processes, workers=workers)
+    with tempfile.TemporaryDirectory() as scratch:
+        return Result(run(planned, Path(folder or scratch), pool))

@@ -1,0 +1,80 @@
+"""What the public door answers: a study's numbers with their picture, files and table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from tympan.geometry.errors import InputError
+
+if TYPE_CHECKING:
+    import os
+
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+
+class _Numbers(Protocol):
+    """What every study answers."""
+
+    def json(self) -> Any: ...
+
+    def save(self, folder: Path) -> None: ...
+
+
+Numbers = TypeVar("Numbers", bound=_Numbers)
+
+
+@dataclass(frozen=True)
+class Result(Generic[Numbers]):
+    """The ``numbers`` of a study; all their attributes are the result's own too."""
+
+    numbers: Numbers
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "numbers":  # asked for while it is unpickled
+            raise AttributeError(name)
+        return getattr(self.numbers, name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *dir(self.numbers)})
+
+    def plot(self, target: Axes | str | os.PathLike[str]) -> Axes:
+        """Draw on matplotlib's axes, or into a file that matplotlib can write; answers the axes."""
+        from tympan.reports.plots import plot
+
+        return plot(self.numbers, target)
+
+    def save(self, target: str | os.PathLike[str]) -> Path:
+        """Write what the command writes into a folder; into NAME.json or NAME.csv numbers alone.
+
+        Raises
+        ------
+        InputError
+            When the name ends in anything else.
+        """
+        from tympan.studies.files import write_json, write_text
+
+        target = Path(target)
+        if target.suffix == ".json":
+            write_json(target, self.numbers.json())
+        elif target.suffix == ".csv":
+            write_text(target, self.to_pandas().to_csv(index=False))
+        elif target.suffix:
+            raise InputError("must be a folder, or end in .json or .csv", key="file", given=target)
+        else:
+            self.numbers.save(target)
+        return target
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows of the result's CSV; a single row where it is one state."""
+        from tympan.reports.tables import table
+
+        return table(self.numbers)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The same as an xarray dataset; a sweep's has specimen, mass and voltage as dimensions."""
+        grid: xr.Dataset | None = getattr(self.numbers, "table", None)
+        return self.to_pandas().to_xarray() if grid is None else grid
