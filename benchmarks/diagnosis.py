@@ -28,7 +28,7 @@ from tympan.studies.diagnosis.next_experiment.proposals import propose
 from tympan.studies.diagnosis.reading_table import States, Table, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.diagnosis.validation.gain import gain_of
-from tympan.studies.effects import REGISTRY, Setup, Use, extended
+from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
 
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
@@ -66,7 +66,7 @@ def main() -> None:
     workers = parser.parse_args().workers
     setup = Setup(actuators(), Rig())
     table = readings(setup)
-    causes = tuple(Cause(name, which) for name, effect in REGISTRY.items()
+    causes = tuple(Cause(name, which) for name, effect in EFFECTS.items()
                    if "direction" not in effect.columns
                    for which in effect.choices(setup))
     spent: dict[str, tuple[float, float]] = {}

@@ -131,8 +131,14 @@ def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
             continue
         declared = fields_of(type(value)) if is_dataclass(value) else ()
         field = next((item for item in declared if item.name == name), field)
-        value = getattr(value, name)
+        value = getattr(value, name, None)
     return field
+
+
+def symbol(field: Field | None) -> str:
+    """The SI unit of a field for people, "1" of plain numbers and of what is not declared."""
+    dimension = "" if field is None else field.says.dimension
+    return DIMENSIONS[dimension].symbol if dimension else "1"
 
 
 class Registry(dict[str, T]):

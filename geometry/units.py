@@ -176,3 +176,16 @@ def any_quantity(text: object) -> tuple[float, str] | None:
         except InputError:
             continue
     return None
+
+
+def unit_of(name: str) -> str | None:
+    """The SI unit that ends a name, None where none does.
+
+    Examples
+    --------
+    >>> unit_of("max_field_V_per_m"), unit_of("mass_kg"), unit_of("max_stretch")
+    ('V/m', 'kg', None)
+    """
+    fitting = (item for item in DIMENSIONS.values() if name.endswith(item.suffix))
+    longest = max(fitting, key=lambda item: len(item.suffix), default=None)
+    return None if longest is None else longest.si

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from tympan.fem.results.fields import (
 from tympan.fem.results.film_integrals import film_integrals
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
 from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
@@ -71,10 +72,10 @@ class Case:
     """
 
     specimen: Specimen
-    mass: float
-    voltage: float
+    mass: Annotated[float, Key("nominal load on the plate", "mass")]
+    voltage: Annotated[float, Key("nominal voltage", "voltage")]
     rig: Rig
-    elapsed: float
+    elapsed: Annotated[float, Key("time since the run began", "time")]
     direction: float
 
     def __init__(self, specimen: Specimen, *, mass: float | str, voltage: float | str = 0.0,

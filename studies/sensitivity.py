@@ -18,6 +18,7 @@ from tympan.fem.equilibrium.ramp import Outcome, Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import field_at, symbol
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
 from tympan.studies.files import write_json
@@ -27,19 +28,6 @@ UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "ener
          "max_stretch": "1",
          "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V", "pull_in_force": "N",
          "pull_in_pressure": "Pa"}
-
-_PARAMETER_UNITS = {
-    "m": ("thickness", "radius", "semi_axes", "corner_radius", "fillet", "vertices", "through",
-          "offset",
-          "margin_frame", "margin_plate", "weight_offset", "rest", "gap", "decay"),
-          "rad": ("rotation",),
-    "Pa": ("mu", "c10", "c01", "stiffness", "plate_pressure", "gas_pressure"),
-    "kg": ("mass", "unaccounted_mass"),
-    "V": ("voltage", "sag_voltage", "lag_voltage"), "N/m": ("spring",), "N": ("force",),
-    "m/s²": ("gravity",),
-    "1": ("prestretch", "relative_permittivity", "permittivity_exponent", "alpha", "j_lim",
-          "lambda_lock", "exponent",
-          "power", "amplifier_gain"), "kg/m³": ("density",)}
 
 #: What of a case makes each load; at the load's own limit they have no say.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
@@ -108,20 +96,16 @@ class UnderPressure:
 
 @dataclass(frozen=True)
 class Answer:
-    """A quantity's ``derivative`` by a parameter [SI]; ``elasticity``: per cent per per cent, None where one is 0."""
+    """A quantity's ``derivative`` by a parameter [SI].
+
+    ``elasticity``: per cent per per cent, None where one is 0. ``unit``: of the parameter.
+    """
 
     parameter: str
+    unit: str
     value: float
     derivative: float
     elasticity: float | None
-
-    @property
-    def unit(self) -> str:
-        """Of the parameter; "SI" where its law alone knows."""
-        if self.parameter.startswith("rig.biases.") and self.parameter.endswith(".stiffness"):
-            return "N/m"
-        word = next(key for key in reversed(self.parameter.split(".")) if not key.isdigit())
-        return next((unit for unit, words in _PARAMETER_UNITS.items() if word in words), "SI")
 
 
 @dataclass(frozen=True)
@@ -219,7 +203,7 @@ def _at_equilibrium(case: Case, model: Model, outcome: Outcome,
     by = case_parameters(case, model)
     slopes = gradient_many(model, outcome, wanted, by)
     state = outcome.state
-    return tuple(_answers(name, float(one.value(model, state)), slopes[name], by, model, state)
+    return tuple(_answers(name, float(one.value(model, state)), slopes[name], by, case, model, state)
                  for name, one in wanted.items())
 
 
@@ -232,15 +216,16 @@ def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
     if load == "voltage":
         value = float(np.sqrt(value))
         slopes = {name: slope / (2 * value) for name, slope in slopes.items()}
-    return _answers(f"pull_in_{load}", value, slopes, by, model, critical.state)
+    return _answers(f"pull_in_{load}", value, slopes, by, case, model, critical.state)
 
 
 def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, Parameter],
-             model: Model, state: State
-             ) -> Answers:
+             case: Case, model: Model, state: State) -> Answers:
     answers = []
     for parameter, slope in slopes.items():
+        path = tuple(parameter.split("."))
+        field = field_at(case, path) or field_at(case.specimen, path)
         number = by[parameter].value(model, state)
-        answers.append(Answer(parameter, number, slope, slope * number / value if number and value
-                              else None))
+        elasticity = slope * number / value if number and value else None
+        answers.append(Answer(parameter, symbol(field), number, slope, elasticity))
     return Answers(name, value, tuple(answers))

@@ -33,7 +33,7 @@ from tympan.studies.diagnosis.reading_table import States, Table, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
-from tympan.studies.effects import REGISTRY, Setup, extended
+from tympan.studies.effects import EFFECTS, Setup, extended
 
 Array = NDArray[np.float64]
 Means = Literal["elements", "equations", "another law", "form error"]
@@ -96,7 +96,7 @@ def _read(states: States) -> Table:
     return replace(rows(states, "displacement", NOISE), order=np.arange(len(states), dtype=float))
 
 
-def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(REGISTRY),
+def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(EFFECTS),
            voltages: Array = UP) -> Design:
     """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the other.
 
@@ -109,8 +109,8 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
     elapsed = np.arange(len(numbers)) * PACE
     states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed,
                        way[places.astype(int)])
-    causes = tuple(Cause(name, which) for name in effects for which in REGISTRY[name].choices(setup)
-                   if way.min() < 0 or "direction" not in REGISTRY[name].columns)
+    causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
+                   if way.min() < 0 or "direction" not in EFFECTS[name].columns)
     return Design(name, setup, _read(states), causes)
 
 

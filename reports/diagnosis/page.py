@@ -15,7 +15,7 @@ from tympan.geometry.errors import InputError
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
 from tympan.reports.template import embedded_picture, sentence, template
-from tympan.studies.effects import REGISTRY
+from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 
 Content = Mapping[str, Any]
@@ -79,7 +79,7 @@ def _worst_ratios(misfit: Content) -> list[Content]:
 def _explained(causes: Iterable[Content]) -> list[Content]:
     """Causes with their names and what they mean."""
     return [{**cause, "label": cause_label(cause),
-             "explanation": REGISTRY[cause["effect"]].explanation} for cause in causes]
+             "explanation": EFFECTS[cause["effect"]].explanation} for cause in causes]
 
 
 def _template(name: str) -> Template:

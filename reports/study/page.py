@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tympan.fem.membrane.loading import BIASES
+from tympan.fem.rig import Rig
+from tympan.geometry.fields import fields_of
+from tympan.geometry.units import DIMENSIONS
 from tympan.reports.scales import digits, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
 from tympan.reports.study.load import Run, Stored, read_run
 from tympan.reports.template import embedded_picture, template
 from tympan.studies.alpha import AlphaResult, Weights
+from tympan.studies.alpha.samples import LoadGrid
 from tympan.studies.files import write_text
 
 _BASES = (
@@ -23,13 +28,10 @@ _BASES = (
     ("from_fields", "from the fields",
      "shares of the plate's edge force within 45° of each axis; no fit"),
 )
-_UNITS = {
-    "gravity": "m/s²", "unaccounted_mass": "kg", "spring": "N/m", "sag_voltage": "V",
-    "sensor_zero": "m",
-    "lag_voltage": "V", "masses": "kg", "voltages": "V", "weight_offset": "m",
-    "plate_pressure": "Pa",
-    "gas_pressure": "Pa", "stiffness": "N/m", "rest": "m", "force": "N", "gap": "m", "decay": "m",
-}
+#: SI units of settings by their names.
+_UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
+          for settings in (Rig, *BIASES.values(), LoadGrid) for field in fields_of(settings)
+          if field.says.dimension}
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields, whole
 from tympan.fem.rig import Rig
+from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, failure_reason, voltage_ramp
 
@@ -22,10 +24,10 @@ _DIRECTIONS = 7200
 
 @dataclass(frozen=True)
 class LoadGrid:
-    """Masses [kg] and voltages [V], every combination."""
+    """Masses and voltages, every combination."""
 
-    masses: tuple[float, ...]
-    voltages: tuple[float, ...]
+    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass")]
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage")]
 
 
 @dataclass(frozen=True, eq=False)

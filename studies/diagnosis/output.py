@@ -21,7 +21,7 @@ from tympan.studies.diagnosis.inference.verdict import Judgement, interval
 from tympan.studies.diagnosis.plan import detectable
 from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.diagnosis.validation.gain import GainReport, SplitGain
-from tympan.studies.effects import Parameter
+from tympan.studies.effects import EffectParameter
 from tympan.studies.files import write_csv, write_json, write_text
 
 #: Causes of less than this probability are not listed.
@@ -92,7 +92,7 @@ def parameters(one: Fit, cause: Cause) -> dict[str, Any]:
     return found
 
 
-def _shown(item: Parameter, size: float) -> float | None:
+def _shown(item: EffectParameter, size: float) -> float | None:
     """A size as the value to show; None where it is infinite."""
     value = item.shown(item.value(size))
     return value if np.isfinite(value) else None

@@ -15,7 +15,7 @@ from tympan.studies.data.readings import Ranges, StaticReadings
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, States, Table, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause
-from tympan.studies.effects import REGISTRY, Setup
+from tympan.studies.effects import EFFECTS, Setup
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class Readings:
         states = self.table.states
         there = {"elapsed_s": bool(np.ptp(states.elapsed) > 0),
                  "direction": bool(np.any(states.direction != 0))}
-        return tuple(Cause(name, which) for name, effect in REGISTRY.items()
+        return tuple(Cause(name, which) for name, effect in EFFECTS.items()
                      if all(there.get(column, False) for column in effect.columns)
                      for which in effect.choices(self.setup))
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf, log
-from typing import Literal
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
 
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
-from tympan.geometry.units import quantity
+from tympan.geometry.units import any_quantity
 from tympan.studies.case import Case
 from tympan.studies.circles.cone import Lumped
 
@@ -43,19 +46,25 @@ class Setup:
 
     def with_films(self, change: Callable[[Film], Film], which: str | None = None) -> Setup:
         """Every film changed, or that of one specimen."""
-        return self.with_specimens(lambda one: replace(one, membrane=change(one.membrane)), which)
+        return self.with_specimens(
+            lambda specimen: replace(specimen, membrane=change(specimen.membrane)), which)
 
     def with_specimens(self, change: Callable[[Specimen], Specimen],
                        which: str | None = None) -> Setup:
         """Every specimen changed, or one."""
         if which is not None:
             self.specimen(which)
-        return replace(self, specimens=tuple(change(one) if which in (None, one.name) else one
-                                             for one in self.specimens))
+        return replace(self, specimens=tuple(
+            change(specimen) if which in (None, specimen.name) else specimen
+            for specimen in self.specimens))
+
+    def with_rig(self, **changes: Any) -> Setup:
+        """The rig with some of its numbers replaced."""
+        return replace(self, rig=replace(self.rig, **changes))
 
 
 @dataclass(frozen=True)
-class Scale:
+class SizeScale:
     """How a value becomes a size, in which no effect is 0 and the readings are smooth, and back."""
 
     words: str
@@ -63,32 +72,41 @@ class Scale:
     value: Callable[[float], float]
 
 
-PLAIN = Scale("", float, float)
-INVERSE_SQUARE = Scale("1/square", lambda value: value**-2.0,
-                       lambda size: inf if size == 0 else size**-0.5)
+PLAIN = SizeScale("", float, float)
+INVERSE_SQUARE = SizeScale("1/square", lambda value: value**-2.0,
+                           lambda size: inf if size == 0 else size**-0.5)
 
 
 @dataclass(frozen=True)
-class Parameter:
+class EffectParameter:
     """A number of an effect, in SI inside, with what is known of it before any data.
 
     ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as
     standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
-    ``unit`` is the one to show ("" for plain numbers), of ``dimension``. Values that are not 0 but
-    nearer to it than ``least`` cannot be built.
+    ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
+    ``least`` cannot be built. ``name`` is that of the argument it annotates.
     """
 
-    name: str
     meaning: str
     unit: str
-    dimension: str
     width: float
     low: float
     high: float
     sign: Sign
     reason: str
-    scale: Scale = PLAIN
+    scale: SizeScale = PLAIN
     least: float = 0.0
+    name: str = ""
+
+    @cached_property
+    def _unit(self) -> tuple[float, str]:
+        """The SI value of the unit and its dimension."""
+        return any_quantity(f"1 {self.unit}") or (1.0, "")
+
+    @property
+    def dimension(self) -> str:
+        """Of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers."""
+        return self._unit[1]
 
     def size(self, value: float) -> float:
         """The size of a value: 0 where there is no effect."""
@@ -100,7 +118,7 @@ class Parameter:
 
     def shown(self, value: float) -> float:
         """A value in the unit to show."""
-        return value / quantity(f"1 {self.unit}", self.dimension) if self.unit else value
+        return value / self._unit[0]
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -158,7 +176,7 @@ class Effect:
 
     name: str
     explanation: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
     on_one: bool = False
     columns: tuple[str, ...] = ()
@@ -166,7 +184,7 @@ class Effect:
 
     def choices(self, setup: Setup) -> tuple[str | None, ...]:
         """What ``which`` may be; nothing where it cannot happen."""
-        if self.lumped and not all(isinstance(one, Lumped) for one in setup.specimens):
+        if self.lumped and not all(isinstance(specimen, Lumped) for specimen in setup.specimens):
             return ()
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
@@ -203,13 +221,26 @@ class Effect:
 
 
 #: All effects by name, in the order in which several are applied.
-REGISTRY: dict[str, Effect] = {}
+EFFECTS: Registry[Effect] = Registry("name")
 
 
-def register(effect: Effect) -> Effect:
-    """Make an effect known to diagnoses, to the contract tests and to the documentation."""
-    REGISTRY[effect.name] = effect
-    return effect
+def effect(explanation: str, *, columns: tuple[str, ...] = (),
+           lumped: bool = False) -> Callable[[Callable[..., Setup]], Effect]:
+    """Register an edit as the effect of its name: its annotated arguments are the parameters.
+
+    One with an argument ``which`` is on one specimen. Diagnoses, the contract tests and the
+    documentation follow.
+    """
+    def registered(edit: Callable[..., Setup]) -> Effect:
+        hints = get_type_hints(edit, include_extras=True)
+        parameters = tuple(
+            replace(note, name=name) for name in inspect.signature(edit).parameters
+            for note in getattr(hints[name], "__metadata__", ()) if isinstance(note, EffectParameter))
+        made = Effect(edit.__name__, explanation, parameters, edit, "which" in hints, columns, lumped)
+        EFFECTS.register(made)
+        return made
+
+    return registered
 
 
 @dataclass(frozen=True)
@@ -223,7 +254,7 @@ class Use:
 
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
     """The setup with several effects, whatever their order: they are applied in that of the registry."""
-    order = list(REGISTRY)
+    order = list(EFFECTS)
     for use in sorted(uses, key=lambda use: order.index(use.effect)):
-        setup = REGISTRY[use.effect].apply(setup, use.values, use.which)
+        setup = EFFECTS[use.effect].apply(setup, use.values, use.which)
     return setup

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import isinf
 from typing import Any
 
-from tympan.studies.effects import REGISTRY, Effect, Parameter
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter
 
 _INTRODUCTION = """# Effects
 
@@ -20,18 +20,18 @@ judgement: a diagnosis must say whether its verdict moves with it.
 
 def listing() -> dict[str, Any]:
     """Every effect as a JSON object by its name; limits that are infinite are None."""
-    return {effect.name: _effect(effect) for effect in REGISTRY.values()}
+    return {effect.name: _effect(effect) for effect in EFFECTS.values()}
 
 
 def text() -> str:
     """Every effect in a few lines."""
-    return "\n".join(line for effect in REGISTRY.values() for line in _lines(effect))
+    return "\n".join(line for effect in EFFECTS.values() for line in _lines(effect))
 
 
 def markdown() -> str:
     """The page ``docs/effects.md``."""
     return "\n".join([_INTRODUCTION,
-                      *(line for effect in REGISTRY.values() for line in _section(effect))])
+                      *(line for effect in EFFECTS.values() for line in _section(effect))])
 
 
 def _effect(effect: Effect) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "parameters": {item.name: _parameter(item) for item in effect.parameters}}
 
 
-def _parameter(item: Parameter) -> dict[str, Any]:
+def _parameter(item: EffectParameter) -> dict[str, Any]:
     low, high, width, least = (_rounded(item.shown(value))
                                for value in (item.low, item.high, item.width, item.least))
     prior = {"distribution": "normal" if item.limits[0] < 0 else "half-normal", "of": _of(item),
@@ -51,7 +51,7 @@ def _parameter(item: Parameter) -> dict[str, Any]:
             "prior": prior}
 
 
-def _of(item: Parameter) -> str:
+def _of(item: EffectParameter) -> str:
     """What the prior is a distribution of."""
     return f"{item.scale.words} of {item.name}" if item.scale.words else item.name
 
@@ -83,11 +83,11 @@ def _section(effect: Effect) -> Iterator[str]:
     yield ""
 
 
-def _named(item: Parameter) -> str:
+def _named(item: EffectParameter) -> str:
     return f"{item.name} [{item.unit}]" if item.unit else item.name
 
 
-def _prior(item: Parameter) -> str:
+def _prior(item: EffectParameter) -> str:
     kind = "normal" if item.limits[0] < 0 else "half-normal"
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_of(item)}" if item.scale.words else ""

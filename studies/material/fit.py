@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.laws import inadmissible_stretch
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material
 from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.estimation.identifiability import covariance
@@ -35,7 +36,6 @@ CANCELLING = 50.0
 #: Stress in a search for minima is in units of so much of the readings; limits are met to such a
 #: share of the quantile.
 _FINE, _MET = 1e-8, 1e-3
-_STRESSES = frozenset({"mu", "c", "c10", "c01", "beta", "gamma"})
 
 
 @dataclass(frozen=True)
@@ -284,14 +284,15 @@ def material_lines(material: Material, stretch_range: tuple[float, float] | None
     range = [0.5, 3]
     <BLANKLINE>
     """
-    def written(name: str, value: float) -> str:
-        return f'"{value / 1e3:.10g} kPa"' if name in _STRESSES else f"{value:.10g}"
+    def written(dimension: str, value: float) -> str:
+        return f'"{value / 1e3:.10g} kPa"' if dimension == "stress" else f"{value:.10g}"
 
     lines = ["[membrane.material]", f'law = "{material.law}"']
-    for name, value in vars(material).items():
-        texts = [written(name, part) for part in (value if isinstance(value, tuple) else (value,))]
-        text = f"[{', '.join(texts)}]" if isinstance(value, tuple) else texts[0]
-        lines.append(f"{name} = {text}")
+    for item in fields_of(type(material)):
+        value = getattr(material, item.name)
+        texts = [written(item.says.dimension, part)
+                 for part in (value if item.several else (value,))]
+        lines.append(f"{item.key} = " + (f"[{', '.join(texts)}]" if item.several else texts[0]))
     if stretch_range is not None:
         lines.append(f"range = [{stretch_range[0]:.4g}, {stretch_range[1]:.4g}]")
     return "\n".join(lines) + "\n"

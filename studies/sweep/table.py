@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.units import unit_of
 from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.parameters import flattened, read_quantity
 from tympan.studies.sweep.plan import Entry, Sweep
@@ -24,11 +25,6 @@ FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
 
 #: Dimensions of the table.
 AXES = ("specimen", "mass", "voltage")
-
-#: Units by how a column's name ends, longest first.
-_UNITS = {"_V_per_m": "V/m", "_m2": "m^2", "_kg": "kg", "_Pa": "Pa", "_rad": "rad", "_m": "m",
-          "_N": "N", "_F": "F",
-          "_V": "V", "_J": "J"}
 
 _TEXTS = ("status", "warnings", "id")
 
@@ -85,9 +81,8 @@ def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
     coordinates |= _loads(entries) | parameters(entries)
     table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
     for name, variable in table.variables.items():
-        unit = next((unit for end, unit in _UNITS.items() if str(name).endswith(end)), None)
         if variable.dtype.kind == "f":
-            variable.attrs.setdefault("units", unit or "1")
+            variable.attrs.setdefault("units", unit_of(str(name)) or "1")
     return table
 
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from tympan.studies.diagnosis.reading_table import States, Table, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
-from tympan.studies.effects import REGISTRY
+from tympan.studies.effects import EFFECTS
 
 MASSES = (17.9e-3, 22.45e-3)
 
 
 def every_cause(simulation: Simulation) -> list[Cause]:
     """All but those that only a way up and down shows."""
-    return [Cause(name, which) for name, effect in REGISTRY.items()
+    return [Cause(name, which) for name, effect in EFFECTS.items()
             if "direction" not in effect.columns
             for which in effect.choices(simulation.setup)]
 

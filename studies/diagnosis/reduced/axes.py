@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects import REGISTRY, Effect, Parameter, Setup
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
 
 #: How far from no effect a force law reaches, in standard deviations of the prior.
 REACH = 3.0
@@ -74,9 +74,9 @@ def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]
     """The film with some effects; sizes of parameters of the same effect are applied together."""
     together: dict[str, list[float]] = {}
     for axis, size in zip(axes, sizes, strict=True):
-        values = together.setdefault(axis.effect, [0.0] * len(REGISTRY[axis.effect].parameters))
+        values = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
         values[axis.index] = size
-    for effect in (effect for effect in REGISTRY.values() if effect.name in together):
+    for effect in (effect for effect in EFFECTS.values() if effect.name in together):
         setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
     return Film.of(setup, name)
 
@@ -85,7 +85,7 @@ def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
     """The axes of a specimen's film."""
     nominal = Film.of(setup, name)
     found = []
-    for effect in REGISTRY.values():
+    for effect in EFFECTS.values():
         for index, parameter in enumerate(effect.parameters):
             axis = _axis(setup, name, effect, index, parameter)
             if axis is not None and edited(setup, name, (axis,), (axis.span,)) != nominal:
@@ -103,7 +103,7 @@ def changes_rig(setup: Setup, effect: Effect) -> bool:
         return False
 
 
-def _axis(setup: Setup, name: str, effect: Effect, index: int, parameter: Parameter) -> Axis | None:
+def _axis(setup: Setup, name: str, effect: Effect, index: int, parameter: EffectParameter) -> Axis | None:
     """The axis of a parameter, as long as the specimen can be built; None where hardly any of it can be."""
     low, high = parameter.limits
     reach = min(REACH * parameter.deviation, max(high, -low))

@@ -14,7 +14,7 @@ from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import States, Table
 from tympan.studies.diagnosis.reduced.axes import changes_rig
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Surface
-from tympan.studies.effects import REGISTRY, Effect, Setup, Use
+from tympan.studies.effects import EFFECTS, Effect, Setup, Use
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Cause:
     @property
     def of_registry(self) -> Effect:
         """The effect."""
-        return REGISTRY[self.effect]
+        return EFFECTS[self.effect]
 
     def __str__(self) -> str:
         return self.effect if self.which is None else f"{self.effect} of {self.which}"
@@ -132,7 +132,7 @@ class Simulation:
     @cached_property
     def rig_effects(self) -> frozenset[str]:
         """Effects that edit the rig."""
-        return frozenset(name for name, effect in REGISTRY.items()
+        return frozenset(name for name, effect in EFFECTS.items()
                          if changes_rig(self.setup, effect))
 
 
@@ -237,7 +237,7 @@ class _View:
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
     """The rig with its effects."""
     setup = Setup((), simulation.setup.rig)
-    for cause in sorted(hypothesis, key=lambda cause: list(REGISTRY).index(cause.effect)):
+    for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.effect)):
         first = 2 + sizes_of(hypothesis[: hypothesis.index(cause)])
         if cause.effect in simulation.rig_effects:
             setup = cause.of_registry.at(setup,

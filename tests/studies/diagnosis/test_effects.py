@@ -21,7 +21,7 @@ from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, equilibrate, solve
-from tympan.studies.effects import REGISTRY, Effect, Setup, Use, extended, listing
+from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended, listing
 
 MATERIAL = NeoHooke(20e3)
 NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
@@ -49,13 +49,13 @@ class Reading:
 READINGS = (Reading(17.9e-3, 5e3, 3600.0, 1.0), Reading(22.45e-3, 3e3, 1800.0, -1.0))
 
 #: Those of the lumped model are in test_lumped_diagnosis.py.
-EFFECTS = {name: effect for name, effect in REGISTRY.items() if not effect.lumped}
+FILM_EFFECTS = {name: effect for name, effect in EFFECTS.items() if not effect.lumped}
 
-each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+each_effect = pytest.mark.parametrize("effect", FILM_EFFECTS.values(), ids=FILM_EFFECTS)
 each_parameter = pytest.mark.parametrize(
     ("effect", "number"),
     [pytest.param(effect, number, id=f"{effect.name}-{item.name}")
-     for effect in EFFECTS.values() for number, item in enumerate(effect.parameters)])
+     for effect in FILM_EFFECTS.values() for number, item in enumerate(effect.parameters)])
 
 
 @cache
@@ -202,7 +202,7 @@ def test_priors(effect: Effect, number: int) -> None:
 ])
 def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> None:
     """The effect's own difference against the exact derivative of the film it edits."""
-    effect = REGISTRY[name]
+    effect = EFFECTS[name]
     step = effect.parameters[0].deviation / 10
     middle = changed(effect, 0, 2 * step)
     high, low = (readings(changed(effect, 0, factor * step))[1, 0] for factor in (3, 1))
@@ -212,7 +212,7 @@ def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> Non
 
 
 def test_permittivity_amplifier_gain_and_a_divider_are_one() -> None:
-    gain = REGISTRY["amplifier_gain"].apply(NOMINAL, [0.07])
+    gain = EFFECTS["amplifier_gain"].apply(NOMINAL, [0.07])
     epsilon = NOMINAL.with_films(lambda film: replace(film, relative_permittivity=4.7 * 1.07**2))
     assert np.allclose(readings(gain), readings(epsilon), rtol=1e-9)
     assert not np.allclose(readings(gain), readings(NOMINAL), rtol=1e-3)
@@ -234,7 +234,7 @@ def test_load_scale_thickness_and_modulus_are_one(factor: float) -> None:
 
 
 def test_eccentricity_enters_as_its_square_alone() -> None:
-    effect = REGISTRY["plate_eccentricity"]
+    effect = EFFECTS["plate_eccentricity"]
     one, two = (readings(effect.apply(NOMINAL, [along, across]))[0] - readings(NOMINAL)[0]
                 for along, across in ((1.5e-3, 0.0), (3e-3, 0.0)))
     assert two / one == pytest.approx(4, rel=0.03)
@@ -243,18 +243,18 @@ def test_eccentricity_enters_as_its_square_alone() -> None:
 
 
 def test_anisotropy_has_no_direction_on_a_circle_but_on_an_ellipse() -> None:
-    effect = REGISTRY["prestretch_anisotropy"]
+    effect = EFFECTS["prestretch_anisotropy"]
     along, across = (readings(effect.apply(NOMINAL, [share])) for share in (0.05, 1 / 1.05 - 1))
     assert along[0] == pytest.approx(across[0], abs=2e-9)
     assert np.abs(along[1] - across[1]).min() > 1e-6
 
 
 def test_sag_is_a_gain_that_depends_on_the_voltage() -> None:
-    sagging = REGISTRY["voltage_sag"].apply(NOMINAL, [20e3])
-    lower = REGISTRY["amplifier_gain"].apply(NOMINAL, [1 / (1 + (5 / 20) ** 2) - 1])
+    sagging = EFFECTS["voltage_sag"].apply(NOMINAL, [20e3])
+    lower = EFFECTS["amplifier_gain"].apply(NOMINAL, [1 / (1 + (5 / 20) ** 2) - 1])
     assert np.allclose(readings(sagging)[:, 0], readings(lower)[:, 0], rtol=1e-12)
     assert np.abs(readings(sagging)[:, 1] - readings(lower)[:, 1]).min() > 1e-6
-    twice = REGISTRY["voltage_sag"].apply(sagging, [30e3]).rig
+    twice = EFFECTS["voltage_sag"].apply(sagging, [30e3]).rig
     assert twice.film_voltage(6e3) == pytest.approx(6e3 / (1 + 0.3**2 + 0.2**2), rel=1e-14)
 
 
@@ -268,7 +268,7 @@ def test_gains_multiply() -> None:
 
 def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> None:
     specimen = skewed()
-    setup = REGISTRY["strain_stiffening"].apply(Setup((specimen,), Rig()), [0.4])
+    setup = EFFECTS["strain_stiffening"].apply(Setup((specimen,), Rig()), [0.4])
     film = setup.specimens[0].membrane
     assert isinstance(film.material, Stiffened)
     nominal, wrapped = (law.derivatives(*film.prestretch)
@@ -296,13 +296,13 @@ def test_several_effects_do_not_depend_on_their_order() -> None:
 def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert list(told) == list(REGISTRY)
+    assert list(told) == list(EFFECTS)
     assert told["voltage_sag"]["parameters"]["U_s"]["prior"]["width"] == 25
     assert told["drift"]["needs_columns"] == ["elapsed_s"]
     assert told["hysteresis"]["needs_columns"] == ["direction"]
     assert told["unaccounted_mass"]["parameters"]["m_0"]["unit"] == "g"
     assert main(["effects"]) == 0
     printed = capsys.readouterr().out
-    assert all(effect.explanation in printed for effect in REGISTRY.values())
+    assert all(effect.explanation in printed for effect in EFFECTS.values())
     page = Path(__file__).parents[3] / "docs" / "effects.md"
     assert page.read_text(encoding="utf-8") == listing.markdown(), "run tympan effects --markdown > docs/effects.md"

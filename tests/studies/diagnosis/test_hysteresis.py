@@ -19,7 +19,7 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.effects import REGISTRY, Setup, Use, extended
+from tympan.studies.effects import EFFECTS, Setup, Use, extended
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
 NOMINAL = Setup((circular(NeoHooke(20e3)), elliptical(60e-3, NeoHooke(20e3))), Rig())
@@ -28,7 +28,7 @@ UP, UNKNOWN, DOWN = 1.0, 0.0, -1.0
 
 def deflection(lag: float, voltage: float, direction: float, specimen: str = "circle") -> float:
     """Of a specimen with 17.9 g behind the voltage by so much [m]."""
-    setup = REGISTRY["hysteresis"].apply(NOMINAL, [lag])
+    setup = EFFECTS["hysteresis"].apply(NOMINAL, [lag])
     result = solve(setup.case(specimen, 17.9e-3, voltage, direction=direction), COARSE)
     assert result.deflection_m is not None
     return result.deflection_m
@@ -63,7 +63,7 @@ def test_the_lag_is_behind_what_the_supply_gives() -> None:
     assert rig == extended(NOMINAL, uses[::-1]).rig
     assert rig.film_voltage(5e3, UP) == pytest.approx(1.1 * 5e3 / 1.25 - 100, rel=1e-14)
     assert rig.film_voltage(5e3, DOWN) == pytest.approx(1.1 * 5e3 / 1.25 + 100, rel=1e-14)
-    assert REGISTRY["hysteresis"].apply(Setup((), rig), [50.0]).rig.lag_voltage == 150
+    assert EFFECTS["hysteresis"].apply(Setup((), rig), [50.0]).rig.lag_voltage == 150
 
 
 @given(st.lists(st.tuples(st.floats(0, 1e4), st.sampled_from(sorted(DIRECTIONS.values()))),

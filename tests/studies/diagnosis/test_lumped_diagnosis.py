@@ -29,7 +29,7 @@ from tympan.studies.diagnosis.readings import Readings
 from tympan.studies.diagnosis.reduced.axes import changes_rig, film_axes
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
-from tympan.studies.effects import REGISTRY, Effect, Setup
+from tympan.studies.effects import EFFECTS, Effect, Setup
 
 TAPE = MATERIALS["vhb-4910"].material
 CONE = Cause("cone_kinematics")
@@ -181,7 +181,7 @@ def test_force_laws_are_the_model() -> None:
         values = {"strain_stiffening": -0.1, "cone_kinematics": 0.8}
         direct = replace(setup, specimens=(one,))
         for name, value in values.items():
-            direct = REGISTRY[name].apply(direct, [value])
+            direct = EFFECTS[name].apply(direct, [value])
         heave, voltage = np.array([0.7e-3, 2e-3, 3.1e-3]), np.array([1.3e3, 4.4e3, 3e3])
         actual = direct.specimens[0]
         assert isinstance(actual, Lumped)
@@ -194,7 +194,7 @@ def test_force_laws_are_the_model() -> None:
             [actual.capacitance(y) for y in heave], rel=1e-4)
 
 
-@pytest.mark.parametrize("effect", [effect for effect in REGISTRY.values() if effect.lumped],
+@pytest.mark.parametrize("effect", [effect for effect in EFFECTS.values() if effect.lumped],
                          ids=lambda one: one.name)
 def test_effects_on_the_lumped_model_keep_the_contract(effect: Effect) -> None:
     """Nothing at size 0, bit for bit; smooth; pure; within limits; and no part of what finite elements see."""

@@ -1,1 +1,0 @@
-"""Effects in the film and its electrodes."""

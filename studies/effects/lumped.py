@@ -1,0 +1,29 @@
+"""Effects in the lumped model's picture of the film."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles.cone import Lumped
+from tympan.studies.effects.effect import EffectParameter, Setup, effect
+
+
+@effect("The film between plate and frame is not the lumped model's straight cone but hollow, "
+        "steepest at the plate.", lumped=True)
+def cone_kinematics(setup: Setup, c: Annotated[float, EffectParameter(
+        "film from the straight cone (0) to a weightless membrane hardly deflected (1)", "",
+        width=1.0, low=0.0, high=1.5, sign="positive", reason=(
+            "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: "
+            "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict both; "
+            "no source"))]) -> Setup:
+    """Every film's profile moved by c towards the membrane's."""
+    def change(specimen: Specimen) -> Specimen:
+        if not isinstance(specimen, Lumped):
+            raise InputError("is an effect on the lumped model", key="cone_kinematics",
+                             given=specimen.name)
+        return replace(specimen, profile=specimen.profile + c)
+
+    return setup.with_specimens(change)

@@ -1,1 +1,0 @@
-"""Effects at the plate."""

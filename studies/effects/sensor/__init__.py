@@ -1,1 +1,0 @@
-"""Effects in the readings."""

@@ -1,1 +1,0 @@
-"""Effects between supply and film."""
