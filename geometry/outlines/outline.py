@@ -137,7 +137,9 @@ class OutlineRegistry(Registry[Any]):
     """Shapes; beside their own keys, tables of all of them may say ``rotation``."""
 
     def read(self, table: Table) -> Any:
-        rotation = table.quantity("rotation", "angle", "0 rad")
+        key = table.spelled("rotation", "angle")
+        table.asked.add(key)
+        rotation = table.quantity("rotation", "angle") if key in table else 0.0
         outline = super().read(table)
         return outline if rotation == 0 or outline.shape == "circle" else Rotated(outline, rotation)
 
