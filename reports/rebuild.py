@@ -40,8 +40,26 @@ def _paper(marker: Path) -> list[Path]:
     return [build_paper_page(marker.parent)]
 
 
+def _modes(marker: Path) -> list[Path]:
+    from tympan.reports.figures.modes import draw_modes
+    from tympan.studies.modes import ModesResult
+
+    return draw_modes(ModesResult.load(marker.parent, marker.stem.removesuffix("-modes")),
+                      marker.parent)
+
+
+def _path(marker: Path) -> list[Path]:
+    from tympan.reports.figures.path import draw_path
+    from tympan.studies.path import PathResult
+
+    return draw_path(PathResult.load(marker.parent, marker.stem.removesuffix("-path")),
+                     marker.parent)
+
+
 KINDS = (
     FolderKind("study", "study.json", _study),
+    FolderKind("modes", "*-modes.json", _modes),
+    FolderKind("path", "*-path.json", _path),
     FolderKind("diagnose", "diagnosis.json", _diagnosis),
     FolderKind("lumped paper", "paper.json", _paper),
 )
@@ -55,11 +73,10 @@ def rebuild(folder: Path) -> list[Path]:
     InputError
         When the folder holds nothing that can be drawn, or something in it is damaged.
     """
-    files = [file for kind in KINDS for marker in sorted(folder.glob(kind.marker))
-             for file in kind.draw(marker)]
-    if not files:
+    stored = [(kind, marker) for kind in KINDS for marker in sorted(folder.glob(kind.marker))]
+    if not stored:
         markers = ", ".join(kind.marker for kind in KINDS)
         commands = ", ".join(f"tympan {kind.command}" for kind in KINDS)
         raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
-    return files
+    return [file for kind, marker in stored for file in kind.draw(marker)]

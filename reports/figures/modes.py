@@ -24,8 +24,8 @@ _MOST = 12  #: modes drawn
 _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
-def draw_modes(folder: Path, name: str, result: ModesResult) -> list[Path]:
-    """Draw the first modes as folder/name.png and .svg; answers the files, none where there are no modes.
+def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
+    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if there are modes.
 
     Raises
     ------
@@ -45,7 +45,8 @@ def draw_modes(folder: Path, name: str, result: ModesResult) -> list[Path]:
                 ink=_INK)
     films = swung(result)[: len(shown)]
     pictures = [film_picture(film, view, frame[1] > frame[0]) for film in films]
-    return style.save_figure(folder, name, lambda: _compose(pictures, shown, rows, width))
+    return style.save_figure(folder, f"{result.specimen}-modes",
+                             lambda: _compose(pictures, shown, rows, width))
 
 
 def swung(result: ModesResult) -> list[Film]:

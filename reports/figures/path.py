@@ -21,9 +21,9 @@ _NAMES: dict[Along, tuple[str, str, float]] = {
     "mass": ("load (N)", "force_N", 1.0), "pressure": ("gas pressure (Pa)", "pressure_Pa", 1.0)}
 
 
-def draw_path(folder: Path, name: str, result: PathResult) -> list[Path]:
-    """Draw folder/name.png and .svg; answers the files."""
-    return style.save_figure(folder, name, lambda: _compose(result))
+def draw_path(result: PathResult, folder: Path) -> list[Path]:
+    """Draw folder/NAME-path.png and .svg; answers the files."""
+    return style.save_figure(folder, f"{result.specimen}-path", lambda: _compose(result))
 
 
 def _compose(result: PathResult) -> Figure:

@@ -45,11 +45,10 @@ def _run(options: argparse.Namespace) -> None:
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
     result = modes(case, read_settings(options), options.count, point_mass)
     if options.output is not None:
-        result.save(options.output)
-        if result.film is not None:
-            from tympan.reports.figures.modes import draw_modes
+        from tympan.reports.figures.modes import draw_modes
 
-            draw_modes(options.output, f"{case.specimen.name}-modes", result)
+        result.save(options.output)
+        draw_modes(result, options.output)
     _show(result, options.json)
 
 

@@ -42,7 +42,7 @@ def _run(options: argparse.Namespace) -> None:
         from tympan.reports.figures.path import draw_path
 
         result.save(options.output)
-        draw_path(options.output, f"{case.specimen.name}-path", result)
+        draw_path(result, options.output)
     if options.json:
         show(result.json(), True)
         return

@@ -12,7 +12,7 @@ import pytest
 
 from tympan.cli import main
 from tympan.geometry.errors import InputError
-from tympan.reports.paper import figures as lumped_paper
+from tympan.reports.paper import page
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import pull_in, rest
 from tympan.studies.lumped.signals import random_steps, step
@@ -234,7 +234,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
                for words in one["words"])
     assert text.count("data:image/svg+xml") == len(FIGURES)
     (out / "paper.html").unlink()
-    monkeypatch.setattr(lumped_paper, "draw", lambda folder: [])  # they are there
+    monkeypatch.setattr(page, "draw_paper", lambda folder: [])  # they are there
     assert main(["report", str(out)]) == 0
     assert (out / "paper.html").read_text(encoding="utf-8") == text
     monkeypatch.undo()
