@@ -1,4 +1,7 @@
-"""Pictures of deformed films: pyvista, off screen, in parallel projection, so that millimetres are the same in all."""
+"""Pictures of deformed films: pyvista, off screen.
+
+In parallel projection, so that millimetres are the same in all.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
 from tympan.geometry.system import MissingLibrary
 from tympan.reports.scales import AxisScale
-from tympan.reports.study.load import Array, Film, Stored
+from tympan.studies.film_surface import FilmSurface
+
+Array = NDArray[np.float64]
 
 _MOUNTED = ("across", "back")
 _LOOSE = ("wrinkled", "slack")
@@ -60,29 +65,34 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Pixels and the (left, right, bottom, top) they cover in the plane of the picture [mm], the frame's centre 0."""
+    """Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
+
+    In the plane of the picture, the frame's centre 0.
+    """
 
     pixels: NDArray[np.uint8]
     extent: tuple[float, float, float, float]
 
 
-def picture(specimen: Stored, view: View) -> Picture:
-    """The deformed film in colours of its largest true stress, the rigid plate at its depth, outlines and axes.
+def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> Picture:
+    """The deformed film in colours of ``values`` at its points, the plate at its depth, and lines.
+
+    Parameters
+    ----------
+    values
+        On the view's scale, shape (points,).
+    turned
+        Whether y is across the picture.
 
     Raises
     ------
     MissingLibrary
         When there is no OpenGL to draw with.
     """
-    return film_picture(specimen.film, view, specimen.semi_axes[1] > specimen.semi_axes[0])
-
-
-def film_picture(film: Film, view: View, turned: bool) -> Picture:
-    """The same of any film with a number at its points, with y across the picture where it is ``turned``."""
-    surface = film_surface(film, view, turned)
+    surface = placed_surface(film, values, view, turned)
     extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
     with _plotter(size) as plotter:
-        plotter.add_mesh(surface, scalars="stress", cmap=view.colours,
+        plotter.add_mesh(surface, scalars="value", cmap=view.colours,
                          clim=(view.scale.low, view.scale.high),
                          lighting=False, show_scalar_bar=False, n_colors=1024)
         _add_hatches(plotter, surface, view)
@@ -94,36 +104,50 @@ def film_picture(film: Film, view: View, turned: bool) -> Picture:
     return Picture(np.ascontiguousarray(pixels[..., :3]), extent)
 
 
-def film_surface(film: Film, view: View, turned: bool) -> pv.PolyData:
-    """The film as placed in the picture, elements joined where they meet, with its stress [kPa] at the points."""
+def placed_surface(film: FilmSurface, values: Array, view: View, turned: bool) -> pv.PolyData:
+    """The film as placed in the picture [mm], elements joined where they meet."""
+    points, mounted = 1e3 * film.points, 1e3 * film.mounted
     faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
-    surface = pv.PolyData(film.points, faces)
-    surface["stress"] = film.stress
-    # The state says on which side of a zone's edge a point lies, the stress how far from it.
-    for state, (name, stress) in enumerate(zip(_LOOSE, (film.least, film.stress), strict=True),
-                                           start=1):
-        surface[name] = np.where(film.tension >= state, 1, -1) * np.abs(stress)
-    for name, coordinate in zip(_MOUNTED, view.place(film.mounted, turned).T[:2], strict=True):
+    surface = pv.PolyData(points, faces)
+    surface["value"] = values
+    for name, zone in _zones(film).items():
+        surface[name] = zone
+    for name, coordinate in zip(_MOUNTED, view.place(mounted, turned).T[:2], strict=True):
         surface[name] = coordinate
     # Shared edges are computed from both sides and differ by rounding only.
-    joined = surface.clean(tolerance=1e-7 * float(np.ptp(film.points, axis=0).max()), absolute=True)
+    joined = surface.clean(tolerance=1e-7 * float(np.ptp(points, axis=0).max()), absolute=True)
     joined.points = view.place(np.asarray(joined.points), turned)
     return joined
 
 
+def _zones(film: FilmSurface) -> dict[str, Array]:
+    """Where the film has lost tension: positive inside, 0 at a zone's edge; none without stress.
+
+    The state says on which side of an edge a point lies, the stress how far from it.
+    """
+    if "tension" not in film.values:
+        return {}
+    stresses = film.values["stress_2"], film.values["stress_1"]
+    return {name: np.where(film.values["tension"] >= state, 1, -1) * np.abs(stress / 1e3)
+            for state, (name, stress) in enumerate(zip(_LOOSE, stresses, strict=True), start=1)}
+
+
 def film_rims(surface: pv.PolyData) -> list[Array]:
-    """Closed boundaries of the film as ordered points, shape (n, 3), the longest first: the frame, then the plate."""
+    """Closed boundaries of the film as ordered points, shape (n, 3): the frame, then the plate."""
     edges = surface.extract_feature_edges(boundary_edges=True, feature_edges=False,
-                                          manifold_edges=False,
-                                          non_manifold_edges=False, clear_data=True)
+                                          manifold_edges=False, non_manifold_edges=False,
+                                          clear_data=True)
     strips = edges.strip(join=True, max_length=100_000)
     loops = [np.asarray(strips.points)[cell.point_ids] for cell in strips.cell]
     return sorted(loops, key=_length, reverse=True)
 
 
-def picture_frame(projected: Array, resolution: float, margin: float = 0.01
-          ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
-    """Extent [mm] and pixels of a picture that holds the points, with whole pixels of exactly 1/resolution mm."""
+def picture_frame(projected: Array, resolution: float, margin: float = 0.01,
+                  ) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
+    """Extent [mm] and pixels of a picture that holds points, shape (n, 2) [mm].
+
+    Its pixels are whole, of exactly 1/resolution mm.
+    """
     low, high = projected.min(0), projected.max(0)
     room = margin * float((high - low).max())
     width, height = (ceil((span + 2 * room) * resolution) for span in high - low)
@@ -132,7 +156,7 @@ def picture_frame(projected: Array, resolution: float, margin: float = 0.01
 
 
 def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
-    """A square net drawn on the film, the two axes through the plate, and the frame's and the plate's edge."""
+    """A square net on the film, the two axes through the plate, the frame's and the plate's edge."""
     edges = film_rims(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):
@@ -147,10 +171,10 @@ def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
 
 
 def _add_hatches(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
-    """The edge of every zone without tension, hatched; crosswise where there is none in any direction."""
+    """Every zone without tension, hatched; crosswise where there is none in any direction."""
     spacing = 6 * view.line / view.resolution
     for name, sign in zip(_LOOSE, (1, -1), strict=True):
-        if surface[name].max() <= 0:
+        if name not in surface.point_data or surface[name].max() <= 0:
             return
         zone = surface.clip_scalar(scalars=name, invert=False, value=0.0)
         zone["hatch"] = (zone["across"] + sign * zone["back"]) / sqrt(2)
@@ -217,16 +241,17 @@ def _check_opengl() -> None:
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.Initialize()
-    there = window.GetInitialized()
+    initialized = window.GetInitialized()
     window.Finalize()
-    if not there:
-        raise MissingLibrary("cannot draw the membranes: VTK finds no OpenGL; install the Debian packages libegl1, "
-                             "libgl1 and libgl1-mesa-dri (or your system's counterparts)")
+    if not initialized:
+        raise MissingLibrary("cannot draw the membranes: VTK finds no OpenGL; install the Debian "
+                             "packages libegl1, libgl1 and libgl1-mesa-dri (or your system's "
+                             "counterparts)")
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """VTK reports every kind of window it tries before it finds one that works; only the last one matters."""
+    """VTK reports every kind of window it tries before one that works; only the last matters."""
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.reports.scales import AxisScale, bar_length, rows_of
 from tympan.reports.scene import Picture, View, film_picture
-from tympan.reports.study.load import Film
+from tympan.studies.film_surface import FilmSurface
 from tympan.studies.modes import Mode, ModesResult
 
 _SWING = 0.22  #: largest displacement drawn, of the frame's smaller half extent
@@ -43,17 +43,17 @@ def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
     view = View(dots * style.MM * width / wide, dots * 0.5 / 72, _COLOURS,
                 AxisScale(-1, 1, (-1, 0, 1)), bar_length(wide) / 2, _AXES, _AXES, elevation=38.0,
                 ink=_INK)
-    films = swung(result)[: len(shown)]
-    pictures = [film_picture(film, view, frame[1] > frame[0]) for film in films]
+    pictures = [film_picture(film, film.values["along"], view, frame[1] > frame[0])
+                for film in swung_films(result)[:len(shown)]]
     return style.save_figure(folder, f"{result.specimen}-modes",
                              lambda: _compose(pictures, shown, rows, width))
 
 
-def swung(result: ModesResult) -> list[Film]:
-    """The film swung out along each mode [mm], coloured by the motion along the load.
+def swung_films(result: ModesResult) -> list[FilmSurface]:
+    """The film swung out along each mode, with ``along``: the motion along the load at its points.
 
-    The colour is relative to the mode's largest motion. Of the two directions a mode swings, the
-    one in which it goes furthest along the load.
+    It is relative to the mode's largest motion. Of the two directions a mode swings, the one in
+    which it goes furthest along the load.
     """
     film = result.film
     assert film is not None
@@ -63,9 +63,9 @@ def swung(result: ModesResult) -> list[Film]:
         shape = film.values[f"mode_{number}"]
         unit = shape if shape[:, 2].max() >= -shape[:, 2].min() else -shape
         swing = min(largest, _TURN / max(float(np.linalg.norm(mode.plate_turn)), 1e-300))
-        zero = np.zeros(len(unit))
-        films.append(Film(1e3 * (film.points + swing * unit), 1e3 * film.mounted, film.triangles,
-                          unit[:, 2], zero, zero))
+        points = film.points + swing * unit
+        films.append(FilmSurface(points, film.triangles, {"displacement": points - film.mounted,
+                                                          "along": unit[:, 2]}))
     return films
 
 

@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.scales import rows_of
-from tympan.reports.study.load import Curve, Run
+from tympan.reports.study.view import StudyView, VoltageCurve
 
 _TITLE, _PANEL, _AXIS = 7.0, 56.0, 11.0  # heights [mm]
 _LEFT, _RIGHT, _GAP = 13.0, 3.0, 6.0
 
 
-def draw_curves(run: Run, folder: Path) -> list[Path]:
+def draw_curves(run: StudyView, folder: Path) -> list[Path]:
     """Draw folder/curves.png and .svg; answers the files."""
     return style.save_figure(folder, "curves", lambda: compose_curves(run))
 
 
-def curve_label(name: str, curve: Curve) -> str:
+def curve_label(name: str, curve: VoltageCurve) -> str:
     """A curve's name in the legend, with the voltages the pull-in lies between."""
     if curve.pull_in is None:
         return name
@@ -32,7 +32,7 @@ def curve_label(name: str, curve: Curve) -> str:
     return f"{name}: pull-in {below:g}\N{EN DASH}{above:g} kV"
 
 
-def compose_curves(run: Run) -> Figure:
+def compose_curves(run: StudyView) -> Figure:
     """One panel per mass, all with the same axes."""
     loads = sorted({curve.mass for specimen in run.specimens for curve in specimen.curves})
     rows = rows_of(len(loads), most=2)
@@ -52,7 +52,7 @@ def compose_curves(run: Run) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, run: Run, mass: float) -> None:
+def _panel(axes: Axes, run: StudyView, mass: float) -> None:
     for index, specimen in enumerate(run.specimens):
         for curve in (item for item in specimen.curves if item.mass == mass):
             colour, marker = style.colour_of(index), style.marker_of(index)
@@ -68,7 +68,7 @@ def _panel(axes: Axes, run: Run, mass: float) -> None:
     axes.legend(loc="upper left")
 
 
-def _mark_pull_in(axes: Axes, curve: Curve, colour: str) -> None:
+def _mark_pull_in(axes: Axes, curve: VoltageCurve, colour: str) -> None:
     """A cross at the last equilibrium and a dotted line up: from there on the film finds no rest."""
     if curve.pull_in is None or np.isnan(curve.pull_in[0]):
         return
@@ -78,7 +78,7 @@ def _mark_pull_in(axes: Axes, curve: Curve, colour: str) -> None:
     axes.vlines(below, last, last + 1e6, color=colour, linestyle=":", linewidth=1.0)
 
 
-def _share(panels: Sequence[Axes], run: Run) -> None:
+def _share(panels: Sequence[Axes], run: StudyView) -> None:
     """The same limits in all panels, from no deflection and with room for the legend."""
     curves = [curve for specimen in run.specimens for curve in specimen.curves]
     deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()),

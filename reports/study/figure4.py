@@ -24,8 +24,8 @@ from tympan.reports.scales import (
     round_scale,
     rows_of,
 )
-from tympan.reports.scene import Picture, View, picture
-from tympan.reports.study.load import Run, Stored
+from tympan.reports.scene import Picture, View, film_picture
+from tympan.reports.study.view import SpecimenView, StudyView
 
 _LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
 _TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
@@ -47,7 +47,7 @@ class Layout:
     view: View
 
 
-def draw_figure4(run: Run, folder: Path,
+def draw_figure4(run: StudyView, folder: Path,
                  formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
     """Draw folder/fig4.png, .pdf and .svg; answers the files.
 
@@ -58,12 +58,18 @@ def draw_figure4(run: Run, folder: Path,
     """
     style.check_formats(formats)
     design = lay_out(run.specimens, run.stress_range)
-    pictures = [picture(specimen, design.view) for specimen in run.specimens]
+    pictures = [specimen_picture(specimen, design.view) for specimen in run.specimens]
     return style.save_figure(folder, "fig4", lambda: compose_figure4(run, design, pictures),
                              formats)
 
 
-def lay_out(specimens: Sequence[Stored], stress: tuple[float, float]) -> Layout:
+def specimen_picture(specimen: SpecimenView, view: View) -> Picture:
+    """The film in colours of its largest true stress, the long axis across."""
+    return film_picture(specimen.film, specimen.stress, view,
+                        specimen.semi_axes[1] > specimen.semi_axes[0])
+
+
+def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> Layout:
     """Lay the figure out for films whose stress lies between two values [kPa]."""
     widths = [2 * max(item.semi_axes) for item in specimens]
     rows = rows_of(len(specimens))
@@ -78,7 +84,7 @@ def lay_out(specimens: Sequence[Stored], stress: tuple[float, float]) -> Layout:
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
-def compose_figure4(run: Run, design: Layout, pictures: Sequence[Picture]) -> Figure:
+def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
     heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
     figure = style.new_figure(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
@@ -107,7 +113,7 @@ def compose_figure4(run: Run, design: Layout, pictures: Sequence[Picture]) -> Fi
     return figure
 
 
-def end_values(specimen: Stored, scale: AxisScale) -> list[tuple[str, float, str]]:
+def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, float, str]]:
     """What is written at the plate: text, stress [kPa] and colour; one entry where the axes do not differ."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
@@ -140,7 +146,7 @@ def _lefts(columns: Sequence[float]) -> list[float]:
     return [_LEFT + spare / 2 + float(start) for start in starts]
 
 
-def _show(axes: Axes, image: Picture, specimen: Stored, paper: float,
+def _show(axes: Axes, image: Picture, specimen: SpecimenView, paper: float,
           size: tuple[float, float]) -> None:
     """One membrane in axes of millimetres of film; ``size`` of the axes on paper [mm]."""
     half, height = size[0] / paper / 2, size[1] / paper
@@ -156,7 +162,7 @@ def _show(axes: Axes, image: Picture, specimen: Stored, paper: float,
                       fontsize=points)
 
 
-def _explain(figure: Figure, run: Run, design: Layout, top: float) -> None:
+def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None:
     """The row between pictures and curves: scale bar, colour bar, load and what the lines are."""
     view, length = design.view, 2 * design.view.net
     bar = style.place_axes(figure, _LEFT, top + 3.5, length * design.paper, 1.0)
@@ -204,7 +210,7 @@ def stress_label(scale: AxisScale) -> str:
     return f"largest principal true stress (kPa{start})"
 
 
-def _panel(axes: Axes, specimen: Stored, design: Layout, reach: float) -> None:
+def _panel(axes: Axes, specimen: SpecimenView, design: Layout, reach: float) -> None:
     """Stress along both axes up to a distance ``reach`` [mm], with the values at the plate."""
     limits = design.view.scale
     for line, colour, dashes in ((specimen.short, style.SHORT, "-"),
@@ -232,6 +238,6 @@ def _height(image: Picture) -> float:
     return image.extent[3] - image.extent[2]
 
 
-def _farthest(specimen: Stored) -> float:
+def _farthest(specimen: SpecimenView) -> float:
     return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y)
                for side in line.sides)

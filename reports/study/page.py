@@ -14,11 +14,12 @@ from tympan.geometry.units import DIMENSIONS
 from tympan.reports.scales import digits, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
-from tympan.reports.study.load import Run, Stored, read_run
+from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import embedded_picture, template
 from tympan.studies.alpha import AlphaResult, Weights
 from tympan.studies.alpha.samples import LoadGrid
 from tympan.studies.files import write_text
+from tympan.studies.study import StudyResult
 
 _BASES = (
     ("membrane", "membrane circles", "circles of the same film solved by the same finite elements"),
@@ -64,7 +65,7 @@ def build_study_page(folder: Path) -> Path:
     MissingLibrary
         When this computer cannot draw in three dimensions.
     """
-    run = read_run(folder)
+    run = view_study(StudyResult.load(folder), folder)
     figure4.draw_figure4(run, folder)
     curves.draw_curves(run, folder)
     file = folder / "report.html"
@@ -73,7 +74,7 @@ def build_study_page(folder: Path) -> Path:
     return file
 
 
-def render_study(run: Run, fig4: str, curves_: str) -> str:
+def render_study(run: StudyView, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
     return template("study/report.html").render(
         run=run, summary=words.study_summary(run), warnings=words.study_warnings(run),
@@ -87,7 +88,7 @@ def render_study(run: Run, fig4: str, curves_: str) -> str:
                  settings=list(settings(run.record)))
 
 
-def result_row(specimen: Stored) -> tuple[str, ...]:
+def result_row(specimen: SpecimenView) -> tuple[str, ...]:
     """The columns of the table of results after the name, as text, in its units."""
     result = specimen.result
     scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),

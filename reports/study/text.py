@@ -11,12 +11,12 @@ import numpy as np
 from jinja2 import Template
 
 from tympan.reports.scales import percent
-from tympan.reports.study.load import Curve, Run, Stored
+from tympan.reports.study.view import SpecimenView, StudyView, VoltageCurve
 from tympan.reports.template import sentence, template
 from tympan.studies.alpha import AlphaResult
 
 
-def study_summary(run: Run) -> str:
+def study_summary(run: StudyView) -> str:
     """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
     first = reference(run.specimens)
     sentences = (
@@ -31,12 +31,12 @@ def study_summary(run: Run) -> str:
                   " ".join(filter(None, sentences)))
 
 
-def reference(specimens: Sequence[Stored]) -> Stored:
+def reference(specimens: Sequence[SpecimenView]) -> SpecimenView:
     """What the others are compared with: the first round one, or else the first."""
     return next((item for item in specimens if item.round), specimens[0])
 
 
-def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
+def stress_at_plate(specimens: Sequence[SpecimenView], least: float) -> str:
     """On which axis the stress at the plate is larger, and by how much.
 
     ``least`` is the smallest stress of all films [kPa].
@@ -51,7 +51,7 @@ def stress_at_plate(specimens: Sequence[Stored], least: float) -> str:
     return _say("stress_at_plate", groups, [item for item in specimens if item.alike], least)
 
 
-def _larger_axis(specimen: Stored) -> str:
+def _larger_axis(specimen: SpecimenView) -> str:
     return specimen.axes[specimen.short.at_plate <= specimen.long.at_plate]
 
 
@@ -63,7 +63,7 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
     return [(end["high"] - least) / (end["low"] - least) - 1 for end in ends]
 
 
-def strokes(run: Run) -> str:
+def strokes(run: StudyView) -> str:
     """How far the voltage moves each plate under the picture's mass, or the lightest of the curves."""
     masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not masses:
@@ -76,7 +76,7 @@ def strokes(run: Run) -> str:
     return _say("strokes", mass, low, high, [stroke(name, curve) for name, curve in pairs])
 
 
-def stroke(name: str, curve: Curve) -> dict[str, Any]:
+def stroke(name: str, curve: VoltageCurve) -> dict[str, Any]:
     """Largest travel of one plate [mm] from its first equilibrium, before any pull-in [kV]."""
     above = curve.pull_in[1] if curve.pull_in else None
     reached = curve.deflection[curve.found & (curve.voltage < (above or np.inf))]
@@ -95,7 +95,7 @@ def _mixtures(alphas: Sequence[AlphaResult]) -> str:
         for item, weights in elongated], percent(worst).removeprefix("< "))
 
 
-def study_warnings(run: Run) -> list[str]:
+def study_warnings(run: StudyView) -> list[str]:
     """Every warning stored, and every point of the curves without a result, with its specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for curve in item.curves
@@ -104,7 +104,7 @@ def study_warnings(run: Run) -> list[str]:
               if not text.startswith("the semi-axes are equal"))]
 
 
-def _curve_warnings(name: str, curve: Curve) -> Iterator[str]:
+def _curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
     unsolved = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
                 if status not in ("equilibrium", "no_equilibrium")]
     if unsolved:

@@ -25,10 +25,10 @@ from tympan.reports.scales import AxisScale, column_widths, paper_scale, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import page as html
 from tympan.reports.study import text as words
-from tympan.reports.study.load import Curve, Line, Run, read_run
+from tympan.reports.study.view import AxisLine, StudyView, VoltageCurve, view_study
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Settings
-from tympan.studies.study import Study, default_study, run_study
+from tympan.studies.study import Study, StudyResult, default_study, run_study
 
 NAME = 'a "small" study <b> & more'
 
@@ -48,9 +48,9 @@ def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def stored(study_folder: Path) -> Run:
+def stored(study_folder: Path) -> StudyView:
     """The study as read back."""
-    return read_run(study_folder)
+    return view_study(StudyResult.load(study_folder), study_folder)
 
 
 @pytest.fixture(scope="module")
@@ -119,16 +119,16 @@ def test_vector_figures_keep_text_and_curves_as_such(report: Path) -> None:
 
 
 def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
-    curves.draw_curves(read_run(copy), copy)
-    figure4.draw_figure4(read_run(copy), copy, ("pdf",))
+    curves.draw_curves(view_study(StudyResult.load(copy), copy), copy)
+    figure4.draw_figure4(view_study(StudyResult.load(copy), copy), copy, ("pdf",))
     for name in ("curves.svg", "fig4.pdf"):
         assert copy.joinpath(name).read_bytes() == report.with_name(name).read_bytes()
 
 
-def test_membranes_have_one_scale_and_their_true_width(stored: Run) -> None:
+def test_membranes_have_one_scale_and_their_true_width(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
-        picture = scene.picture(specimen, view)
+        picture = figure4.specimen_picture(specimen, view)
         left, right, bottom, top = picture.extent
         height, width, _ = picture.pixels.shape
         assert width / (right - left) == pytest.approx(view.resolution, rel=1e-12)
@@ -139,10 +139,10 @@ def test_membranes_have_one_scale_and_their_true_width(stored: Run) -> None:
         assert wide == pytest.approx(2 * max(specimen.semi_axes), abs=3 / view.resolution)
 
 
-def test_plate_sinks_in_the_picture(stored: Run) -> None:
+def test_plate_sinks_in_the_picture(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
-        surface = scene.film_surface(specimen.film, view, turned=False)
+        surface = scene.placed_surface(specimen.film, specimen.stress, view, turned=False)
         frame, plate = scene.film_rims(surface)
         assert frame[:, 2] == pytest.approx(0, abs=1e-9)
         assert plate[:, 2] == pytest.approx(-specimen.deflection, rel=1e-6)
@@ -153,25 +153,26 @@ def test_plate_sinks_in_the_picture(stored: Run) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_colours_are_exactly_those_of_the_bar(stored: Run, share: float) -> None:
+def test_colours_are_exactly_those_of_the_bar(stored: StudyView, share: float) -> None:
     specimen = stored.specimens[0]
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
     stress = view.scale.low + share * (view.scale.high - view.scale.low)
-    uniform = replace(specimen, film=replace(specimen.film,
-                                             stress=np.full_like(specimen.film.stress, stress)))
-    pixels = scene.picture(uniform, view).pixels.reshape(-1, 3)
+    values = {**specimen.film.values, "stress_1": np.full_like(specimen.stress, 1e3 * stress)}
+    uniform = replace(specimen, film=replace(specimen.film, values=values))
+    pixels = figure4.specimen_picture(uniform, view).pixels.reshape(-1, 3)
     colours, counts = np.unique(pixels, axis=0, return_counts=True)
     film = next(colour for colour in colours[np.argsort(-counts)] if colour.min() < 250)
     assert film == pytest.approx(255 * np.array(colormaps[style.COLOURS](share)[:3]), abs=1.5)
 
 
-def loosened(run: Run, state: int) -> Run:
+def loosened(run: StudyView, state: int) -> StudyView:
     """The run with the films' right halves wrinkled (1) or slack (2), in the picture and on the last curves."""
     changed = []
     for item in run.specimens:
-        right = item.film.mounted[:, 0] > 1e-6
-        film = replace(item.film, tension=np.where(right, state, 0),
-                       least=np.where(right, -1.0, 1.0))
+        right = item.film.mounted[:, 0] > 1e-9
+        film = replace(item.film, values={
+            **item.film.values, "tension": np.where(right, state, 0),
+            "stress_2": 1e3 * np.where(right, -1.0, 1.0)})
         curve = replace(item.curves[-1], slack=np.array([0, 0.25, np.nan]),
                         margin=np.array([np.nan, 0.9, np.nan]))
         changed.append(replace(item, film=film,
@@ -180,9 +181,9 @@ def loosened(run: Run, state: int) -> Run:
     return replace(run, specimens=tuple(changed))
 
 
-def test_zones_without_tension_are_hatched(stored: Run) -> None:
+def test_zones_without_tension_are_hatched(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
-    plain, wrinkled, slack = (scene.picture(run.specimens[0], view).pixels.astype(int)
+    plain, wrinkled, slack = (figure4.specimen_picture(run.specimens[0], view).pixels.astype(int)
                               for run in (stored, loosened(stored, 1), loosened(stored, 2)))
     middle = plain.shape[1] // 2
     edge = int(3 * view.line)
@@ -193,10 +194,10 @@ def test_zones_without_tension_are_hatched(stored: Run) -> None:
     assert marked[1] > 1.5 * marked[0]
 
 
-def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None:
+def test_loss_of_tension_and_breakdown_are_told(stored: StudyView, page: Page) -> None:
     loose = loosened(stored, 1)
     design = figure4.lay_out(loose.specimens, loose.stress_range)
-    pictures = [scene.picture(item, design.view) for item in loose.specimens]
+    pictures = [figure4.specimen_picture(item, design.view) for item in loose.specimens]
     legends = [[text.get_text() for text in figure4.compose_figure4(run, design, pictures).texts]
                for run in (stored, loose)]
     assert ["tension lost" in texts for texts in legends] == [False, True]
@@ -213,7 +214,7 @@ def test_loss_of_tension_and_breakdown_are_told(stored: Run, page: Page) -> None
     assert [line.get_xdata().tolist() for line in hollow] == [[3.0], [3.0]]
 
 
-def test_pictures_leave_no_plotter_open(stored: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_leave_no_plotter_open(stored: StudyView, monkeypatch: pytest.MonkeyPatch) -> None:
     opened, plotter = [], pv.Plotter
 
     def recorded(**options: object) -> pv.Plotter:
@@ -222,21 +223,21 @@ def test_pictures_leave_no_plotter_open(stored: Run, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(pv, "Plotter", recorded)
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
-    scene.picture(stored.specimens[0], view)
+    figure4.specimen_picture(stored.specimens[0], view)
     with pytest.raises(ValueError, match="nocolour"):
-        scene.picture(stored.specimens[0], replace(view, colours="nocolour"))
+        figure4.specimen_picture(stored.specimens[0], replace(view, colours="nocolour"))
     assert len(opened) == 2
     assert all(one._closed for one in opened)
 
 
-def test_no_opengl_is_one_clear_message(stored: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_opengl_is_one_clear_message(stored: StudyView, monkeypatch: pytest.MonkeyPatch) -> None:
     class Blind:
         def __getattr__(self, name: str) -> object:
             return lambda *_: False
 
     monkeypatch.setattr(scene, "vtkRenderWindow", Blind)
     with pytest.raises(MissingLibrary, match="libegl1"):
-        scene.picture(stored.specimens[0], figure4.lay_out(stored.specimens, stored.stress_range).view)
+        figure4.specimen_picture(stored.specimens[0], figure4.lay_out(stored.specimens, stored.stress_range).view)
 
 
 def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None:
@@ -279,7 +280,7 @@ def test_page_has_results_and_settings(page: Page, study_folder: Path) -> None:
     assert "around plate" in page.shown
 
 
-def test_pull_in_is_told_and_marked(stored: Run, page: Page) -> None:
+def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
     curve = stored.specimens[0].curves[0]
     assert curve.pull_in == (3.0, 40.0)
     assert curves.curve_label("circular", curve) == "circular: pull-in 3–40 kV"
@@ -287,7 +288,7 @@ def test_pull_in_is_told_and_marked(stored: Run, page: Page) -> None:
     assert "under 17.9 g there is an equilibrium only up to between 3 and 40 kV" in page.shown
 
 
-def test_summary_compares_at_equal_load(stored: Run) -> None:
+def test_summary_compares_at_equal_load(stored: StudyView) -> None:
     circle, ellipse = stored.specimens
     ratio = ellipse.deflection / circle.deflection
     assert words.reference(stored.specimens) is circle
@@ -296,7 +297,7 @@ def test_summary_compares_at_equal_load(stored: Run) -> None:
     assert "same on both axes in circular" in words.study_summary(stored)
 
 
-def test_short_axis_is_told_by_the_frame(stored: Run) -> None:
+def test_short_axis_is_told_by_the_frame(stored: StudyView) -> None:
     circle, standing = stored.specimens
     assert standing.short is standing.along_x
     assert standing.long is standing.along_y
@@ -310,19 +311,19 @@ def test_short_axis_is_told_by_the_frame(stored: Run) -> None:
     assert len(figure4.end_values(circle, scales)) == 1
 
 
-def test_field_lines_and_result_agree(stored: Run) -> None:
+def test_field_lines_and_result_agree(stored: StudyView) -> None:
     for specimen in stored.specimens:
         assert specimen.result.max_true_stress_Pa is not None
-        highest = float(specimen.film.stress.max())
+        highest = float(specimen.stress.max())
         assert highest == pytest.approx(specimen.result.max_true_stress_Pa / 1e3, rel=1e-3)
         for line in (specimen.along_x, specimen.along_y, specimen.around_plate):
-            assert specimen.film.stress.min() * (1 - 1e-3) <= line.stress.min()
+            assert specimen.stress.min() * (1 - 1e-3) <= line.stress.min()
             assert line.stress.max() <= highest * (1 + 1e-3)
         assert specimen.around_plate.deflection == pytest.approx(specimen.deflection, rel=1e-9)
-        assert specimen.film.points[:, 2].max() == pytest.approx(specimen.deflection, rel=1e-9)
+        assert specimen.film.points[:, 2].max() == pytest.approx(1e-3 * specimen.deflection, rel=1e-9)
 
 
-def test_larger_long_axis_is_told(stored: Run) -> None:
+def test_larger_long_axis_is_told(stored: StudyView) -> None:
     standing = stored.specimens[1]
     turned = replace(standing, along_x=standing.along_y, along_y=standing.along_x)
     assert "higher on the long axis" in words.stress_at_plate([turned], 90.0)
@@ -330,7 +331,7 @@ def test_larger_long_axis_is_told(stored: Run) -> None:
 
 def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
     distance = np.array([-30.0, -10.0, 10.0, 20.0])
-    line = Line(distance, 0 * distance, np.array([1.0, 3.0, 4.0, 2.0]))
+    line = AxisLine(distance, 0 * distance, np.array([1.0, 3.0, 4.0, 2.0]))
     right, left = line.sides
     assert right.distance.tolist() == [0, 10]
     assert left.stress.tolist() == [3, 1]
@@ -338,7 +339,7 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 
 
 def test_curve_without_any_equilibrium() -> None:
-    curve = Curve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
+    curve = VoltageCurve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
     assert curves.curve_label("a", curve) == "a: no equilibrium"
     assert words.stroke("a", curve)["trouble"] == "no equilibrium"
 
@@ -397,7 +398,7 @@ def test_truncated_file_is_named(copy: Path, name: str, part: float) -> None:
     content = copy.joinpath(name).read_bytes()
     copy.joinpath(name).write_bytes(content[:int(part * len(content)) + 3])
     with pytest.raises(InputError) as caught:
-        read_run(copy)
+        view_study(StudyResult.load(copy), copy)
     assert caught.value.file == copy / name
 
 
@@ -420,11 +421,11 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
     assert old in text
     file.write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read_run(copy)
+        view_study(StudyResult.load(copy), copy)
     assert caught.value.file == file
     assert key in str(caught.value)
 
 
 def test_unknown_format_is_refused(study_folder: Path) -> None:
     with pytest.raises(InputError, match="png, pdf, svg"):
-        figure4.draw_figure4(read_run(study_folder), study_folder, ("gif",))
+        figure4.draw_figure4(view_study(StudyResult.load(study_folder), study_folder), study_folder, ("gif",))
