@@ -19,6 +19,7 @@ from tympan.reports.figures.lumped_model import draw_built
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.files import write_text
 from tympan.studies.lumped.build import KINEMATICS, BuildSettings, Built, build
+from tympan.studies.lumped.build_result import BuildResult
 from tympan.studies.lumped.equilibria import curve
 
 _DOCS = Path(__file__).parent.parent / "docs"
@@ -30,7 +31,7 @@ def main() -> None:
     found = [build(specimen, Settings()) for specimen in _paper()]
     others = [(words, build(specimen, Settings(), chosen)) for words, specimen, chosen in _others()]
     with tempfile.TemporaryDirectory() as folder:
-        picture, _ = draw_built(found, Path(folder))
+        picture, _ = draw_built(BuildResult.of(found), Path(folder))
         shutil.copy(picture, _DOCS / "lumped-build.png")
     write_text(_DOCS / "lumped-build.md", page(found, others))
 

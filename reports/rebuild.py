@@ -56,12 +56,28 @@ def _path(marker: Path) -> list[Path]:
                      marker.parent)
 
 
+def _simulate(marker: Path) -> list[Path]:
+    from tympan.reports.figures.response import draw_simulated
+    from tympan.studies.lumped.response import SimulationResult
+
+    return draw_simulated(SimulationResult.load(marker.parent), marker.parent)
+
+
+def _build(marker: Path) -> list[Path]:
+    from tympan.reports.figures.lumped_model import draw_built
+    from tympan.studies.lumped.build_result import BuildResult
+
+    return draw_built(BuildResult.load(marker.parent), marker.parent)
+
+
 KINDS = (
     FolderKind("study", "study.json", _study),
     FolderKind("modes", "*-modes.json", _modes),
     FolderKind("path", "*-path.json", _path),
     FolderKind("diagnose", "diagnosis.json", _diagnosis),
     FolderKind("lumped paper", "paper.json", _paper),
+    FolderKind("lumped simulate", "simulate.json", _simulate),
+    FolderKind("lumped build", "build.json", _build),
 )
 
 

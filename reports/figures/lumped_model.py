@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.lumped.build import Built
+from tympan.studies.lumped.build_result import BuildResult, ModelStatics
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _ABOVE, _BELOW = 62.0, 34.0
@@ -18,16 +17,16 @@ _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α
           "cone": ("--", "cones, dashes in turn")}
 
 
-def draw_built(models: Sequence[Built], folder: Path) -> list[Path]:
+def draw_built(result: BuildResult, folder: Path) -> list[Path]:
     """Draw folder/build.png and .svg, a column for each mass; answers the files.
 
     All models above; below, the errors of those with membrane circles.
     """
-    return style.save_figure(folder, "build", lambda: _compose(models))
+    return style.save_figure(folder, "build", lambda: _compose(result.statics))
 
 
-def _compose(models: Sequence[Built]) -> Figure:
-    masses = models[0].settings.masses
+def _compose(models: Sequence[ModelStatics]) -> Figure:
+    masses = models[0].masses
     columns: list[tuple[Axes, Axes]] = []
     figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
@@ -35,8 +34,8 @@ def _compose(models: Sequence[Built]) -> Figure:
         start = _LEFT + column * (width + _LEFT)
         above = style.place_axes(figure, start, _TITLE, width, _ABOVE)
         below = style.place_axes(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
-        for number, built in enumerate(models):
-            _draw(built, column, number, len(models), above, below)
+        for number, statics in enumerate(models):
+            _draw(statics, column, number, len(models), above, below)
         columns.append((above, below))
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.tick_params(labelbottom=False)
@@ -55,21 +54,21 @@ def _compose(models: Sequence[Built]) -> Figure:
     return figure
 
 
-def _draw(built: Built, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
+def _draw(statics: ModelStatics, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
     colour = style.colour_of(number)
-    voltage, fitted = 1e-3 * np.array(built.settings.voltages), built.settings.fitted[row]
+    voltage, fitted = 1e-3 * statics.voltages, statics.fitted[row]
     for kind, (line, _) in _SHOWN.items():
         # Cones of several shapes may coincide: their dashes take turns.
         dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
-        above.plot(voltage, 1e3 * built.statics[kind].deflection[row], linestyle=dashes,
+        above.plot(voltage, statics.deflections[f"{kind}_mm"][row], linestyle=dashes,
                    color=colour, linewidth=0.9)
         if kind != "cone":
-            error = 100 * built.errors(kind)[row]
+            error = 100 * statics.error(kind)[row]
             below.plot(voltage, error, line, color=colour, linewidth=0.8)
             if kind == "corrected":
                 below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
-    above.plot(voltage, 1e3 * built.field.deflection[row], "o", color=colour, markersize=3,
-               markerfacecolor="none", label=built.model.specimen.name)
+    above.plot(voltage, statics.deflections["field_mm"][row], "o", color=colour, markersize=3,
+               markerfacecolor="none", label=statics.specimen)
 
 
 def _key(axes: Axes) -> None:

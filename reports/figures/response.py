@@ -9,22 +9,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.lumped.response import Simulated
+from tympan.studies.lumped.response import SampledResponse, SimulationResult
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0
 _POINTS, _COLUMNS = 20_000, 3
 
 
-def draw_simulated(responses: Sequence[Simulated], folder: Path) -> list[Path]:
+def draw_simulated(result: SimulationResult, folder: Path) -> list[Path]:
     """Draw folder/response and, for periodic signals, folder/hysteresis; answers the files."""
+    responses = result.responses
     files = style.save_figure(folder, "response", lambda: _responses(responses))
     if any(response.loop is not None for response in responses):
         files += style.save_figure(folder, "hysteresis", lambda: _loops(responses))
     return files
 
 
-def _responses(responses: Sequence[Simulated]) -> Figure:
+def _responses(responses: Sequence[SampledResponse]) -> Figure:
     figure = style.new_figure(_TITLE + _VOLTAGE + _GAP + _RESPONSE + _AXIS)
     width = style.WIDTH - _LEFT - _RIGHT
     above = style.place_axes(figure, _LEFT, _TITLE, width, _VOLTAGE)
@@ -35,7 +36,7 @@ def _responses(responses: Sequence[Simulated]) -> Figure:
         below.plot(item.time[thin], 1e3 * item.reading[thin], color=style.colour_of(number),
                    linewidth=0.8, label=_label(item))
         if number == 0:
-            voltage = np.append(item.response.signal.first, item.voltage[thin])
+            voltage = np.append(item.first_voltage, item.voltage[thin])
             above.plot(np.append(0.0, item.time[thin]), 1e-3 * voltage, color="black",
                        linewidth=0.8)
     above.set_ylabel("voltage (kV)")
@@ -44,12 +45,12 @@ def _responses(responses: Sequence[Simulated]) -> Figure:
     below.legend(loc="best")
     above.tick_params(labelbottom=False)
     for axes in (above, below):
-        axes.set_xlim(0, max(item.response.end for item in responses))
+        axes.set_xlim(0, max(item.time[-1] for item in responses))
         style.faint_grid(axes)
     return figure
 
 
-def _loops(responses: Sequence[Simulated]) -> Figure:
+def _loops(responses: Sequence[SampledResponse]) -> Figure:
     """The last period of each, every one to its own scale."""
     loops = [(item, item.loop) for item in responses if item.loop is not None]
     columns = min(len(loops), _COLUMNS)
@@ -69,6 +70,5 @@ def _loops(responses: Sequence[Simulated]) -> Figure:
     return figure
 
 
-def _label(item: Simulated) -> str:
-    actuator = item.response.actuator
-    return f"{actuator.specimen.name}, {1e3 * actuator.mass:g} g"
+def _label(item: SampledResponse) -> str:
+    return f"{item.name}, {1e3 * item.mass:g} g"

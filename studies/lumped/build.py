@@ -1,11 +1,10 @@
-"""The lumped model of a specimen from its field model alone: circles, α, two factors, capacitance; how near it is."""
+"""The lumped model of a specimen from its field model alone, and how near it comes to it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,9 @@ from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.samples import Samples, equilibria
 from tympan.studies.case import Case, Settings, build_model, failure_reason
 from tympan.studies.circles.cone import ConeCircle
-from tympan.studies.files import write_csv, write_json
 from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
 from tympan.studies.lumped.equilibria import curve, pull_in, rest
-from tympan.studies.lumped.model_file import LumpedModel, write_model
+from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.modes import modes
 
 Array = NDArray[np.float64]
@@ -120,27 +118,30 @@ class Built:
     @cached_property
     def statics(self) -> dict[str, Statics]:
         """Of each kinematics; nan where it has pulled in."""
-        found = {}
+        statics = {}
         for name in KINEMATICS:
             actuators = [self.actuator(name, mass) for mass in self.settings.masses]
             y = np.array([curve(actuator, np.array(self.settings.voltages))
                           for actuator in actuators])
             c = [actuator.capacitance(row) for actuator, row in zip(actuators, y, strict=True)]
-            found[name] = Statics(y, np.array(c))
-        return found
+            statics[name] = Statics(y, np.array(c))
+        return statics
 
     def errors(self, kinematics: str) -> Array:
         """Deflection over the field model's, minus 1, shape (masses, voltages)."""
         return np.asarray(self.statics[kinematics].deflection / self.field.deflection - 1)
 
     def worst(self, kinematics: str, *, held_out: bool) -> float | None:
-        """Largest error in deflection at loads it was fitted on, or not; None where there is none, or it pulls in."""
+        """Largest error in deflection at loads it was fitted on, or not.
+
+        None where there is none, or it pulls in.
+        """
         return _largest(self.errors(kinematics)[self.settings.fitted != held_out])
 
     def stroke_error(self, kinematics: str) -> float | None:
-        """Largest error of the deflection from the lowest to the highest voltage, relative; None where it pulls in."""
-        strokes = [one.deflection[:, -1] - one.deflection[:, 0]
-                   for one in (self.statics[kinematics], self.field)]
+        """Largest relative error of the stroke over the voltages; None where it pulls in."""
+        strokes = [statics.deflection[:, -1] - statics.deflection[:, 0]
+                   for statics in (self.statics[kinematics], self.field)]
         return _largest(strokes[0] / strokes[1] - 1)
 
     def capacitance_error(self, kinematics: str) -> float | None:
@@ -148,8 +149,8 @@ class Built:
         return _largest(self.statics[kinematics].capacitance / self.field.capacitance - 1)
 
     def _pull_in(self, kinematics: str, mass: float) -> float | None:
-        found = pull_in(self.actuator(kinematics, mass))
-        return None if found is None else found[0]
+        limit = pull_in(self.actuator(kinematics, mass))
+        return None if limit is None else limit[0]
 
     @property
     def membrane_factors(self) -> tuple[float, ...]:
@@ -159,18 +160,20 @@ class Built:
     @property
     def warnings(self) -> list[str]:
         """What a reader must know."""
-        found, errors = [], np.abs(self.errors("corrected"))
+        warnings, errors = [], np.abs(self.errors("corrected"))
         if np.isnan(errors).any():
-            found.append("the lumped model pulls in at a load at which the field model does not")
+            warnings.append("the lumped model pulls in at a load at which the field model does not")
         elif errors.max() > NEAR:
-            found.append(f"the deflection is up to {errors.max():.1%} off: other circles (--circles, --radii) may do")
+            warnings.append(f"the deflection is up to {errors.max():.1%} off: other circles "
+                            "(--circles, --radii) may do")
         spread = self.capacitance_error("corrected")
         if spread is not None and spread > NEAR:
-            found.append(f"the capacitance is up to {spread:.1%} off: covered film also moves in its plane, which the "
-                         "model does not know")
+            warnings.append(f"the capacitance is up to {spread:.1%} off: covered film also moves "
+                            "in its plane, which the model does not know")
         if self.model.specimen.membrane.density:
-            found.append("the lumped model has no film mass: its frequencies are those of plate and weight alone")
-        return found
+            warnings.append("the lumped model has no film mass: its frequencies are those of plate "
+                            "and weight alone")
+        return warnings
 
     def json(self) -> dict[str, Any]:
         """The object of ``lumped build --json`` for one specimen."""
@@ -195,7 +198,7 @@ class Built:
             "pull_in_film_voltage_V": {kind: [self._pull_in(kind, mass)
                                               for mass in self.settings.masses]
                                        for kind in ("cone", "corrected")},
-            "frequency_Hz": {name: [one if np.isfinite(one) else None for one in pair]
+            "frequency_Hz": {name: [value if np.isfinite(value) else None for value in pair]
                              for name, pair in self.frequencies.items()},
             "warnings": self.warnings,
         }
@@ -207,8 +210,7 @@ def _largest(errors: Array) -> float | None:
 
 
 def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildSettings(),
-          rig: Rig = Rig(),
-          progress: Progress = lambda _: None) -> Built:
+          rig: Rig = Rig(), progress: Progress = lambda _: None) -> Built:
     """A specimen's lumped model from its field model alone.
 
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
@@ -221,24 +223,22 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
         When the field model has no equilibrium at one of the loads, naming the load and why, or the
         rig has what the lumped model does not.
     """
-    Actuator.of(specimen, chosen.masses[0],
-                rig=rig)  # refuses a rig that the lumped model does not have
+    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
-    found = _statics(specimen, settings, chosen, rig)
+    field = _statics(specimen, settings, chosen, rig)
     weights = alpha(specimen, settings,
-                    AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii), rig,
-                    progress)
+                    AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
+                    rig, progress)
     model = build_model(specimen, settings, rig.loading)
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha, Correction(),
                         model.capacitance(model.mounted()),
-                        rig.film_voltage(chosen.voltages[-1]),
-                        chosen.viscous)
+                        rig.film_voltage(chosen.voltages[-1]), chosen.viscous)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     lumped = replace(plain, correction=_correction(plain, samples))
     ends = (chosen.voltages[0], chosen.voltages[-1])
     progress(f"{specimen.name}: vibrations")
     pairs = [_frequencies(lumped.actuator(chosen.masses[0], rig), u, settings) for u in ends]
-    return Built(chosen, rig, lumped, weights, found,
+    return Built(chosen, rig, lumped, weights, field,
                  {"lumped": (pairs[0][0], pairs[1][0]), "field": (pairs[0][1], pairs[1][1])})
 
 
@@ -252,7 +252,9 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
                                 settings.path)
         for column, outcome in enumerate(outcomes):
             if outcome.status != "equilibrium":
-                missing = "has no equilibrium" if outcome.status == "no_equilibrium" else "did not converge"
+                missing = "did not converge"
+                if outcome.status == "no_equilibrium":
+                    missing = "has no equilibrium"
                 raise InputError(f"the field model {missing}: {failure_reason(outcome)}",
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
@@ -260,15 +262,15 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
             capacitance[row, column] = model.capacitance(outcome.state)
         if deflection[row].min() <= 1e-6 * model.size:
             raise InputError("the plate must sink: the mass is too small to tell a force",
-                             key=specimen.name,
-                             given=f"{1e3 * mass:g} g")
+                             key=specimen.name, given=f"{1e3 * mass:g} g")
     return Statics(deflection, capacitance)
 
 
 def _correction(model: LumpedModel, samples: Samples) -> Correction:
-    """The factors nearest to 1 that give the samples' forces; without a voltage none on the voltage."""
-    moved = Actuator(model.circles, model.weights, 1.0)
-    film, drawn = moved.elastic(samples.deflection)[1], samples.voltage**2 * moved.electric(samples.deflection)[1]
+    """The factors nearest to 1 that give the samples' forces; 1 on a voltage that is none."""
+    actuator = Actuator(model.circles, model.weights, 1.0)
+    film = actuator.elastic(samples.deflection)[1]
+    drawn = samples.voltage**2 * actuator.electric(samples.deflection)[1]
     columns = (np.array([film, drawn]) / samples.force).T
     shift = np.linalg.lstsq(columns, 1 - columns.sum(axis=1), rcond=1e-9)[0]
     return Correction(float(1 + shift[0]), float(1 + shift[1]))
@@ -283,26 +285,3 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
     along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5
              and mode.frequency_Hz is not None]
     return lumped, min((mode.frequency_Hz or np.nan for mode in along), default=np.nan)
-
-
-def write_built(found: Sequence[Built], result: dict[str, Any], folder: Path) -> None:
-    """folder/build.json, folder/statics.csv and a model file for each specimen, ``NAME.lumped.toml``."""
-    write_json(folder / "build.json", result)
-    header = ("specimen", "mass_g", "voltage_kV", "fitted", "field_mm",
-              *(f"{kind}_mm" for kind in KINEMATICS),
-              "field_pF", "corrected_pF")
-    write_csv(folder / "statics.csv", header, (row for one in found for row in _rows(one)))
-    for one in found:
-        write_model(folder / f"{one.model.specimen.name}.lumped.toml", one.model)
-
-
-def _rows(built: Built) -> Iterator[tuple[object, ...]]:
-    chosen = built.settings
-    for place in np.ndindex(built.field.deflection.shape):
-        deflections = [built.field, *(built.statics[kind] for kind in KINEMATICS)]
-        yield (built.model.specimen.name, 1e3 * chosen.masses[place[0]],
-               1e-3 * chosen.voltages[place[1]],
-               int(chosen.fitted[place]),
-               *(1e3 * float(one.deflection[place]) for one in deflections),
-               *(1e12 * float(one.capacitance[place])
-                 for one in (built.field, built.statics["corrected"])))

@@ -28,6 +28,7 @@ from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.circles.membrane import MembraneCircle
 from tympan.studies.lumped.actuator import Correction, Viscous
 from tympan.studies.lumped.build import BuildSettings, Built, build
+from tympan.studies.lumped.build_result import BuildResult
 from tympan.studies.lumped.equilibria import curve
 from tympan.studies.lumped.model_file import LumpedModel, model_to_toml, read_model, write_model
 from tympan.studies.lumped.signals import step
@@ -307,6 +308,7 @@ def test_the_command_writes_what_it_prints(tmp_path: Path,
     rows = (tmp_path / "statics.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + 2 * 3
     assert (tmp_path / "build.png").stat().st_size > 10_000
+    assert BuildResult.load(tmp_path).json() == told
     read = read_model(tmp_path / "circular.lumped.toml")
     assert read.correction.stiffness == told["built"][0]["stiffness"]
     assert read.viscous == Viscous(1e6, 2e6, 3e3)

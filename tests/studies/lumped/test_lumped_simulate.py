@@ -18,7 +18,7 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import pull_in, roots
 from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.response import Simulated
+from tympan.studies.lumped.response import SimulationResult, sample
 from tympan.studies.lumped.signals import Pieces, Sine, ramp, random_steps, read_signal, step
 from tympan.studies.lumped.simulate import last_loop, settling_time, simulate
 from tympan.studies.paper.table1 import paper_actuators
@@ -90,12 +90,12 @@ def test_hysteresis_goes_as_the_signal_slows_and_has_the_sign_of_loss() -> None:
 
 def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
     """From period to period the drift falls as the slow eigenvalue says, between those at 3.5 and at 5 kV."""
-    simulated = [Simulated(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0)
+    simulated = [sample(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0)
                  for count in (2.0, 3.0, 12.0)]
     drifts = [one.loop.drift for one in simulated if one.loop is not None]
     slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
     assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
-    creeping = [any("more periods" in words for words in one.warnings) for one in simulated]
+    creeping = [any("more periods" in words for words in one.numbers["warnings"]) for one in simulated]
     assert creeping == [True, True, False]
 
 
@@ -108,6 +108,26 @@ def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> 
         moved = simulate(actuator,
                          step(0.0, share * limit, 0.0, 0.5)).deflection(np.linspace(0, 0.5, 501))
         assert (moved.max() > barrier) == passes
+
+
+def test_a_film_thrown_beyond_the_models_reach_is_followed_until_there() -> None:
+    """Against DOP853 with an event: when it leaves, and where it is half way."""
+    start = PAPER.rest(0.98 * PAPER.reach)
+    start[1] = 200.0
+    constant = step(2e3, 2e3, 0.5, 1.0)
+
+    def gone(_: float, state: np.ndarray) -> float:
+        return PAPER.reach - float(state[0])
+
+    gone.terminal = True  # type: ignore[attr-defined]
+    other = solve_ivp(lambda _, x: PAPER.rates(x, 2e3), (0, 1), start, "DOP853", rtol=1e-11,
+                      atol=1e-13, events=gone, dense_output=True)
+    response = simulate(PAPER, constant, start)
+    assert other.status == 1
+    assert response.drawn_in == pytest.approx(other.t[-1], rel=1e-7)
+    half = np.array([response.end / 2])
+    assert response.deflection(half) == pytest.approx(other.sol(half)[0], rel=1e-7)
+    assert "drawn in after" in sample(response, 1e-4).numbers["warnings"][0]
 
 
 def test_settling_time_ignores_slow_creep() -> None:
@@ -172,6 +192,7 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     assert [one["alpha"] for one in printed["responses"]] == [[1.0], [0.6, 0.4]]
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000
+    assert SimulationResult.load(out).json() == printed
     head = 'name = "made"\n' + "".join(
         "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")
                                      else line

@@ -58,7 +58,8 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.errors import InputError
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings
-    from tympan.studies.lumped.build import BuildSettings, build, write_built
+    from tympan.studies.lumped.build import BuildSettings, build
+    from tympan.studies.lumped.build_result import BuildResult
 
     try:
         AlphaSettings(circles=options.circles)
@@ -72,19 +73,16 @@ def _run(options: argparse.Namespace) -> None:
     check_distinct([specimen.name for specimen in specimens])
     with bar(4 * len(specimens)) as progress:
         models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
-    result = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
-              "fitted_masses_kg": list(chosen.fit.masses),
-              "fitted_voltages_V": list(chosen.fit.voltages),
-              "built": [model.json() for model in models]}
+    result = BuildResult.of(models)
     if options.output is not None:
         from tympan.reports.figures.lumped_model import draw_built
 
-        write_built(models, result, options.output)
-        draw_built(models, options.output)
+        result.save(options.output)
+        draw_built(BuildResult.load(options.output), options.output)
     if options.json:
-        print_json(result)
+        print_json(result.json())
     else:
-        _show(result)
+        _show(result.json())
 
 
 def _voltages(options: argparse.Namespace) -> tuple[float, ...]:

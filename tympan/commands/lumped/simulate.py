@@ -21,7 +21,6 @@ from tympan.options import (
 
 if TYPE_CHECKING:
     from tympan.geometry.specimen import Specimen
-    from tympan.studies.lumped.response import Simulated
     from tympan.studies.lumped.signals import Signal
 
 
@@ -66,14 +65,14 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.actuator import Actuator
     from tympan.studies.lumped.model_file import read_model
-    from tympan.studies.lumped.response import Simulated, simulated_json, write_simulated
+    from tympan.studies.lumped.response import SampledResponse, SimulationResult, sample
     from tympan.studies.lumped.simulate import simulate
 
     mass = parse_quantity(options.mass, "mass", "--mass")
     interval = _positive(options.interval, "--interval")
     signal, period = _signal(options)
     rig, weights = read_rig(options.rig), parse_numbers(options.alpha, "--alpha")
-    responses: list[Simulated] = []
+    responses: list[SampledResponse] = []
     models = [read_model(file) for file in options.model]
     for model in models:
         model.check(rig.film_voltage(signal.peak))
@@ -86,19 +85,19 @@ def _run(options: argparse.Namespace) -> None:
     with bar(len(actuators)) as progress:
         for number, actuator in enumerate(actuators):
             progress(actuator.specimen.name)
-            responses.append(Simulated(simulate(actuator, signal), interval, period,
-                                   options.signal == "step",
-                                   weights is None and number < len(actuators) - len(models)))
-    result = simulated_json(responses)
+            equal = weights is None and number < len(actuators) - len(models)
+            responses.append(sample(simulate(actuator, signal), interval, period,
+                                    options.signal == "step", equal))
+    result = SimulationResult(tuple(responses))
     if options.output is not None:
         from tympan.reports.figures.response import draw_simulated
 
-        write_simulated(responses, result, options.output)
-        draw_simulated(responses, options.output)
+        result.save(options.output)
+        draw_simulated(SimulationResult.load(options.output), options.output)
     if options.json:
-        print_json(result)
+        print_json(result.json())
     else:
-        _show(result)
+        _show(result.json())
 
 
 def _show(result: dict[str, Any]) -> None:
