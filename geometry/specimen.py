@@ -83,8 +83,9 @@ class Film:
     thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS)]
     prestretch: Annotated[Pair, Key("stretches along x and y from the virgin film to the flat mounted one",
                                     rule=_STRETCH)]
-    material: Annotated[Material, Key("a law with its constants, or a name of `tympan materials`",
-                                      kinds=LAWS)]
+    material: Annotated[Material, Key(
+        "a law with its constants, or a name of the library; true stress must grow over the stretches "
+        "of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key("ε_r of the mounted film", rule=_PERMITTIVITY)]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",

@@ -209,6 +209,4 @@ class PlainTable(Table):
         return key + DIMENSIONS[dimension].suffix if dimension else key
 
     def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:
-        if isinstance(value, str):  # a default, with its unit
-            return super()._quantity(key, value, dimension, rule)
         return self._number(key, value, rule)

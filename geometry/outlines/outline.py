@@ -114,7 +114,8 @@ class Rotated(Boxed):
     """Another outline turned counterclockwise by ``rotation`` about the centre of its bounding box."""
 
     outline: Outline
-    rotation: Annotated[float, Key("of any shape, counterclockwise about the centre of its box", "angle")]
+    rotation: Annotated[float, Key("of any shape, counterclockwise about the centre of its box",
+                                   "angle", default="0 deg")]
 
     @property
     def shape(self) -> str:

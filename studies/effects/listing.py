@@ -67,7 +67,7 @@ def _lines(effect: Effect) -> Iterator[str]:
     model = "of the lumped model only" if effect.lumped else ""
     yield from (f"  {note}" for note in (where, needs, model) if note)
     for item in effect.parameters:
-        yield f"  {_named(item)}: {item.meaning}; {item.sign}"
+        yield f"  {named(item)}: {item.meaning}; {item.sign}"
         yield f"    prior: {_prior(item)}\n    why: {item.reason}"
 
 
@@ -79,11 +79,12 @@ def _section(effect: Effect) -> Iterator[str]:
     yield " ".join(filter(None, notes)) + "\n"
     yield "| parameter | meaning | sign | prior | reason |\n|---|---|---|---|---|"
     for item in effect.parameters:
-        yield f"| {_named(item)} | {item.meaning} | {item.sign} | {_prior(item)} | {item.reason} |"
+        yield f"| {named(item)} | {item.meaning} | {item.sign} | {_prior(item)} | {item.reason} |"
     yield ""
 
 
-def _named(item: EffectParameter) -> str:
+def named(item: EffectParameter) -> str:
+    """A parameter's name with its unit."""
     return f"{item.name} [{item.unit}]" if item.unit else item.name
 
 

@@ -1,0 +1,126 @@
+"""The page docs/reference.md: every key of the files a user writes, from the declarations of the fields.
+
+``python -m tympan.reports.reference > docs/reference.md`` writes it anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+from typing import Any, Literal, get_args, get_origin
+
+from tympan.fem.film.breakdown import STRENGTH_LIBRARY
+from tympan.fem.film.laws import LAWS
+from tympan.fem.film.library import MATERIALS
+from tympan.fem.membrane.loading import BIASES
+from tympan.fem.rig import Rig
+from tympan.geometry.fields import Field, Registry, fields_of
+from tympan.geometry.outlines import OUTLINES, Rotated
+from tympan.geometry.outlines.pieces import PIECES
+from tympan.geometry.specimen import STRENGTHS, Electrode, Film, Plate, Region, Specimen
+from tympan.geometry.toml_reader import FINITE
+from tympan.geometry.units import DIMENSIONS, quantity_text
+from tympan.studies.effects import EFFECTS, listing
+
+_INTRODUCTION = """# Reference
+
+Written by `python -m tympan.reports.reference`. Every key of specimen and rig files, with what it
+holds, its default and its limits. Quantities are texts with a unit, such as "4.5 cm"; any unit of
+the right dimension will do. A key that is not listed is an error.
+"""
+
+#: Where the kinds of a table are listed.
+_SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
+    ("Outlines", OUTLINES), ("Pieces of drawn outlines", PIECES), ("Laws", LAWS),
+    ("Strengths", STRENGTHS), ("Bias mechanisms", BIASES))
+
+_LIBRARIES = {"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)}
+
+
+def page(rig: type[Rig] = Rig) -> str:
+    """The page's text; ``rig`` is the rig whose keys it lists."""
+    tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, and", Rotated),
+              ("[plate]", Plate), ("[membrane]", Film), ("[electrode]", Electrode),
+              ("[electrode.outline]", Region), ("rig.toml", rig))
+    lines = [_INTRODUCTION]
+    for title, cls in tables:
+        lines += [f"## {title}", "", *_table(cls), ""]
+    for title, kinds in _SECTIONS:
+        names = _LIBRARIES.get(title, ())
+        library = [f"Names of the library: {', '.join(names)}.", ""] if names else []
+        lines += [f"## {title}", "", *library]
+        for name, cls in kinds.items():
+            lines += [f"### {kinds.tag} = \"{name}\"", "", _summary(cls), "", *_table(cls), ""]
+    lines += ["## Effects", "", "What a diagnosis looks for; priors and reasons are in "
+              "[effects.md](effects.md).", "", "| effect | parameter | from | to | meaning |",
+              "|---|---|---|---|---|", *_effects()]
+    return "\n".join(lines) + "\n"
+
+
+def _summary(cls: type) -> str:
+    return (cls.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("``", "`")
+
+
+def _table(cls: type) -> Iterator[str]:
+    yield "| key | holds | default | limits | meaning |"
+    yield "|---|---|---|---|---|"
+    for field in fields_of(cls):
+        if not field.says.inline and not (cls is Rotated and field.says.kinds):
+            cells = (f"`{field.key}`", _form(field), _default(field), _limits(field),
+                     field.says.meaning)
+            yield f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
+
+
+def _form(field: Field) -> str:
+    """What kind of value it holds."""
+    title = next((title for title, kinds in _SECTIONS if kinds is field.says.kinds), "")
+    if title or is_dataclass(field.item):
+        what = "tables" if field.several else "table"
+        return f"{what}: [{title}](#{title.lower().replace(' ', '-')})" if title else what
+    if get_origin(field.item) is Literal:
+        return " or ".join(f'"{name}"' for name in get_args(field.item))
+    words = {str: "text", int: "whole number", bool: "true or false"}
+    unit = DIMENSIONS[field.says.dimension].symbol if field.says.dimension else ""
+    what = f"{field.says.dimension} [{unit}]" if unit else words.get(field.item, "number")
+    if not field.several:
+        return what
+    count = f"{field.count} ×" if field.count else "list of"
+    points = "points, 2 × " if get_origin(field.item) is tuple else ""
+    return f"{count} {points}{what}"
+
+
+def _default(field: Field) -> str:
+    if field.required:
+        return "required"
+    return field.says.default or _shown(field, field.default)
+
+
+def _shown(field: Field, value: Any) -> str:
+    if is_dataclass(value):
+        return "all defaults"
+    if value in (None, ()):
+        return "none"
+    if isinstance(value, tuple):
+        return ", ".join(_shown(field, part) for part in value)
+    if isinstance(value, str | bool) or not field.says.dimension:
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    return quantity_text(value, field.says.dimension)
+
+
+def _limits(field: Field) -> str:
+    needs = f"only with `{field.says.needs}`" if field.says.needs else ""
+    least = f"at least {field.says.least}" if field.says.least > 1 else ""
+    rule = field.says.rule[1] if field.says.rule is not FINITE else ""
+    return "; ".join(filter(None, (rule, least, needs)))
+
+
+def _effects() -> Iterator[str]:
+    for effect in EFFECTS.values():
+        for parameter in effect.parameters:
+            low, high = (f"{parameter.shown(value):.6g}" for value in (parameter.low, parameter.high))
+            yield (f"| {effect.name} | {listing.named(parameter)} | {low} | {high} | "
+                   f"{parameter.meaning} |")
+
+
+if __name__ == "__main__":
+    print(page(), end="")
