@@ -21,7 +21,7 @@ from tympan.fem.equilibrium.ramp import (
     voltage_path,
 )
 from tympan.fem.film.admissibility import failures
-from tympan.fem.film.tension_state import Tension
+from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State

@@ -13,7 +13,7 @@ import numpy as np
 from tympan.fem.equilibrium.arc_length import Branch, Point
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
-from tympan.fem.film.tension_state import Tension
+from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import whole

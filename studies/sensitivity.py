@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.parameters import Parameter, Parameters, film_names, shape_names
+from tympan.fem.derivatives.parameters import ModelParameter, Parameters, film_names, shape_names
 from tympan.fem.derivatives.quantities import Quantity, named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import velocities
@@ -70,7 +70,7 @@ class CaseNumber:
 class UnderPressure:
     """A length that changes the plate's area, and so the force of a pressure on the plate."""
 
-    inner: Parameter
+    inner: ModelParameter
     case: Case
 
     @property
@@ -172,10 +172,11 @@ def sensitivity(case: Case, settings: Settings,
                    warnings=(failure_reason(outcome), *left_out))
 
 
-def case_parameters(case: Case, model: Model, limited: Load | None = None) -> dict[str, Parameter]:
+def case_parameters(case: Case, model: Model, limited: Load | None = None
+                    ) -> dict[str, ModelParameter]:
     """All a case depends on, by name: specimen, but for lengths the mesh cannot follow, nominal loads and rig."""
     known = Parameters(model)
-    result: dict[str, Parameter] = {name: known[name] for name in film_names(case.specimen)}
+    result: dict[str, ModelParameter] = {name: known[name] for name in film_names(case.specimen)}
     for name in () if _immovable(model) else shape_names(case.specimen):
         shape = known[name]
         loads = case.rig.plate_pressure and limited != "force"
@@ -219,7 +220,7 @@ def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
     return _answers(f"pull_in_{load}", value, slopes, by, case, model, critical.state)
 
 
-def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, Parameter],
+def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, ModelParameter],
              case: Case, model: Model, state: State) -> Answers:
     answers = []
     for parameter, slope in slopes.items():

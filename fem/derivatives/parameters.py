@@ -1,4 +1,4 @@
-"""What an equilibrium can be differentiated by: numbers of film, electrode, shape, loads and surroundings, by name.
+"""What an equilibrium can be differentiated by, by name: numbers of film, shape and surroundings.
 
 A parameter says how model and state change with it, for a real change and for an imaginary one. So
 the same few lines serve the complex step, which gives derivatives exact to rounding, and finite
@@ -25,43 +25,46 @@ from tympan.geometry.specimen import Specimen
 LOADS = ("force", "voltage", "pressure")
 
 
-class Parameter(Protocol):
+class ModelParameter(Protocol):
     """One number that model or state depend on.
 
-    ``moves``: whether it moves nodes. ``odd``: the mirror planes in which its mirror image is its
+    ``moves``: whether a change moves the nodes. ``odd``: the axes whose reversal turns it into its
     opposite.
     """
 
     @property
-    def moves(self) -> bool:
-        """Whether a change moves the nodes."""
+    def moves(self) -> bool: ...
 
     @property
-    def odd(self) -> frozenset[str]:
-        """Axes whose reversal turns the parameter into its opposite."""
+    def odd(self) -> frozenset[str]: ...
 
     def value(self, model: Model, state: State) -> float:
         """Its present value [SI]."""
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Model and state after a change, real or imaginary, every node keeping its displacement from its own place."""
+        """Model and state after a change, real or imaginary.
+
+        Every node keeps its displacement from its own place.
+        """
 
 
 @dataclass(frozen=True)
-class FilmNumber:
-    """A number of the film, or the stiffness of the electrode."""
+class ModelNumber:
+    """A number of film, electrode or surroundings, at a path of the model; it moves no node."""
 
     path: tuple[str, ...]
     moves = False
-    odd = frozenset[str]()
+
+    @property
+    def odd(self) -> frozenset[str]:
+        """The axis an arm is along."""
+        return frozenset("xy"[int(self.path[-1])]) if "arm" in self.path else frozenset()
 
     def value(self, model: Model, state: State) -> float:
-        """As in the specimen."""
-        return float(at(model.specimen, self.path))
+        return float(at(model, self.path))
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Another film on the same mesh."""
-        return replace(model, specimen=with_change(model.specimen, self.path, change)), state
+        return with_change(model, self.path, change), state
 
 
 @dataclass(frozen=True)
@@ -73,39 +76,18 @@ class LoadNumber:
     odd = frozenset[str]()
 
     def value(self, model: Model, state: State) -> float:
-        """As in the state."""
-        return float(np.sqrt(state.voltage_squared)) if self.name == "voltage" else float(getattr(state, self.name))
+        if self.name == "voltage":
+            return float(np.sqrt(state.voltage_squared))
+        return float(getattr(state, self.name))
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Another load on the same film."""
         value = self.value(model, state) + change
         return model, state.under(**{self.name: value**2 if self.name == "voltage" else value})
 
 
 @dataclass(frozen=True)
-class LoadingNumber:
-    """A number of the surroundings: where the weight hangs, gravity on the film, constants of bias mechanisms."""
-
-    path: tuple[str, ...]
-    moves = False
-
-    @property
-    def odd(self) -> frozenset[str]:
-        """The axis an arm is along."""
-        return frozenset("xy"[int(self.path[1])]) if self.path[0] == "arm" else frozenset()
-
-    def value(self, model: Model, state: State) -> float:
-        """As in the model's loading."""
-        return float(at(model.loading, self.path))
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Other surroundings."""
-        return replace(model, loading=with_change(model.loading, self.path, change)), state
-
-
-@dataclass(frozen=True)
 class ShapeNumber:
-    """A length of frame, plate or electrode; the mesh moves with it (:mod:`tympan.fem.derivatives.shape`)."""
+    """A length of frame, plate or electrode; the mesh moves with it."""
 
     path: tuple[str, ...]
     velocities: Velocities
@@ -119,13 +101,11 @@ class ShapeNumber:
         return frozenset("xy"[int(self.path[-1])]) if self.path[-2] == "offset" else frozenset()
 
     def value(self, model: Model, state: State) -> float:
-        """As in the specimen."""
         return float(at(model.specimen, self.path))
 
     def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """The same mesh with its nodes elsewhere."""
-        other = with_change(model.specimen, self.path, change)
-        return moved_by(model, state, other, change * self.velocities.of(self.path))
+        specimen = with_change(model.specimen, self.path, change)
+        return moved_by(model, state, specimen, change * self.velocities.of(self.path))
 
 
 @dataclass(frozen=True)
@@ -139,13 +119,10 @@ class Parameters:
         """All names: of film and electrode, loads, surroundings, shape."""
         loading = (name for name in numbers(self.model.loading, "loading")
                    if isfinite(at_name(self.model, name)))
-        return (*film_names(self.model.specimen), *LOADS, *loading, *self._lengths)
+        return (*film_names(self.model.specimen), *LOADS, *loading,
+                *shape_names(self.model.specimen))
 
-    @cached_property
-    def _lengths(self) -> tuple[str, ...]:
-        return shape_names(self.model.specimen)
-
-    def __getitem__(self, name: str) -> Parameter:
+    def __getitem__(self, name: str) -> ModelParameter:
         """The parameter of a name.
 
         Raises
@@ -159,10 +136,10 @@ class Parameters:
         if name in LOADS:
             return LoadNumber(name)
         if path[0] == "loading":
-            return LoadingNumber(path[1:])
-        if name in self._lengths:
+            return ModelNumber(path)
+        if name in shape_names(self.model.specimen):
             return ShapeNumber(path, velocities(self.model.discretisation, self.model.specimen))
-        return FilmNumber(path)
+        return ModelNumber(("specimen", *path))
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:
@@ -174,15 +151,15 @@ def film_names(specimen: Specimen) -> tuple[str, ...]:
     >>> from tympan.geometry.outlines import Circle
     >>> from tympan.geometry.specimen import Film, Plate
     >>> film = Film(1e-3, (2.2, 2.2), Ogden((20e3,), (2.0,)), 4.7)
-    >>> film_names(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[:4]
-    ('membrane.thickness', 'membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
+    >>> film_names(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[1:4]
+    ('membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
     """
     # Strength decides nothing but breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
 
 
 def shape_names(specimen: Specimen) -> tuple[str, ...]:
-    """Names of the lengths of frame and plate, and of those of the electrode that have an edge within the film.
+    """Names of the lengths of frame and plate, and of an electrode with edges within the film.
 
     Corners and points that an outline is drawn through are among them where the specimen has no
     mirror plane.

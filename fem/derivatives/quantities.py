@@ -50,11 +50,9 @@ class Deflection:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """The plate's own."""
         return state.plate.heave
 
     def slope(self, model: Model, state: State) -> Parts:
-        """One."""
         return _of_plate(model, {HEAVE: 1.0})
 
 
@@ -65,7 +63,6 @@ class Tilt:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """The plate's own."""
         return state.plate.tilt
 
     def slope(self, model: Model, state: State) -> Parts:
@@ -85,7 +82,6 @@ class Reaction:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """Sum of the nodal forces on the plate's edge."""
         return model.reaction(state)
 
     def slope(self, model: Model, state: State) -> Parts:
@@ -103,11 +99,9 @@ class Energy:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """The model's energy."""
         return model.energy(state.positions, state.voltage_squared) * model.discretisation.mirrored
 
     def slope(self, model: Model, state: State) -> Parts:
-        """The nodal forces."""
         return _of_nodes(model, state, model.forces(state.positions, state.voltage_squared))
 
 
@@ -118,7 +112,6 @@ class Capacitance:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """Of the model; where the film wrinkles it has none that works for complex numbers."""
         if model.wrinkles:
             raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
                              given="capacitance")
@@ -167,7 +160,6 @@ class Largest:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        """The norm."""
         return _norm(self._field(model, state), model.discretisation.weights, self.power)
 
     def slope(self, model: Model, state: State) -> Parts:
@@ -190,7 +182,6 @@ class AtPoint:
     even = False
 
     def value(self, model: Model, state: State) -> Any:
-        """The field there."""
         h = self.field(model, state.voltage_squared, model.cauchy_green(state.positions))
         return np.broadcast_to(h, model.discretisation.weights.shape)[self._point(model)]
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.adjoint import Adjoint
-from tympan.fem.derivatives.parameters import LOADS, Parameter, Parameters
+from tympan.fem.derivatives.parameters import LOADS, ModelParameter, Parameters
 from tympan.fem.derivatives.quantities import Deflection, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.stiffness import Stiffness
@@ -61,7 +61,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
 
 def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
                   quantities: Mapping[str, Quantity],
-                  by: Mapping[str, Parameter]) -> dict[str, dict[str, float]]:
+                  by: Mapping[str, ModelParameter]) -> dict[str, dict[str, float]]:
     """Derivatives of several quantities by several parameters, by their names: one adjoint solve for each quantity."""
     if isinstance(equilibrium, Outcome) and equilibrium.status != "equilibrium":
         raise InputError("has no derivatives: no equilibrium was found", key="state",
@@ -91,7 +91,7 @@ def heave_gradient(model: Model, equilibrium: Outcome | Solution | State,
 
 
 def limit_gradient(model: Model, critical: Point, load: Load,
-                   by: Mapping[str, Parameter]) -> dict[str, float]:
+                   by: Mapping[str, ModelParameter]) -> dict[str, float]:
     """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
 
     At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p /

@@ -1,8 +1,9 @@
-"""Tension field: what a film without bending stiffness stores once it wrinkles instead of carrying compression."""
+"""Tension field: a film without bending stiffness wrinkles instead of carrying compression."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,30 @@ Array = NDArray[Any]
 _HALVINGS = 60
 _EXACT = 1e-14
 _OUTWARDS = (3.0, 2.0, 1.5, 1.25, 1.1, 1.03)
+
+
+class Tension(IntEnum):
+    """In how many directions the film carries tension; the numbers are those of the VTU."""
+
+    TAUT = 0  #: in both
+    WRINKLED = 1  #: along the wrinkles only
+    SLACK = 2  #: in none
+
+
+def tension_state(stress_1: Array, stress_2: Array, tense: Array
+                  ) -> NDArray[np.int64]:
+    """Of :class:`Tension`, from the larger and the smaller principal true stress [Pa], shape (n,).
+
+    ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
+    but no more than the residual tension of :class:`TensionField`.
+
+    Examples
+    --------
+    >>> tension_state(np.array([2.0, 1.0, -1.0]), np.array([1.0, -0.5, -2.0]), np.array([2, 2, 2]))
+    array([0, 1, 2])
+    """
+    pressed = (np.asarray(stress_1) <= 0).astype(np.int64) + (np.asarray(stress_2) <= 0)
+    return np.maximum(pressed, 2 - np.asarray(tense))
 
 
 @dataclass(frozen=True)
@@ -141,21 +166,21 @@ def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array],
     (a, b), (first, second) = seen, taken
     w, w1, _, w11, w12, w22 = at
     slack = np.real(first) > np.real(a)
-    known = np.where(np.isnan(second), np.nan, 1.0)
+    exists = np.where(np.isnan(second), np.nan, 1.0)
     energy = w + k / 2 * (a * a + b * b - first * first - second * second)
     along = np.where(slack, k * a, w1), np.where(slack, k, w11 - w12 * w12 / (w22 - k))
-    return energy, along[0] * known, k * b * known, along[1] * known, 0 * known, k * known
+    return energy, along[0] * exists, k * b * exists, along[1] * exists, 0 * exists, k * exists
 
 
 def _root(function: Any, low: Array, high: Array) -> Array:
-    """Where a function that is negative at ``low`` becomes positive below ``high``, else nan; Newton within bisection.
+    """Where a function that is negative at ``low`` becomes positive below ``high``, else nan.
 
-    The last step is taken in the arguments' own arithmetic, so that an imaginary step on anything
-    passes through.
+    Newton within bisection. The last step is taken in the arguments' own arithmetic, so that an
+    imaginary step on anything passes through.
     """
     with np.errstate(all="ignore"):
         lower, upper = np.real(low).copy(), np.real(high).copy()
-        found = np.real(function(upper)[0]) > 0
+        exists = np.real(function(upper)[0]) > 0
         point = lower
         for _ in range(_HALVINGS):
             value, slope = (np.real(part) for part in function(point))
@@ -166,8 +191,8 @@ def _root(function: Any, low: Array, high: Array) -> Array:
             following = np.where(inside, following, (lower + upper) / 2)
             moved = np.abs(following - point) > _EXACT * point
             point = following
-            if not (moved & found).any():
+            if not (moved & exists).any():
                 break
         value, slope = function(point)
         point = point - value / slope
-    return np.where(found, point, np.nan)
+    return np.where(exists, point, np.nan)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.discretisation.isoparametric import tabulated
 from tympan.fem.film.density import FilmDensity
-from tympan.fem.film.tension_state import Tension, tension_state
+from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.model import Model, cauchy_green
 from tympan.fem.membrane.state import State
 from tympan.geometry.mesh import unfold
@@ -55,7 +55,7 @@ class Fields:
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
     plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
-    tension: Array  #: of :class:`tympan.fem.film.tension_state.Tension`
+    tension: Array  #: of :class:`tympan.fem.film.tension_field.Tension`
 
     @property
     def breakdown_share(self) -> Array:

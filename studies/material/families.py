@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import complex_step
 from tympan.fem.film.laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHooke, Ogden, Yeoh
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.specimen import Material
@@ -52,12 +53,10 @@ class Family:
 
     def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
         """Nominal stress by every constant, by the complex step in the shape constants."""
-        split, step = len(self.linear), 1e-30
-        parts = [self.columns(l1, l2, values[split:])]
-        for index in range(len(self.shape)):
-            moved = values[split:] + 1j * step * (np.arange(len(self.shape)) == index)
-            parts.append((self.columns(l1, l2, moved) @ values[:split]).imag[:, None] / step)
-        return np.concatenate(parts, axis=1)
+        linear, shape = np.split(values, [len(self.linear)])
+        parts = [complex_step(lambda moved: self.columns(l1, l2, moved) @ linear, shape, row)
+                 for row in np.eye(len(shape))]
+        return np.column_stack([self.columns(l1, l2, shape), *parts])
 
     def stress(self, l1: Array, l2: Array, values: Array) -> Array:
         """Nominal stress [Pa]."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.parameters import Parameter
+from tympan.fem.derivatives.parameters import ModelParameter
 from tympan.fem.derivatives.quantities import Deflection
 from tympan.fem.derivatives.sensitivity import gradient_many
 from tympan.fem.derivatives.shape import moved_by, velocities
@@ -117,7 +117,7 @@ class Bench:
                                              *(pair[1] for pair in pairs)]))
 
 
-def _slopes(model: Model, outcome: Outcome, by: Mapping[str, Parameter]) -> Array:
+def _slopes(model: Model, outcome: Outcome, by: Mapping[str, ModelParameter]) -> Array:
     """Derivatives of the heave, shape (parameters,)."""
     found = gradient_many(model, outcome, {"": Deflection()}, by)[""]
     return np.array([found[name] for name in by])

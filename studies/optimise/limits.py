@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.parameters import Parameter
+from tympan.fem.complex_step import STEP
+from tympan.fem.derivatives.parameters import ModelParameter
 from tympan.fem.derivatives.quantities import Field, Largest, larger_stress, true_field
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import Edge
@@ -27,7 +28,6 @@ from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-40
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 #: Power of the norm that stands for a largest value: at 64 it is 2 to 10 % short, at 200 some 2 %.
 _POWER = 200
@@ -50,7 +50,7 @@ class Found:
     _kept: dict[float, tuple[float, Array]] = field(default_factory=dict)
 
     @cached_property
-    def by(self) -> dict[str, Parameter]:
+    def by(self) -> dict[str, ModelParameter]:
         """Parameters by name."""
         return self._named(None)
 
@@ -84,7 +84,7 @@ class Found:
         return margin, np.array([slopes[name] for name in self.names]) / (2 * margin
                                                                           * film_voltage**2)
 
-    def _named(self, limited: Any) -> dict[str, Parameter]:
+    def _named(self, limited: Any) -> dict[str, ModelParameter]:
         known = case_parameters(self.case, self.model, limited)
         return {name: known[name] for name in self.names}
 
@@ -207,9 +207,9 @@ class Gap:
             chosen &= edge["xy".index(axis)] >= -1e-9
         slopes = np.empty((len(distances), len(found.names)))
         for column, name in enumerate(found.names):
-            stepped = with_change(specimen, name.split("."), 1j * _STEP)
+            stepped = with_change(specimen, name.split("."), 1j * STEP)
             across = _across(stepped, self.points, feet)
-            slopes[:, column] = np.sqrt((across**2).sum(axis=1)).imag / _STEP
+            slopes[:, column] = np.sqrt((across**2).sum(axis=1)).imag / STEP
         return 1 - distances[chosen] / self.bound, -slopes[chosen] / self.bound
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import complex_step
 from tympan.fem.derivatives.parameters import shape_names
 from tympan.fem.derivatives.shape import velocities
 from tympan.geometry.errors import InputError
@@ -225,7 +226,7 @@ def _complex_edge(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            points = _edge(with_change(specimen, path, 1e-40j), path[0])
+            return np.asarray(complex_step(
+                lambda change: _edge(with_change(specimen, path, change), path[0]), 0.0))
         except (TypeError, ValueError, np.exceptions.ComplexWarning):
             return None
-    return np.asarray(points.imag) / 1e-40

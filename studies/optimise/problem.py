@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tympan.fem.complex_step import complex_step
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
@@ -101,9 +102,13 @@ class Problem:
         """A held measure of the frame over the reference's, minus one, and its derivatives by the variables."""
         whole = float(np.real(MEASURES[measure](self.reference.frame)))
         frame = self.frame(values)
-        slopes = [float(MEASURES[measure](with_change(frame, variable.path[1:], 1e-40j)).imag)
-                  / 1e-40
-                  if variable.path[0] == "frame" else 0.0 for variable in self.variables]
+
+        def slope(path: tuple[str, ...]) -> float:
+            return float(complex_step(
+                lambda change: MEASURES[measure](with_change(frame, path, change)), 0.0))
+
+        slopes = [slope(variable.path[1:]) if variable.path[0] == "frame" else 0.0
+                  for variable in self.variables]
         return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
 
 

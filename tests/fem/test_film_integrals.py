@@ -11,7 +11,7 @@ from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.laws import Ogden
-from tympan.fem.film.tension_state import Tension
+from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import (

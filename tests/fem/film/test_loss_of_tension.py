@@ -13,7 +13,7 @@ from tests.oracles import axisymmetric
 from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular
 from tympan.fem.film.laws import Ogden
-from tympan.fem.film.tension_state import Tension
+from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import cell_fields, lost_tension
