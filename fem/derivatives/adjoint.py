@@ -33,7 +33,7 @@ class Adjoint:
 
     @classmethod
     def of(cls, model: Model, equilibrium: Outcome | Solution | State) -> Adjoint:
-        """With the factors a solution brings, if they are of all motions of this model; otherwise with new ones."""
+        """With the factors a solution brings, if of all motions of this model, or new ones."""
         if isinstance(equilibrium, Outcome):
             equilibrium = equilibrium.solution
         tangent = equilibrium.tangent if isinstance(equilibrium, Solution) else None
@@ -44,7 +44,7 @@ class Adjoint:
         return cls(Stiffness(model, state), tangent)
 
     def solve(self, right: Parts) -> Parts:
-        """Refined until the next correction would not matter, or would be no shorter than the last."""
+        """Refined until the next correction would not matter, or be no shorter than the last."""
         solution = self.nearby.respond(right)
         size = last = _length(solution)
         for _ in range(_REFINEMENTS):

@@ -40,7 +40,7 @@ class Quantity(Protocol):
         """The result [SI], complex for a complex model or state."""
 
     def slope(self, model: Model, state: State) -> Parts:
-        """Its derivative by the free nodal components and by the plate's allowed freedoms, all else held."""
+        """Its derivative by the free nodal components and the plate's allowed freedoms."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Deflection:
 
 @dataclass(frozen=True)
 class Tilt:
-    """Angle between the plate's normal and the load [rad]; without derivatives where the plate does not tilt."""
+    """Angle between the plate's normal and the load [rad]; no derivatives where it is zero."""
 
     even = True
 
@@ -89,7 +89,8 @@ class Reaction:
         lift = np.zeros(state.positions.shape)
         lift[model.discretisation.plate_nodes, 2] = 1.0
         return _of_nodes(model, state, complex_step(
-            lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
+            lambda positions: model.forces(positions, state.voltage_squared), state.positions,
+            lift))
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
 
 @dataclass(frozen=True)
 class Largest:
-    """A smooth largest value of a positive field: its norm (mean of hᵖ over the mounted film)^(1/p).
+    """A smooth largest value of a positive field: (mean of hᵖ over the mounted film)^(1/p).
 
     From the quadrature points; below the true maximum, which it nears as p grows, and which has no
     derivative where two places share it.
@@ -175,7 +176,10 @@ class Largest:
 
 @dataclass(frozen=True)
 class AtPoint:
-    """A field at the quadrature point nearest to a place on the mounted film [m]; with the mesh, that point moves."""
+    """A field at the quadrature point nearest to a place on the mounted film [m].
+
+    With the mesh, that point moves.
+    """
 
     field: Field
     place: tuple[float, float]
@@ -241,7 +245,7 @@ def _of_plate(model: Model, values: dict[int, float]) -> Parts:
 
 
 def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
-    """Derivatives from those of this mesh's part by its nodes, the plate's edge following the plate."""
+    """From derivatives of this mesh's part by its nodes; the plate's edge follows the plate."""
     return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)
 
 

@@ -1,6 +1,6 @@
-"""Virtual work of all forces along fixed motions, and how it changes with what model and state depend on.
+"""Virtual work of all forces along fixed motions, and its derivatives by whatever it depends on.
 
-Subspace meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
+Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
 number of the film costs no more than the materials it changes: their W₁δλ₁ + W₂δλ₂. A change of
 shape moves the nodes in the plane by V at constant displacements. The work then changes as if the
 film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (S·δE)
@@ -29,7 +29,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class ResidualDerivative:
-    """Derivative of the residual by whatever model and state depend on, times motions of film and plate.
+    """Derivatives of the residual, times motions of film and plate, by what it depends on.
 
     ``at`` is the state the motions start from.
     """
@@ -38,9 +38,9 @@ class ResidualDerivative:
     motions: Sequence[Parts]
 
     def by(self, model: Model, state: State) -> Array:
-        """Imaginary part of the virtual work for an imaginary step [J per unit of motion], shape (motions,).
+        """Imaginary part of the virtual work for an imaginary step, shape (motions,).
 
-        What the step does not touch is left out.
+        In J per unit of motion. What the step does not touch is left out.
         """
         mine = self.at.model
         result = self._by_film(model, state)
@@ -58,7 +58,7 @@ class ResidualDerivative:
         return result
 
     def _by_film(self, model: Model, state: State) -> Array:
-        """By materials that are not those the motions start with, and by the film's virgin thickness."""
+        """By materials that are not those at the start, and by the film's virgin thickness."""
         film, result = model.specimen.membrane, np.zeros(len(self.motions))
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
@@ -82,13 +82,14 @@ class ResidualDerivative:
         return np.tensordot(self._strains, stress * weights, axes=3)
 
     def _by_shape(self, model: Model, state: State) -> Array:
-        """By nodes that move within the plane of the mounted film, every one keeping its displacement."""
+        """By nodes that move in the mounted film's plane, each keeping its displacement."""
         mine, plate = self.at.model, self.at.state.plate
         turned = plate.gradient(model.arms)[:, :, mine.plate_freedoms].imag
         forces = self.at.forces[mine.discretisation.plate_nodes]
         follows = np.einsum("nip,mp,ni->m", turned, self._plate, forces)
         moved = np.tensordot(self._returned, state.positions.imag, axes=2)
-        slid = np.tensordot(self._configurational, model.discretisation.reference.imag[:, :2], axes=2)
+        places = model.discretisation.reference.imag[:, :2]
+        slid = np.tensordot(self._configurational, places, axes=2)
         return np.asarray(moved + slid + follows)
 
     @cached_property
@@ -98,7 +99,7 @@ class ResidualDerivative:
 
     @cached_property
     def _configurational(self) -> Array:
-        """Change of the work when a node moves in the virgin film alone [N], shape (motions, nodes, 2)."""
+        """Change of the work as nodes move in the virgin film alone [N], (motions, nodes, 2)."""
         model, mesh, (sw, dw) = self.at.model, self.at.model.discretisation, self.at.weighted
         c = _matrix(np.stack(self.at.c, axis=-1))
         result = []

@@ -62,7 +62,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
 def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
                   quantities: Mapping[str, Quantity],
                   by: Mapping[str, ModelParameter]) -> dict[str, dict[str, float]]:
-    """Derivatives of several quantities by several parameters, by their names: one adjoint solve for each quantity."""
+    """Derivatives of quantities by parameters, by their names; one adjoint solve per quantity."""
     if isinstance(equilibrium, Outcome) and equilibrium.status != "equilibrium":
         raise InputError("has no derivatives: no equilibrium was found", key="state",
                          given=equilibrium.advice)
@@ -86,7 +86,7 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
 
 def heave_gradient(model: Model, equilibrium: Outcome | Solution | State,
                    names: Sequence[str]) -> dict[str, float]:
-    """Derivatives of the deflection at constant loads by each named parameter [m per SI unit of it]."""
+    """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
     return gradient(model, equilibrium, Deflection(), names)
 
 
@@ -139,8 +139,9 @@ def morphed(model: Model, state: State, name: str, change: float) -> tuple[Model
 
 
 def _refuse_odd(quantities: Mapping[str, Quantity], parameter: str) -> None:
-    """Mirror images of equal value have no slope along what breaks the mirror; others need the whole film."""
+    """Refuse parameters that break the mirror for quantities that may have a slope there."""
     for name, quantity in quantities.items():
         if not quantity.even:
-            raise InputError("breaks the mirror symmetry of the meshed part: mesh the whole film (symmetry off)",
+            raise InputError("breaks the mirror symmetry of the meshed part: mesh the whole film "
+                             "(symmetry off)",
                              key=parameter, given=name or type(quantity).__name__)

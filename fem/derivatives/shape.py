@@ -1,4 +1,4 @@
-"""Meshes that move with a length of frame, plate or electrode, so that results can be differentiated by their shape.
+"""Meshes that move with a length of frame, plate or electrode, for derivatives by shape.
 
 Nodes on the edges of frame, plate and electrode move as those edges do; the others follow smoothly
 (a harmonic extension). The derivative of a discrete result by a length then is exact. In the limit
@@ -59,7 +59,7 @@ class Velocities:
     _by_path: dict[tuple[str, ...], Array] = field(default_factory=dict, repr=False)
 
     def of(self, path: Sequence[str]) -> Array:
-        """Motion of the nodes in the plane per unit of the length at a path of the specimen, shape (nodes, 2).
+        """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Velocities:
         return self._by_path[key]
 
     def towards(self, specimen: Specimen) -> Array:
-        """Motion of the nodes in the plane to a specimen with the same edges, of other lengths; shape (nodes, 2).
+        """Motion of the nodes to a specimen with the same edges of other lengths, (nodes, 2) [m].
 
         Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
         """
@@ -113,8 +113,8 @@ class Velocities:
                              for edge in edges.values()])
             close = miss < 1e-6 * max(self.specimen.frame.semi_axes)
             if (np.count_nonzero(close, axis=0) > 1).any():
-                raise InputError("must have an edge of its own, away from plate, frame and margins, "
-                                 "whose nodes could not follow both", key="electrode",
+                raise InputError("must have an edge of its own, away from plate, frame and "
+                                 "margins, whose nodes could not follow both", key="electrode",
                                  given=str(self.specimen.electrode.outline))
             owner = miss.argmin(axis=0)
             rims |= {name: inner[owner == number] for number, name in enumerate(edges)
@@ -156,11 +156,12 @@ def _edges(specimen: Specimen) -> dict[str, Edge]:
 
 
 def _refuse_notches(specimen: Specimen) -> None:
-    """Sharp corners of the plate, or of the frame into the film, make derivatives by lengths converge too slowly."""
+    """Sharp corners into the film make derivatives by lengths converge too slowly."""
     for key, outline, inwards in (("plate", specimen.plate.outline, 1),
                                   ("frame", specimen.frame, -1)):
         turns = inwards * outline.curve.turns()
         if turns.max() > 1e-3:
             x, y = 1e3 * outline.curve.starts[int(turns.argmax())]
-            raise InputError(f"must be rounded for derivatives by lengths: at the sharp corner at {x:.4g}, {y:.4g} mm "
-                             "the film's stress has no limit", key=key, given=outline.shape)
+            raise InputError("must be rounded for derivatives by lengths: at the sharp corner at "
+                             f"{x:.4g}, {y:.4g} mm the film's stress has no limit",
+                             key=key, given=outline.shape)

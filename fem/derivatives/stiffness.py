@@ -31,7 +31,7 @@ class Stiffness:
         return inner, plate + self._plate @ motion[1]
 
     def nodal(self, motion: Array) -> Array:
-        """Change of the nodal forces of film and gas with a motion of all nodes, both of shape (nodes, 3) [N]."""
+        """Change of the nodal forces of film and gas with a motion, both (nodes, 3) [N]."""
         mesh, pressure, (sw, dw) = self.model.discretisation, self.state.pressure, self.weighted
         change = mesh.deformation(motion)
         by_stress = np.matmul(dw, strains(self.deformation, change)[..., None])[..., 0]
@@ -60,7 +60,7 @@ class Stiffness:
 
     @cached_property
     def forces(self) -> Array:
-        """Nodal forces of film, gas and own weight, without what acts on the plate [N], shape (nodes, 3)."""
+        """Nodal forces of film, gas and own weight, without what acts on the plate [N]."""
         mesh = self.model.discretisation
         elements = _gathered(mesh, _piola(self.deformation, self.weighted[0]))
         if self.state.pressure:
@@ -69,7 +69,7 @@ class Stiffness:
 
     @cached_property
     def volume_forces(self) -> Array:
-        """Derivative of the volume under the film by the elements' nodes [m²], shape (elements, local, 3)."""
+        """Derivative of the film's volume by the elements' nodes [m²], (elements, local, 3)."""
         return self._volume.first()
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Element forces and tangents by batched contractions, a few hundred elements at a time so that they stay in cache."""
+"""Element forces and tangents by batched contractions, in chunks that stay in cache."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
 
 def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
                      volumes: Array) -> Array:
-    """Tangents of the elements, shape (elements, 3 local, 3 local), node-major; temporaries do not grow with the mesh.
+    """Tangents of the elements, shape (elements, 3 local, 3 local), node-major.
 
-    With A = ∂²ψ/∂F∂F an element's block for components i, j is Gᵀ A_ij G over its gradients G, and
-    block ji is the transpose of block ij.
+    Temporaries do not grow with the mesh. With A = ∂²ψ/∂F∂F an element's block for components i, j
+    is Gᵀ A_ij G over its gradients G, and block ji is the transpose of block ij.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
 
 
 def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
-    """∂²ψ/∂F_iα∂F_jβ times volume, shape (elements, points, 12, 2): rows (α, pair ij), columns β."""
+    """∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, pair ij), columns β."""
     a, b = np.ascontiguousarray(np.moveaxis(f, (-1, -2), (0, 1)))
     d = np.ascontiguousarray(np.moveaxis(tangent, (-2, -1), (0, 1))) * volumes
     s = np.ascontiguousarray(np.moveaxis(stress, -1, 0)) * volumes

@@ -1,4 +1,4 @@
-"""The film's mesh, numbered and ready to be integrated over: all that depends on neither material nor loads."""
+"""The film's mesh, numbered and ready to be integrated over, whatever its material and loads."""
 
 from __future__ import annotations
 
@@ -59,9 +59,10 @@ class Discretisation:
             weights=np.asarray(basis.dx))
 
     def moved(self, motion: Array) -> Discretisation:
-        """The same elements with their nodes elsewhere in the plane; ``motion`` (nodes, 2) [m], real or imaginary.
+        """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].
 
-        scikit-fem does not map complex nodes: of those, gradients and weights are our own.
+        It may be imaginary. scikit-fem does not map complex nodes, so gradients and weights then
+        are our own.
         """
         nodes = self.reference[:, :2] + motion
         if not np.iscomplexobj(nodes):
@@ -103,8 +104,8 @@ class Discretisation:
         free[self.plate_nodes] = False
         for axis, plane in enumerate("xy"):
             if plane in self.planes:
-                across = np.arange(3) == axis
-                free[self.boundary_nodes(f"axis_{'yx'[axis]}")] &= across if plane in self.odd else ~across
+                nodes, across = self.boundary_nodes(f"axis_{'yx'[axis]}"), np.arange(3) == axis
+                free[nodes] &= across if plane in self.odd else ~across
         return free
 
     @cached_property
@@ -121,7 +122,7 @@ class Discretisation:
         return np.asarray(np.matmul(local[..., None, :, :], self.gradients))
 
     def scatter(self, elements: Array) -> Array:
-        """Sums of element vectors (elements, local, components) at the nodes, shape (nodes, components)."""
+        """Sums at the nodes, (nodes, components), of vectors (elements, local, components)."""
         if np.iscomplexobj(elements):
             return self.scatter(elements.real) + 1j * self.scatter(elements.imag)
         nodes, count = self.connectivity.ravel(), len(self.reference)
@@ -130,7 +131,7 @@ class Discretisation:
         return np.stack(parts, axis=1)
 
     def plate_coupling(self, elements: Array, gradient: Array) -> tuple[Array, Array]:
-        """The tangent's columns for motions of the plate: rows of the free components, and the corner.
+        """The tangent's columns for motions of the plate: free components' rows, and the corner.
 
         Parameters
         ----------
@@ -154,7 +155,7 @@ class Discretisation:
 
     @cached_property
     def _plate_elements(self) -> tuple[Array, Array]:
-        """Elements with plate nodes, and for each local node its row in ``plate_nodes`` or the row after the last."""
+        """Elements with plate nodes; their nodes' rows in ``plate_nodes``, or its length."""
         row = np.full(len(self.reference), len(self.plate_nodes))
         row[self.plate_nodes] = np.arange(len(self.plate_nodes))
         rows = row[self.connectivity]
@@ -180,10 +181,11 @@ class Discretisation:
         inside = np.flatnonzero(self.mesh.f2t[1] >= 0)
         first, second = self.mesh.f2t[:, inside]
         facets = inside[bare[first] != bare[second]]
-        return np.asarray(self.basis.get_dofs(facets).flatten()) if len(facets) else np.array([], dtype=int)
+        nodes = self.basis.get_dofs(facets).flatten() if len(facets) else []
+        return np.asarray(nodes, dtype=int)
 
     def extended(self, given: Array) -> Array:
-        """The harmonic extension of a motion in the plane from the edges of frame, plate and electrode.
+        """The harmonic extension of a motion of the edges of frame, plate and electrode.
 
         Parameters
         ----------
@@ -198,12 +200,12 @@ class Discretisation:
 
     @cached_property
     def _laplacians(self) -> list[tuple[Any, Any, Array, Array]]:
-        """For both components: the factorised Laplacian, its coupling to what is given, free and given nodes."""
+        """For x and y: factorised Laplacian, coupling to given nodes, free and given nodes."""
         laplacian = self._laplacian
         edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
         result: list[tuple[Any, Any, Array, Array]] = []
-        for axis in "xy":
-            plane = [self.boundary_nodes(f"axis_{'y' if axis == 'x' else 'x'}")] if axis in self.planes else []
+        for axis, across in ("x", "axis_y"), ("y", "axis_x"):
+            plane = [self.boundary_nodes(across)] if axis in self.planes else []
             if result and not self.planes:
                 return [*result, result[0]]
             given = np.zeros(len(self.reference), dtype=bool)

@@ -14,13 +14,13 @@ Array = NDArray[Any]
 
 
 def tabulated(order: int, points: Array) -> tuple[Array, Array]:
-    """Shape functions, shape (local, points), and their slopes, (points, local, 2), at reference points (2, points)."""
+    """Shape functions (local, points), slopes (points, local, 2) at given points (2, points)."""
     return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
 def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array,
                   nodes: Array) -> tuple[Array, Array]:
-    """Gradients of the shape functions and areas at quadrature points, of nodes that may be complex.
+    """Gradients of the shape functions and areas at quadrature points; nodes may be complex.
 
     Parameters
     ----------

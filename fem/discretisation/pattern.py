@@ -14,7 +14,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class SparsityPattern:
-    """The tangent's sparsity, and the sum of element tangents as a sparse matrix; computed once per mesh.
+    """The tangent's sparsity, and the sum of element tangents as a sparse matrix.
 
     A tangent is symmetric, so three neighbours in a row of an element's tangent, the components of
     one node, are three neighbours in a column of the sparse one. ``gather`` adds up such triples:
@@ -65,7 +65,7 @@ class SparsityPattern:
         return cls(gather, None if kept.all() else kept.ravel(), indices, indptr.astype(np.int32))
 
     def assemble(self, elements: Array) -> csc_matrix:
-        """The sparse tangent of the free components, from symmetric (elements, 3 local, 3 local)."""
+        """The sparse tangent of free components, from symmetric (elements, 3 local, 3 local)."""
         data = (self.gather @ elements.reshape(-1, 3)).ravel()
         size = len(self.indptr) - 1
         return csc_matrix((data if self.kept is None else data[self.kept], self.indices,

@@ -1,4 +1,4 @@
-"""Branches of equilibria followed by their arc length, through limit points and on to where they are unstable."""
+"""Branches of equilibria followed by their arc length, through limit points (Crisfield; Keller)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Point:
 
     @property
     def rate(self) -> float:
-        """Change of the followed load per unit of arc length: zero at a limit point, negative beyond it."""
+        """Change of the followed load per arc length: zero at a limit point, negative beyond it."""
         return float(self.rates[0])
 
 
@@ -61,8 +61,8 @@ class Point:
 class Branch:
     """The equilibria of a model when one load is free and the others are given.
 
-    ``load`` is the one that is followed. Further loads may be ``freed`` by as many ``constraints``, such as
-    the voltage by a charge.
+    ``load`` is the one that is followed. Further loads may be ``freed`` by as many
+    ``constraints``, such as the voltage by a charge.
     """
 
     model: Model
@@ -100,7 +100,7 @@ class Branch:
         return self._solved(guess, ArcLength(point.state, point.direction, step))
 
     def limit(self, before: Point, after: Point) -> Point | None:
-        """The limit point of the followed load between two points; its direction is the critical mode."""
+        """The limit point of the load between two points; its direction is the critical mode."""
         return self.where(before, after, lambda point: point.rate)
 
     def reach(self, before: Point, after: Point, value: float) -> Point | None:
@@ -108,7 +108,7 @@ class Branch:
         return self.where(before, after, lambda point: point.state.load(self.load) - value)
 
     def where(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
-        """The point between two others at which a function of the point vanishes; None if it does not change sign."""
+        """The point between two others where a function vanishes; None without change of sign."""
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
         points: dict[float, Point] = {0.0: before}
@@ -157,7 +157,7 @@ class Branch:
         return Point(solution, motion, along[1][len(self.model.plate_freedoms) :] / scale)
 
     def _renewed(self, point: Point) -> Point:
-        """The point with the tangent there: Newton's is that of an iterate before, too far off to place a limit."""
+        """The point with the tangent there: Newton's, an iterate's, is too far off for limits."""
         state = point.state
         point.solution.release()
         constraints = (*self.constraints, ArcLength(state, point.direction, 0.0))

@@ -1,4 +1,4 @@
-"""Equations that close a problem whose loads are not all given: a deflection, a charge, or a length along the path."""
+"""Equations in place of loads that are not given: a deflection, a charge, a length of path."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """What a constraint misses, and its derivatives by the free components, the plate's freedoms and the free loads."""
+    """What a constraint misses; its derivatives by free components, plate freedoms, free loads."""
 
     miss: float
     inner: Array

@@ -48,7 +48,7 @@ class Solution:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is stable under the given loads; :attr:`Tangent.stable` says against what."""
+        """Whether the state is stable under the given loads, as :attr:`Tangent.stable` says."""
         return self.tangent is not None and self.tangent.stable
 
     @property
@@ -57,7 +57,7 @@ class Solution:
         return 0 if self.tangent is None else self.tangent.wrinkling
 
     def prediction(self, model: Model, load: Load) -> Prediction:
-        """By the tangent of the last iterate, which is close enough for a prediction; kept, without the factors."""
+        """By the last iterate's tangent, which is close enough; kept, without the factors."""
         made = self._predictions.get(load)
         if made is None or made.model is not model:
             assert self.tangent is not None
@@ -66,7 +66,7 @@ class Solution:
         return made
 
     def release(self) -> None:
-        """Drop the factors of a large film before those of the next state are made: two would double the memory."""
+        """Drop a large film's factors before the next are made: two would double the memory."""
         if self.tangent is not None:
             self.tangent.release()
 
@@ -132,7 +132,7 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """States moved along a path's tangent to new values of one load: Euler's predictor, without the factors.
+    """States moved along a path's tangent to new values of one load: Euler's predictor.
 
     ``response``: motion of film and plate per unit of the load.
     """
@@ -178,12 +178,12 @@ class _Problem:
                 for constraint in self.constraints]
 
     def residual(self, state: State, forces: Array, equations: list[Equation]) -> Parts:
-        """Unbalanced forces on the free components, on the plate's freedoms, and what the equations miss."""
+        """Unbalanced forces on free components and plate freedoms, and what the equations miss."""
         inner, plate = self.model.residual(forces, state)
         return inner, np.concatenate([plate, [equation.miss for equation in equations]])
 
     def balance(self, residual: Parts, forces: Array) -> float:
-        """Largest unbalanced force, moments taken over the frame's half extent, over the largest nodal reaction."""
+        """Largest unbalanced force over the largest nodal one; moments over the half extent."""
         count = len(self.model.plate_freedoms)
         inner, plate = self.subspace.project((residual[0], residual[1][:count]))
         plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0,
@@ -202,11 +202,12 @@ class _Problem:
 
 def _damped(problem: _Problem, state: State, tangent: Tangent, correction: Parts, damping: float,
             settings: NewtonSettings) -> tuple[State, Parts, float] | None:
-    """The longest acceptable step: the state after it, the simplified correction there, and the damping; or None."""
+    """The longest acceptable step, if any: state after it, simplified correction, damping."""
     length = problem.length(correction)
     while np.isfinite(length) and damping >= settings.damping:
         trial = problem.moved(state, correction, damping)
-        with np.errstate(all="ignore"):  # a step too long may press an element flat; it is then halved
+        # A step too long may press an element flat; it is then halved.
+        with np.errstate(all="ignore"):
             forces = problem.model.nodal_forces(trial)
         if np.isfinite(forces).all():
             simplified = tangent.solve(_negative(problem.residual(trial, forces,

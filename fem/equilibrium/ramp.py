@@ -1,4 +1,4 @@
-"""Equilibria under load and voltage: adaptive ramps, and what lies at their end when there is none."""
+"""Equilibria under load and voltage: adaptive ramps, and what lies at their end if not one."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
 
 
 def _first(model: Model, settings: PathSettings) -> Solution:
-    """The flat mounted film; or, where that is not taut, the film with the plate already pushed out.
+    """The flat mounted film; or, where that is slack, the film with the plate pushed out.
 
     An unstressed flat membrane has no stiffness across its plane, so its load path cannot start
     there.
@@ -189,7 +189,7 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 
 def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
-    """The film with the plate held at a heave [m] and a voltage [V]; ``state.force`` is what holds it [N]."""
+    """The film under a voltage [V], its plate held at a heave [m] by ``state.force`` [N]."""
     solution = start or newton(model, model.mounted(), ("force",), (HeldPlate(0.0),),
                                settings.newton)
     origin, squared = solution.state.plate.heave, solution.state.voltage_squared
@@ -287,7 +287,7 @@ class Ramp:
         return replace(outcome, advice=advice)
 
     def _along_branch(self, start: Solution, subspace: Subspace) -> Outcome:
-        """To where the branch reaches the target, where it turns back (pull-in), or where it cannot be followed."""
+        """To where the branch reaches the target, turns back (pull-in), or cannot be followed."""
         load, target = self.load, self.target
         branch = Branch(self.model, load, subspace=subspace, newton=self.settings.newton,
                         arc=self.settings.arc)
@@ -316,7 +316,7 @@ class Ramp:
         return Outcome("not_converged", stable, _UNFOLLOWED)
 
     def _landed(self, stable: Solution, reached: Point | None) -> Outcome:
-        """The equilibrium at the target, of all motions, from the point of the branch that reaches it."""
+        """The equilibrium at the target, of all motions, from the branch's point there."""
         if reached is not None:
             reached.solution.release()
             solution = newton(self.model, reached.state.under(**{self.load: self.target}),
@@ -332,7 +332,7 @@ class Ramp:
                        critical.state.load(self.load), self.load, critical)
 
     def _confirmed(self, pull_ins: list[Outcome], reached: bool) -> Outcome:
-        """The last of the pull-ins found in different subspaces: if the mesh resolves it, or another one is alike.
+        """The last of the pull-ins in different subspaces: if the mesh or another one confirms it.
 
         Where it does not, the limit is the subspace's as much as the film's: two must find the
         same, short of the target by more than they may differ, and none before may have ``reached``
@@ -364,7 +364,7 @@ def _limit(pull_in: Outcome) -> float:
 
 
 def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
-    """Whether a step ended near enough to its prediction, and explains its motion, to have passed no limit points.
+    """Whether a step ended so near its prediction that it passed no limit points.
 
     Up to a limit point the motion grows like a square root, to at most twice the prediction, and
     ever faster. A plate that snapped to another branch went further than the predictions from
@@ -379,7 +379,7 @@ def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
 
 def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
                   ) -> Iterator[tuple[Branch, Point]]:
-    """Points of the branch from an equilibrium on, one load growing at first, each with the branch it was found on.
+    """Points from an equilibrium on, one load growing at first, each with the branch it is on.
 
     With all motions until the film, its plate held, has a direction without stiffness, which in a
     membrane means that it wrinkles; from there with smooth motions.

@@ -1,4 +1,4 @@
-"""Which motions of the film a problem allows: all of its nodes', or smooth ones that cannot wrinkle."""
+"""Which motions of the film a problem allows: all of them, or smooth ones that cannot wrinkle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DEPENDENT = 1e-13
 
 
 class Subspace(Protocol):
-    """A linear map from the unknowns to the free nodal components and the plate's freedoms, and its transpose."""
+    """A linear map from unknowns to free nodal components and plate freedoms; its transpose."""
 
     def expand(self, correction: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
@@ -67,7 +67,7 @@ class SmoothSubspace:
 
     @classmethod
     def of(cls, model: Model, waves: int, degree: int = 14) -> SmoothSubspace:
-        """Polynomials in the potential between plate and frame, times waves around the plate up to a number.
+        """Polynomials in the potential between plate and frame, times waves around the plate.
 
         With no waves the motion is axisymmetric.
         """
@@ -111,7 +111,7 @@ def _orthonormal(columns: Array) -> Array:
 
 
 def _waves(model: Model, axis: int, highest: int, angle: Array) -> list[Array]:
-    """Waves around the plate of the radial, circumferential or vertical motion that the mirror planes allow."""
+    """Waves of the radial, circumferential or vertical motion that the mirror planes allow."""
     mirrored, planes = -1 if axis == 1 else 1, model.discretisation.planes
     waves: list[Array] = []
     for number in range(highest + 1):
@@ -135,6 +135,6 @@ def _potential(model: Model) -> Array:
 
 
 def _rigid(model: Model) -> Array:
-    """Displacement of every node by the plate's allowed freedoms in the mounted state, shape (nodes, 3, p)."""
+    """Displacement of every node by the plate's allowed freedoms when mounted, (nodes, 3, p)."""
     arms = model.discretisation.reference - model.centre
     return PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]

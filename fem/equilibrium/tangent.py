@@ -1,4 +1,4 @@
-"""The factorised tangent: the film's part, bordered by the plate's freedoms and by loads that are not given."""
+"""The factorised tangent: the film's part, bordered by plate freedoms and loads not given."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Tangent:
 
     @property
     def plate_stiffness(self) -> Array:
-        """Stiffness of the plate's freedoms at given loads, the film following, of this mesh's part (p, p)."""
+        """Stiffness of this part's plate freedoms at given loads, the film following, (p, p)."""
         schur = self._schur[: self._plates, : self._plates]
         return (schur + schur.T) / 2
 
@@ -97,7 +97,7 @@ class Tangent:
 
     @property
     def wrinkling(self) -> int:
-        """Number of negative eigenvalues of the film with the plate held, by Sylvester's law from the pivots."""
+        """Number of negative eigenvalues of the film with the plate held."""
         if self._negative is None:
             self._negative = int(self._factor.negative)
         return self._negative
@@ -109,7 +109,7 @@ class Tangent:
 
     @property
     def negative_closed(self) -> int:
-        """Number of negative eigenvalues of film and plate when the controls hold, the free loads following.
+        """Number of negative eigenvalues of film and plate when the constraints hold.
 
         That is stability at constant charge, or with the plate held: of the tangent K within the
         motions that a hard equation e·δx = 0 leaves; and of K − g eᵀ/l, with g the forces of the
@@ -141,7 +141,7 @@ class Tangent:
         return self._spread(particular - self._influence[:, :count] @ border, border)
 
     def along(self, equation: int = -1) -> Parts:
-        """Change of everything when one equation's value grows by one: the direction of the path."""
+        """Change of everything as one equation's value grows by one: the path's direction."""
         border = np.zeros(len(self._schur))
         border[equation] = 1.0
         return self.solve((np.zeros(self.model.discretisation.free_count), border))
@@ -156,7 +156,7 @@ def _transposed(subspace: Subspace, equation: Equation) -> Parts:
 
 
 def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
-    """l t where an equation's row is e = t g and its derivative by the load of g is l; 0 if loads do not enter it."""
+    """l t for an equation's row e = t g and derivative l by the load of g; 0 without loads."""
     index = int(np.argmax(np.abs(equation.loads)))
     give, load = float(equation.loads[index]), loads[index]
     return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1]

@@ -21,7 +21,7 @@ CRITERIA = {
 
 @dataclass(frozen=True)
 class Failure:
-    """Where a criterion fails worst: position in the mounted film [m], stretches there, and the share of the points."""
+    """Where a criterion fails worst: mounted position [m], stretches, and the share of points."""
 
     criterion: str
     position: tuple[float, float]
@@ -30,13 +30,13 @@ class Failure:
 
     def __str__(self) -> str:
         x, y = (1e3 * value for value in self.position)
-        return (f"the film's law fails {self.criterion} at {100 * self.share:.2g} % of the film's points, worst at "
-                f"x {x:.1f} mm, y {y:.1f} mm, where the stretches are {self.stretches[0]:.3f} and "
-                f"{self.stretches[1]:.3f}")
+        return (f"the film's law fails {self.criterion} at {100 * self.share:.2g} % of the "
+                f"film's points, worst at x {x:.1f} mm, y {y:.1f} mm, where the stretches are "
+                f"{self.stretches[0]:.3f} and {self.stretches[1]:.3f}")
 
 
 def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[Failure]:
-    """The criteria that an elastic law fails at the stretches a state visits, none if it is admissible there.
+    """The criteria that an elastic law fails at the stretches a state visits.
 
     Parameters
     ----------
@@ -49,18 +49,19 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
     --------
     >>> from tympan.fem.film.laws import Ogden
     >>> falling = Ogden((20e3, -200.0), (2.0, 4.0))
-    >>> found = failures(falling, np.array([[0.0, 0.0], [0.01, 0.0]]), np.array([2.0, 8.0]), np.array([2.0, 2.0]))
-    >>> found[0].stretches, found[0].share
+    >>> places = np.array([[0.0, 0.0], [0.01, 0.0]])
+    >>> fails = failures(falling, places, np.array([2.0, 8.0]), np.array([2.0, 2.0]))
+    >>> fails[0].stretches, fails[0].share
     ((8.0, 2.0), 0.5)
     """
-    found = []
+    result = []
     for criterion, margin in CRITERIA.items():
         margins = margin(material, l1, l2)
         bad = ~(margins > 0)
         if bad.any():
             worst = int(np.argmin(np.where(bad, np.nan_to_num(margins, nan=-np.inf), np.inf)))
             x, y = position[worst, :2]
-            found.append(Failure(criterion, (float(x), float(y)),
-                                 (float(l1[worst]), float(l2[worst])),
-                                 float(bad.mean())))
-    return found
+            result.append(Failure(criterion, (float(x), float(y)),
+                                  (float(l1[worst]), float(l2[worst])),
+                                  float(bad.mean())))
+    return result

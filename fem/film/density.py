@@ -1,4 +1,4 @@
-"""Energy density of the film as a function of the in-plane deformation, with first and second derivatives.
+"""Energy density of the film by its in-plane deformation, with first and second derivatives.
 
 Everything here is per virgin volume and for arrays of quadrature points. Deformation enters as the
 Voigt triple c = (C₁₁, C₂₂, C₁₂) of C = FᵀF; the results are the second Piola–Kirchhoff stress S =
@@ -32,7 +32,7 @@ _RESIDUAL = 1e-3
 class Maxwell:
     """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other.
 
-    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is design §3's ideal dielectric (n = 0) or one
+    With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is the ideal dielectric (n = 0) or one
     whose permittivity falls as (J/J_p)^(−n).
     """
 
@@ -43,8 +43,8 @@ class Maxwell:
         """ψ and ψ₁, ψ₂, ψ₁₁, ψ₁₂, ψ₂₂."""
         p = self.power
         w = -0.5 * self.coefficient * (l1 * l2) ** p
-        return w, p * w / l1, p * w / l2, p * (p - 1) * w / l1**2, p * p * w / (l1 * l2), p * (p
-                                                                                               - 1) * w / l2**2
+        bend = p * (p - 1) * w
+        return w, p * w / l1, p * w / l2, bend / l1**2, p * p * w / (l1 * l2), bend / l2**2
 
     def at(self, shape: tuple[int, ...], points: NDArray[np.bool_]) -> Maxwell:
         """The same for some of the points."""
@@ -62,7 +62,7 @@ class Density:
 
 @dataclass(frozen=True)
 class Part:
-    """A material, the stretches from its virgin state to the mounted film, and the numbers it is made of."""
+    """A material, its stretches from the virgin state to the mounted film, what it depends on."""
 
     material: Any
     prestretch: tuple[Any, Any]
@@ -71,7 +71,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Stretching:
-    """Principal stretches from a virgin state, and their weighted changes along k directions, shape (k, points)."""
+    """Principal stretches from a virgin state, and weighted changes of them, (k, points) each."""
 
     prestretch: tuple[Any, Any]
     stretches: tuple[Any, Any]
@@ -81,7 +81,7 @@ class Stretching:
     def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any],
            weights: Any
            ) -> Stretching:
-        """At C of the mounted film, points of any shape s, that changes, shapes (k, *s); ``weights`` of shape s.
+        """At C of the mounted film, shape s, with k changes of it, (k, *s), ``weights`` of shape s.
 
         Where the stretches are equal, their difference has no derivative; a stress that is equal
         too does not ask.
@@ -103,7 +103,7 @@ class Stretching:
 
 @dataclass(frozen=True)
 class FilmDensity:
-    """The film's energy at a given voltage: elastic, electrostatic where covered, electrode where covered.
+    """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
 
     ``covered`` is 1 under the electrode and 0 elsewhere, broadcastable against the quadrature
     points. With ``wrinkles`` the film wrinkles rather than carry compression
@@ -130,7 +130,7 @@ class FilmDensity:
 
     @property
     def parts(self) -> dict[str, Part]:
-        """Materials whose energies add up to the film's, by name; one that wrinkles does so with all on its axes."""
+        """Materials that add up to the film, by name; wrinkling joins all on the film's axes."""
         if not self.wrinkles:
             return self._simple
         film = self.specimen.membrane
@@ -165,7 +165,7 @@ class FilmDensity:
                        result.tangent + coat.tangent if tangent else None)
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        """Principal stretches of the material, wrinkles included, and in how many directions it is tense (2, 1, 0)."""
+        """Principal stretches, wrinkles included, and in how many directions it is tense."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
         natural = self.material.natural(*seen)
         tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, natural, strict=True)),
@@ -196,8 +196,8 @@ def maxwell(specimen: Specimen, voltage_squared: Any) -> Maxwell:
     return Maxwell(unit * voltage_squared, 2 - n)
 
 
-def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any,
-                                                                                           Any]:
+def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
+                        ) -> tuple[Any, Any]:
     """Total principal stretches λ₁ ≥ λ₂ from C of the mounted film."""
     mean, _, _, radius = _circle(c, prestretch)
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
@@ -205,7 +205,7 @@ def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
 
 def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any, Any, Any],
                  prestretch: tuple[float, float], *, tangent: bool = True) -> Density:
-    """Sum of isotropic energies W(λ₁, λ₂) and its derivatives with respect to C of the mounted film.
+    """Sum of isotropic energies W(λ₁, λ₂) and its derivatives by C of the mounted film.
 
     The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of
     ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and

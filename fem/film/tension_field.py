@@ -103,7 +103,7 @@ class TensionField:
         return tuple(value[()] for value in values)
 
     def natural(self, l1: Any, l2: Any) -> tuple[Any, Any]:
-        """Stretches of the material itself, those within the wrinkles included: λ₁* ≥ λ₁, λ₂* ≥ λ₂."""
+        """Stretches of the material itself, wrinkles included: λ₁* ≥ λ₁, λ₂* ≥ λ₂."""
         loose = self._loose(total(self.materials, l1, l2), l2)
         if not loose.any():
             return l1, l2
@@ -147,8 +147,8 @@ class TensionField:
         with np.errstate(invalid="ignore"):
             return _envelope(total(materials, first, second), k, (a, b), (first, second))
 
-    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[tuple[Any, ...], Array,
-                                                                       Array]:
+    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]
+            ) -> tuple[tuple[Any, ...], Array, Array]:
         shape = loose.shape
         materials = tuple(m.at(shape, loose) if hasattr(m, "at") else m for m in self.materials)
         return materials, np.broadcast_to(l1, shape)[loose], np.broadcast_to(l2, shape)[loose]
@@ -156,13 +156,13 @@ class TensionField:
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     """Sum of the materials' W and derivatives."""
-    return tuple(sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials),
-                                             strict=True))
+    values = (material.derivatives(l1, l2) for material in materials)
+    return tuple(sum(parts) for parts in zip(*values, strict=True))
 
 
 def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array],
               taken: tuple[Array, Array]) -> tuple[Array, ...]:
-    """W and derivatives at the stretches seen, from those of the material at the stretches it takes."""
+    """W and derivatives at the stretches seen, from those at the stretches taken."""
     (a, b), (first, second) = seen, taken
     w, w1, _, w11, w12, w22 = at
     slack = np.real(first) > np.real(a)

@@ -1,8 +1,8 @@
-"""Direct solution of sparse symmetric systems: what depends on the sparsity is done once, the rest per matrix.
+"""Direct solution of sparse symmetric systems; what depends on the sparsity is done once.
 
 SciPy's SuperLU in an order by nested dissection is the default. MKL's PARDISO takes its place above
-``PARDISO_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md`` has what
-was measured.
+``PARDISO_PAYS`` unknowns where pypardiso is installed (the extra ``fast``). ``docs/scaling.md``
+has what was measured.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ _DIRECTIONS = 8
 
 
 def elimination_order(connectivity: Array, points: Array) -> Array:
-    """Nodes in an order whose elimination fills in little, O(n log n) entries on a plane mesh of n nodes.
+    """Nodes in an order whose elimination fills in O(n log n) entries, n nodes in a plane.
 
     The elements are halved again and again; nodes that two halves share are eliminated after both
     of them.

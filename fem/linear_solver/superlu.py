@@ -1,4 +1,4 @@
-"""SciPy's SuperLU made to factorise symmetric matrices in a given order, and to count negative eigenvalues."""
+"""SciPy's SuperLU for symmetric matrices in a given order; counts negative eigenvalues."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DENSE = 300
 
 @dataclass(frozen=True, eq=False)
 class SuperLU:
-    """SciPy's sparse LU without pivoting off the diagonal, which is LDLᵀ in all but name, in a given order."""
+    """SciPy's sparse LU in a given order, pivots on the diagonal: LDLᵀ in all but name."""
 
     indices: Array
     indptr: Array
@@ -88,7 +88,7 @@ class SuperLUFactors:
 
 
 def negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
-    """Number of negative eigenvalues of a symmetric matrix whose elimination must leave some unknowns to the end.
+    """Number of negative eigenvalues of a symmetric matrix, some unknowns eliminated last.
 
     By Haynsworth's additivity: those of the rest, and those of the Schur complement of the rest.
     """

@@ -1,4 +1,4 @@
-"""The volume between the deformed film and its frame's plane, whose gas pressure is a follower load.
+"""The volume between the film and its frame's plane, whose gas pressure is a follower load.
 
 V = ∫ z n_z da = ∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film, and the plate's area times its normal's z
 times its heave. With both, the virtual work of a uniform pressure p is p δV, so that its tangent is

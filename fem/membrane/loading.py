@@ -1,4 +1,4 @@
-"""What acts on film and plate: where the weight hangs, how the plate is guided, bias mechanisms, own weight."""
+"""What acts on film and plate: weight and where it hangs, guide, bias mechanisms."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _UP = np.eye(6)[HEAVE]
 
 
 class Bias(Protocol):
-    """A mechanism between plate and ground whose energy depends on the heave alone; ``law`` names it in rig files."""
+    """A mechanism between plate and ground; its energy depends on the deflection alone."""
 
     law: ClassVar[str]
 
     def derivatives(self, heave: float) -> tuple[float, float, float]:
-        """Energy [J], its derivative [N] (positive pushes the plate back), its second derivative [N/m]."""
+        """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m]."""
 
 
 #: Bias mechanisms that rig files may name.
@@ -69,7 +69,7 @@ class Spring:
 @BIASES.register
 @dataclass(frozen=True)
 class Magnet:
-    """A magnet below the plate that pulls it down with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
+    """A magnet below the plate that pulls with F = F₀ (1 + g/d)^(−n) over the gap g = gap − w.
 
     Far away the pull of two dipoles falls with n = 4. The plate's negative stiffness makes the
     actuator snap through.
@@ -114,7 +114,7 @@ class Loading:
         return np.asarray(plate.gradient(self._arm)[0, HEAVE])
 
     def on_plate(self, state: State, centre: Array, area: float) -> tuple[Any, Array, Array]:
-        """Potential of what acts on the whole plate [J], and its first and second derivatives by the six freedoms.
+        """Potential of what acts on the plate [J], and its derivatives by the six freedoms.
 
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
         """

@@ -49,7 +49,7 @@ class Model:
         """Refuse a weight that the mirror planes would repeat."""
         if any(arm and plane in self.discretisation.planes
                for plane, arm in zip("xy", self.loading.arm, strict=True)):
-            raise ValueError("a weight beside a mirror plane needs a mesh that is not mirrored there")
+            raise ValueError("a weight beside a mirror plane needs a mesh not mirrored there")
 
     def mounted(self, voltage_squared: float = 0.0) -> State:
         """The flat film with the plate at rest."""
@@ -122,7 +122,7 @@ class Model:
         return placed
 
     def cauchy_green(self, positions: Array) -> tuple[Array, Array, Array]:
-        """C₁₁, C₂₂ and C₁₂ from the mounted film at the quadrature points, each (elements, points)."""
+        """C₁₁, C₂₂, C₁₂ from the mounted film at the quadrature points, (elements, points)."""
         return cauchy_green(self.discretisation.deformation(positions))
 
     def density(self, voltage_squared: Any) -> FilmDensity:
@@ -155,10 +155,10 @@ class Model:
         return forces.sum() * mesh.mirrored
 
     def capacitance(self, state: State) -> Any:
-        """Q/U = −2 ∂energy/∂U² of the whole film [F]; the energy includes the electrostatic one at constant voltage.
+        """Q/U = −2 ∂energy/∂U² of the whole film [F].
 
-        That one is linear in U² where the film does not wrinkle; model and state may then be
-        complex.
+        The energy includes the electrostatic one at constant voltage, which is linear in U² where
+        the film does not wrinkle; model and state may then be complex.
         """
         if self.wrinkles:
             slope = complex_step(lambda squared: self.energy(state.positions, squared),
@@ -177,12 +177,12 @@ class Model:
         return self.energy(state.positions, state.voltage_squared) - loads + plate
 
     def nodal_forces(self, state: State) -> Array:
-        """Derivative of the potential by the node positions, without what acts on the plate [N], shape (nodes, 3)."""
+        """Derivative of the potential by node positions, what acts on the plate left out [N]."""
         forces = self.forces(state.positions, state.voltage_squared) - self.weight
         return forces - state.pressure * self._volume_forces(state) if state.pressure else forces
 
     def residual(self, forces: Array, state: State) -> Parts:
-        """Unbalanced forces of the free components and of the plate's allowed freedoms, from the nodal forces."""
+        """Unbalanced forces on free components and the plate's freedoms, from the nodal forces."""
         outer = self._on_plate(state)[1][list(self.plate_freedoms)] / self.discretisation.mirrored
         inner, plate = self.on_freedoms(forces, state.plate)
         return inner, plate + outer
@@ -206,7 +206,7 @@ class Model:
         return np.zeros(mesh.free_count), -lift / mesh.mirrored
 
     def _electric_forces(self, state: State) -> Array:
-        """Derivative of the nodal forces by U² [N/V²]; where the film wrinkles they need not be linear in it."""
+        """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
         if self.wrinkles:
             return np.asarray(complex_step(lambda squared: self.forces(state.positions, squared),
                                            state.voltage_squared))
@@ -234,16 +234,17 @@ class Model:
                           corner + self.plate_curvature(forces, state))
 
     def plate_curvature(self, forces: Array, state: State) -> Array:
-        """Stiffness of the plate's allowed freedoms by how their motions bend under the forces on them, (p, p).
+        """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p).
 
-        ``forces`` on the nodes, shape (nodes, 3) [N].
+        ``forces`` are those on the nodes, shape (nodes, 3) [N].
         """
         mesh, allowed = self.discretisation, self.plate_freedoms
         bend = state.plate.curvature(self.arms, forces[mesh.plate_nodes])
-        return np.asarray((bend + self._on_plate(state)[2] / mesh.mirrored)[np.ix_(allowed, allowed)])
+        bend = bend + self._on_plate(state)[2] / mesh.mirrored
+        return np.asarray(bend[np.ix_(allowed, allowed)])
 
     def on_freedoms(self, forces: Array, plate: PlateMotion) -> Parts:
-        """Nodal forces [N] on the free components, and gathered on the plate's allowed freedoms [N, N m]."""
+        """Nodal forces [N] on free components, and gathered on the plate's freedoms [N, N m]."""
         mesh = self.discretisation
         gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
         return forces[mesh.free], np.einsum("nip,ni->p", gradient, forces[mesh.plate_nodes])

@@ -66,7 +66,7 @@ class PlateMotion:
         return result
 
     def curvature(self, arms: Array, forces: Array) -> Array:
-        """Σ forces · second derivative of the positions, shape (6, 6): ½ (a × (b × r) + b × (a × r))."""
+        """Σ forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""
         r = arms @ self.rotation.T
         moment = np.einsum("ni,nj->ij", forces, r)
         result = np.zeros((6, 6), dtype=moment.dtype)

@@ -20,7 +20,7 @@ _FIELD = {"force": "force", "voltage": "voltage_squared", "pressure": "pressure"
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Node positions [m], plate motion, U² [V²], force on the plate [N], gas pressure under film and plate [Pa].
+    """Node positions [m], plate motion, U² [V²], force on the plate [N], gas pressure [Pa].
 
     ``force`` is the whole plate's, also on a model that meshes only a part of it.
     """

@@ -1,4 +1,4 @@
-"""Recovered fields: displacement, stretches, true stress, thickness and electric field at points of the film.
+"""Recovered fields: displacement, stretches, true stress, thickness and electric field.
 
 Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours
 show the discretisation error.
@@ -36,7 +36,7 @@ _EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
 class Fields:
     """Fields at points; each array's first axis runs over the points.
 
-    True stresses are those of design §3: elastic minus the Maxwell part; add ``maxwell_stress`` for
+    True stresses are elastic minus the Maxwell part; add ``maxwell_stress`` for
     the elastic part alone. Radial and circumferential directions are the deformed radial fibre
     through the plate's centre and the normal to it within the film.
     """
@@ -47,19 +47,20 @@ class Fields:
     stretch_2: Array  #: smaller total principal stretch
     thickness: Array  #: [m]
     electric_field: Array  #: true field U/thickness under the electrode, 0 outside [V/m]
-    breakdown_strength: Array  #: field at which the film would break down, infinite where unknown [V/m]
+    breakdown_strength: Array  #: field of breakdown [V/m], infinite where unknown
     maxwell_stress: Array  #: ε E² [Pa]
     stress_1: Array  #: larger principal true stress [Pa]
     stress_2: Array  #: smaller principal true stress [Pa]
     stress_radial: Array  #: [Pa]
     stress_circumferential: Array  #: [Pa]
     stress_shear: Array  #: [Pa]
-    plate_traction: Array  #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
+    #: force per mounted length on a cut facing the plate's centre [N/m], (n, 3); see edge_fields
+    plate_traction: Array
     tension: Array  #: of :class:`tympan.fem.film.tension_field.Tension`
 
     @property
     def breakdown_share(self) -> Array:
-        """Field over strength: 1 where the film breaks down, 0 where it is uncovered or its strength unknown."""
+        """Field over strength: 1 where the film breaks down, 0 where uncovered or unknown."""
         return self.electric_field / self.breakdown_strength
 
     def __getitem__(self, choice: Any) -> Fields:
@@ -75,7 +76,8 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     full = unfold(mesh.mesh, mesh.planes)
     positions = state.positions[full.origin].copy()
     positions[:, :2] *= full.signs.T
-    return replace(model, discretisation=Discretisation.of(full.mesh)), replace(state, positions=positions)
+    film = replace(model, discretisation=Discretisation.of(full.mesh))
+    return film, replace(state, positions=positions)
 
 
 def cell_fields(model: Model, state: State, points: Array) -> Fields:
@@ -93,7 +95,7 @@ def cell_fields_of(model: Model, states: Sequence[State], points: Array) -> list
 
 @dataclass(frozen=True, eq=False)
 class EdgeFields:
-    """Fields along a named boundary: ``fields`` at k points of each of m edges, edge-major, and arc lengths.
+    """Fields along a named boundary: ``fields`` at k points of each of m edges, edge-major.
 
     ``weights`` are quadrature weights times mounted arc length [m], shape (m k,).
     """
@@ -140,7 +142,7 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
 
 @dataclass(frozen=True)
 class LostTension:
-    """Mounted area of the whole film where it carries tension in one direction only, and in none [m²]; its share."""
+    """Mounted area of the whole film that is tense in one direction only, and in none [m²]."""
 
     wrinkled: float
     slack: float
@@ -148,7 +150,7 @@ class LostTension:
 
 
 def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
-    """Where the film has lost tension, from the middles of ``parts``² equal triangles in every element."""
+    """Where the film has lost tension, at the middles of ``parts``² triangles in every element."""
     return lost_tension_of(model, [state], parts)[0]
 
 
@@ -254,7 +256,7 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
 
 
 def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array]:
-    """True stress (radial, circumferential, shear) within the film's tangent plane: σ = F S Fᵀ, volume preserved."""
+    """True stress (radial, circumferential, shear) within the film: σ = F S Fᵀ."""
     first = np.einsum("nik,nk->ni", f, radial)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     normal = np.cross(f[:, :, 0], f[:, :, 1])

@@ -1,4 +1,4 @@
-"""Integrals over the film at several states of one model at once: reaction, capacitance and energy."""
+"""Reaction, capacitance and energy of the film at several states of one model at once."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Array = NDArray[Any]
 class FilmIntegrals:
     """Of the whole film, one for each state: all of shape (states,)."""
 
-    reaction: Array  #: force with which the film pulls the plate back [N], positive against the load
+    reaction: Array  #: force that pulls the plate back [N], positive against the load
     capacitance: Array  #: charge over voltage [F], −2 ∂energy/∂U²
     energy: Array  #: stored, counted from the virgin film, at constant voltage [J]
 
 
 def film_integrals(model: Model, states: Sequence[State]) -> FilmIntegrals:
-    """Reaction, capacitance and energy from one evaluation of the film's density, at U² with an imaginary step.
+    """From one evaluation of the film's density, at U² with an imaginary step.
 
     The reaction is the work of the stresses when the plate's edge is lifted by one, nothing else
     moving.
@@ -44,4 +44,5 @@ def film_integrals(model: Model, states: Sequence[State]) -> FilmIntegrals:
     rise = f[..., 2, :]
     work = (stress[..., 0] * rise[..., 0] + stress[..., 2] * rise[..., 1]) * lift[..., 0]
     work += (stress[..., 2] * rise[..., 0] + stress[..., 1] * rise[..., 1]) * lift[..., 1]
-    return FilmIntegrals(work.sum(axis=(1, 2)) * mesh.mirrored, -2 * energy.imag / STEP, energy.real)
+    reaction = work.sum(axis=(1, 2)) * mesh.mirrored
+    return FilmIntegrals(reaction, -2 * energy.imag / STEP, energy.real)

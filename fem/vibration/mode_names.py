@@ -19,7 +19,7 @@ _MOTIONS = (((0, 1), "slide", "slide along {}"), ((2,), "heave", "heave"),
 _MAINLY = 0.9  #: share from which a name says what a mode is
 _ORDERS = 12  #: angular orders looked for
 _DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
-_LEAST = 0.02  #: of the largest amplitude; a smaller swing of the radial profile is not counted as a sign
+_LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
 
 
 def names(model: Model, modes: Modes) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ def _film_name(model: Model, shape: Array) -> str:
 
 
 def _pattern(points: Array, height: Array) -> tuple[int, int] | None:
-    """Nodal diameters and circles of w = P(r) cos mθ + Q(r) sin mθ fitted to heights, or None if that fits badly."""
+    """Nodal diameters and circles of w = P(r) cos mθ + Q(r) sin mθ, or None if that fits badly."""
     radius, angle = np.hypot(*points.T), np.arctan2(*points.T[::-1])
     s = 2 * (radius - radius.min()) / np.ptp(radius) - 1
     radial = chebyshev.chebvander(s, _DEGREE)

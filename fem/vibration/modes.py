@@ -1,4 +1,4 @@
-"""Small vibrations about an equilibrium: natural frequencies, growth rates and shapes of film and plate.
+"""Small vibrations about an equilibrium: frequencies, growth rates and shapes.
 
 With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second
 variation ½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At
@@ -43,7 +43,7 @@ _MASSLESS = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class RigidPlate:
-    """What the plate's motion carries: ``mass`` [kg] and ``inertia`` about its centre of mass [kg m²], shape (3, 3).
+    """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
 
     ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
     and turn with the plate. An infinite mass holds the plate.
@@ -62,7 +62,7 @@ class RigidPlate:
     def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
                 arm: tuple[float, float] = (0.0, 0.0)
                 ) -> RigidPlate:
-        """A thin uniform plate that fills its outline, with ``point_mass`` of the whole ``mass`` in its centre of mass.
+        """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
 
         The rest, spread evenly, has the outline's second moments about its centroid, taken about
         the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
@@ -76,11 +76,13 @@ class RigidPlate:
         Examples
         --------
         >>> from tympan.geometry.outlines import Circle
-        >>> RigidPlate.uniform(Circle(0.01), 0.02).inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
+        >>> plate = RigidPlate.uniform(Circle(0.01), 0.02)
+        >>> plate.inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
         array([5.e-07, 5.e-07, 1.e-06])
         """
         if not 0 <= point_mass <= mass:
-            raise InputError("the plate's mass must not be negative, and its point-like part not larger than it",
+            raise InputError("the plate's mass must not be negative, and its point-like part not "
+                             "larger than it",
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
         shape = moments(outline)
         (xx, xy), (_, yy) = (mass - point_mass) / shape.area * shape.second
@@ -95,7 +97,7 @@ class RigidPlate:
 
 
 def symmetry_classes(model: Model) -> Iterator[Model]:
-    """The model with motions even or odd about each of its planes: 1, 2 or 4 classes, the even one first."""
+    """The model with motions even or odd about each plane: 1, 2 or 4, the even one first."""
     mesh = model.discretisation
     for odd in chain.from_iterable(combinations(sorted(mesh.planes), count)
                                    for count in range(len(mesh.planes) + 1)):
@@ -104,11 +106,11 @@ def symmetry_classes(model: Model) -> Iterator[Model]:
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes about a state: unstable ones first, then vibrations by rising frequency; arrays' first axis is the mode.
+    """Modes about a state: unstable ones first, then vibrations by rising frequency.
 
-    Shapes are those of the whole film and mass-normalised: φᵀMφ = 1, in m/√(kg m²). ``shares`` is
-    the part of a mode's kinetic energy that each plate freedom carries; the rest of 1 is the
-    film's.
+    Arrays' first axis is the mode. Shapes are those of the whole film and mass-normalised:
+    φᵀMφ = 1, in m/√(kg m²). ``shares`` is the part of a mode's kinetic energy that
+    each plate freedom carries; the rest of 1 is the film's.
     """
 
     frequencies_Hz: Array  #: 0 for an unstable mode, shape (modes,)
@@ -116,7 +118,7 @@ class Modes:
     shapes: Array  #: displacements of the nodes of the whole film, shape (modes, nodes, 3)
     plate: Array  #: the plate's motion, translations and rotations, shape (modes, 6)
     shares: Array  #: of the plate's freedoms in the kinetic energy, shape (modes, 6)
-    unstable: int  #: directions of negative stiffness, those of a weightless film and those beyond ``count`` included
+    unstable: int  #: directions of negative stiffness, also those of a weightless film or left out
 
     @property
     def eigenvalues(self) -> Array:
@@ -170,7 +172,7 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
 
 
 def film_mass(model: Model) -> csr_matrix:
-    """Consistent mass matrix of the meshed film for one component of all nodes [kg], shape (nodes, nodes)."""
+    """Consistent mass matrix of the meshed film for one component [kg], shape (nodes, nodes)."""
     weights, shapes = model.volumes * model.specimen.membrane.density, model.discretisation.shapes
     elements = np.einsum("pa,pb,ep->eab", shapes, shapes, weights, optimize=True)
     return model.discretisation.nodal_matrix(elements)
@@ -178,7 +180,7 @@ def film_mass(model: Model) -> csr_matrix:
 
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
-    """Lowest eigenvalues ω² and their vectors, vᵀMv = 1, and how many eigenvalues are negative in all."""
+    """Lowest eigenvalues ω² and vectors, vᵀMv = 1; how many eigenvalues are negative in all."""
 
     values: Array
     vectors: Array
@@ -239,7 +241,7 @@ class _System:
         return motion, share
 
     def whole_shape(self, vector: Array, full: Unfolding) -> Array:
-        """Displacements of the whole film's nodes, the whole's mass as the part's, shape (nodes, 3)."""
+        """Displacements of the whole film's nodes, normalised to its mass, shape (nodes, 3)."""
         mesh = self.model.discretisation
         nodal = (self.coordinates @ vector).reshape(-1, 3) / np.sqrt(mesh.mirrored)
         factors = np.column_stack([*full.signs, np.ones(full.signs.shape[1])])
@@ -269,7 +271,7 @@ class _System:
 
 
 def _coordinates(model: Model, gradient: Array) -> csr_matrix:
-    """Node components (node-major) by free components and plate freedoms, shape (3 nodes, n + p)."""
+    """Node components (node-major) by free components and plate freedoms, (3 nodes, n + p)."""
     mesh = model.discretisation
     free = np.flatnonzero(mesh.free.ravel())
     count, freedoms = len(free), gradient.shape[2]
@@ -281,7 +283,7 @@ def _coordinates(model: Model, gradient: Array) -> csr_matrix:
 
 
 def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
-    """Up to ``count`` eigenvalues on either side of zero, nearest to it; Lanczos on K⁻¹M, K factorised once."""
+    """Up to ``count`` eigenvalues on either side of zero, nearest to it, by Lanczos on K⁻¹M."""
     size = mass.shape[0]
     if size < max(_DENSE, 4 * count):
         values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray())
@@ -291,7 +293,8 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     factors = factorise(stiffness)
     negative = factors.negative
     inverse = LinearOperator((size, size), matvec=factors.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(size)  # the same in every run, and in no mode's null space
+    # The same in every run, and in no mode's null space.
+    start = np.random.default_rng(0).standard_normal(size)
     parts: list[Any] = []
     for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count))):
         if wanted:
