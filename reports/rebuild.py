@@ -70,6 +70,13 @@ def _build(marker: Path) -> list[Path]:
     return draw_built(BuildResult.load(marker.parent), marker.parent)
 
 
+def _identify(marker: Path) -> list[Path]:
+    from tympan.reports.figures.identification import draw_identified
+    from tympan.studies.identify.result import IdentifyResult
+
+    return draw_identified(IdentifyResult.load(marker.parent), marker.parent)
+
+
 KINDS = (
     FolderKind("study", "study.json", _study),
     FolderKind("modes", "*-modes.json", _modes),
@@ -77,6 +84,7 @@ KINDS = (
     FolderKind("diagnose", "diagnosis.json", _diagnosis),
     FolderKind("lumped paper", "paper.json", _paper),
     FolderKind("lumped simulate", "simulate.json", _simulate),
+    FolderKind("lumped identify", "identify.json", _identify),
     FolderKind("lumped build", "build.json", _build),
 )
 

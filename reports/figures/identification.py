@@ -11,9 +11,7 @@ from matplotlib.figure import Figure
 from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.estimation.profile import Profile
-from tympan.studies.identify.dynamic_search import DynamicFit
-from tympan.studies.identify.responses import Record
-from tympan.studies.identify.static_search import StaticFit
+from tympan.studies.identify.result import Fitted, FittedReadings, IdentifyResult
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
 _TITLE, _AXIS, _GAP, _VOLTAGE, _RESPONSE = 6.0, 12.0, 5.0, 22.0, 60.0
@@ -26,12 +24,24 @@ _PANEL, _CELL, _BAR, _SHORTEST, _LETTER, _NARROWEST = 38.0, 11.0, 20.0, 6.0, 1.3
 _COLUMNS = 3
 
 
-def draw_static(fit: StaticFit, folder: Path) -> list[Path]:
+def draw_identified(result: IdentifyResult, folder: Path) -> list[Path]:
+    """Draw the fits, profiles and correlations of an identification; answers the files."""
+    files = []
+    for name, draw, suffix in (("static", draw_static, ""), ("dynamic", draw_dynamic, "-dynamic")):
+        if name in result.fits:
+            fit = result.fits[name]
+            files += draw(fit, folder)
+            files += draw_profiles(fit.determined, folder, f"profiles{suffix}")
+            files += draw_correlations(fit.determined, folder, f"correlations{suffix}")
+    return files
+
+
+def draw_static(fit: Fitted, folder: Path) -> list[Path]:
     """Draw folder/static, a column for each mass: readings and fit above, residuals below."""
     return style.save_figure(folder, "static", lambda: _static(fit))
 
 
-def draw_dynamic(fit: DynamicFit, folder: Path) -> list[Path]:
+def draw_dynamic(fit: Fitted, folder: Path) -> list[Path]:
     """Draw folder/dynamic, a row for each mass: readings, fit and residuals, and their beginning."""
     return style.save_figure(folder, "dynamic", lambda: _dynamic(fit))
 
@@ -60,25 +70,23 @@ def _symbol(name: str) -> str:
     return _SYMBOLS.get(plain, plain) + (f" ({shape[:-1]})" if shape else "")
 
 
-def _static(fit: StaticFit) -> Figure:
-    readings = fit.problem.readings
-    residual = fit.problem.residual(fit.values, "deflection")[0]
-    masses = np.unique(readings.mass)
+def _static(fit: Fitted) -> Figure:
+    masses = sorted({part.mass for part in fit.readings})
+    names = list(dict.fromkeys(part.specimen for part in fit.readings))
     figure = style.new_figure(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
     for column, mass in enumerate(masses):
         start = _LEFT + column * (width + _LEFT)
         above = style.place_axes(figure, start, _TITLE, width, _RESPONSE)
         below = style.place_axes(figure, start, _TITLE + _RESPONSE + _GAP, width, _VOLTAGE)
-        for number, specimen in enumerate(readings.specimens):
-            rows = np.flatnonzero((readings.which == number) & (readings.mass == mass))
-            rows = rows[np.argsort(readings.voltage[rows])]
-            colour = style.colour_of(number)
-            volts, read = 1e-3 * readings.voltage[rows], fit.problem.read[rows]
-            above.plot(volts, 1e3 * read, "o", color=colour, markersize=3, markerfacecolor="none",
-                       label=specimen.name)
-            above.plot(volts, 1e3 * (read + residual[rows]), color=colour, linewidth=0.8)
-            below.plot(volts, 1e6 * residual[rows], "o-", color=colour, markersize=2, linewidth=0.5)
+        for part in (part for part in fit.readings if part.mass == mass):
+            colour = style.colour_of(names.index(part.specimen))
+            volts = 1e-3 * part.at
+            above.plot(volts, 1e3 * part.read, "o", color=colour, markersize=3,
+                       markerfacecolor="none", label=part.specimen)
+            above.plot(volts, 1e3 * part.fitted, color=colour, linewidth=0.8)
+            below.plot(volts, 1e6 * (part.fitted - part.read), "o-", color=colour, markersize=2,
+                       linewidth=0.5)
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.legend(loc="upper left")
         above.tick_params(labelbottom=False)
@@ -91,10 +99,9 @@ def _static(fit: StaticFit) -> Figure:
     return figure
 
 
-def _dynamic(fit: DynamicFit) -> Figure:
-    records, parts = fit.problem.records, fit.problem.parts(fit.z)
-    masses = sorted({record.mass for record in records})
-    numbers = sorted({record.specimen for record in records})
+def _dynamic(fit: Fitted) -> Figure:
+    masses = sorted({part.mass for part in fit.readings})
+    names = list(dict.fromkeys(part.specimen for part in fit.readings))
     height = _WHOLE + _GAP + _LEFTOVER
     figure = style.new_figure(len(masses) * (_TITLE + height + _AXIS))
     width = style.WIDTH / 2 - _LEFT - _RIGHT
@@ -103,37 +110,33 @@ def _dynamic(fit: DynamicFit) -> Figure:
         columns = [(style.place_axes(figure, left, top, width, _WHOLE),
                     style.place_axes(figure, left, top + _WHOLE + _GAP, width, _LEFTOVER))
                    for left in (_LEFT, style.WIDTH / 2 + _LEFT)]
-        for record, (residual, _) in zip(records, parts, strict=True):
-            if record.mass == mass:
-                colour = style.colour_of(numbers.index(record.specimen))
-                name = fit.problem.actuator(record, fit.z).specimen.name
-                for (above, below), end in zip(columns, (np.inf, _BEGINNING * fit.fast),
-                                               strict=True):
-                    _response(above, below, record, residual, end, colour, name)
+        for part in (part for part in fit.readings if part.mass == mass):
+            colour = style.colour_of(names.index(part.specimen))
+            for (above, below), end in zip(columns, (np.inf, _BEGINNING * (fit.radian or np.inf)),
+                                           strict=True):
+                _response(above, below, part, end, colour)
         for above, below in columns:
             above.tick_params(labelbottom=False)
             below.set_xlabel("time since the voltage changed (s)")
             for axes in (above, below):
                 style.faint_grid(axes)
         columns[0][0].set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
-        columns[1][0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(numbers))
+        columns[1][0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))
         columns[0][0].set_ylabel("displacement (mm)")
         columns[0][1].set_ylabel("fit − read (µm)")
     return figure
 
 
-def _response(above: Axes, below: Axes, record: Record, residual: np.ndarray, end: float,
-              colour: str, name: str) -> None:
+def _response(above: Axes, below: Axes, part: FittedReadings, end: float, colour: str) -> None:
     """One run up to a time since its voltage changed: dots read, a line fitted, residuals below."""
-    since = record.time - record.begins
-    inside = np.flatnonzero((since <= end) & (since >= -end / 5))
+    inside = np.flatnonzero((part.at <= end) & (part.at >= -end / 5))
     thin = np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int)
     inside = inside[np.unique(thin)]
-    at, read = since[inside], 1e3 * record.displacement[inside]
-    above.plot(at, read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0,
+    since, read, fitted = part.at[inside], part.read[inside], part.fitted[inside]
+    above.plot(since, 1e3 * read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0,
                rasterized=True)
-    above.plot(at, read + 1e3 * residual[inside], color=colour, linewidth=0.6, label=name)
-    below.plot(at, 1e6 * residual[inside], ".", color=colour, markersize=1.5, markeredgewidth=0,
+    above.plot(since, 1e3 * fitted, color=colour, linewidth=0.6, label=part.specimen)
+    below.plot(since, 1e6 * (fitted - read), ".", color=colour, markersize=1.5, markeredgewidth=0,
                rasterized=True)
 
 

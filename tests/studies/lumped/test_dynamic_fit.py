@@ -270,6 +270,9 @@ def test_what_simulate_writes_identify_reads(tmp_path: Path,
                  "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found == json.loads((out / "identify.json").read_text())
+    drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
+    assert main(["report", str(out)]) == 0
+    assert drawn == {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert "static" not in found
     for one, truth in zip(found["dynamic"]["constants"], (23.5e6, 177.2e6, 62.4e3), strict=True):
         assert one["value"] == pytest.approx(truth, rel=1e-4)

@@ -309,6 +309,9 @@ def test_the_command_writes_what_it_prints(tmp_path: Path,
     assert len(rows) == 1 + 2 * 3
     assert (tmp_path / "build.png").stat().st_size > 10_000
     assert BuildResult.load(tmp_path).json() == told
+    drawn = (tmp_path / "build.svg").read_bytes()
+    assert main(["report", str(tmp_path)]) == 0
+    assert (tmp_path / "build.svg").read_bytes() == drawn
     read = read_model(tmp_path / "circular.lumped.toml")
     assert read.correction.stiffness == told["built"][0]["stiffness"]
     assert read.viscous == Viscous(1e6, 2e6, 3e3)

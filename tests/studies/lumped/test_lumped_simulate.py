@@ -193,6 +193,9 @@ def test_simulate_command_writes_what_a_dataset_reads(tmp_path: Path,
     assert printed == json.loads((out / "simulate.json").read_text())
     assert (out / "response.png").stat().st_size > 10_000
     assert SimulationResult.load(out).json() == printed
+    drawn = (out / "response.svg").read_bytes()
+    assert main(["report", str(out)]) == 0
+    assert (out / "response.svg").read_bytes() == drawn
     head = 'name = "made"\n' + "".join(
         "[[specimen]]\n" + "\n".join(line.replace("[", "[specimen.") if line.startswith("[")
                                      else line

@@ -129,6 +129,9 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert main(["lumped", "identify", str(tmp_path), "-o", str(out), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found == json.loads((out / "identify.json").read_text())
+    drawn = {file.name: file.read_bytes() for file in out.glob("*.svg")}
+    assert main(["report", str(out)]) == 0
+    assert drawn == {file.name: file.read_bytes() for file in out.glob("*.svg")}
     assert found["static"]["rmse_um"] == pytest.approx(1.0, rel=0.4)
     assert "gamma_2" in found["static"]["not_determined"]
     assert found["static"]["warnings"] == []

@@ -53,7 +53,7 @@ def add(kinds: Subcommands) -> None:
 def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.files import write_json
+    from tympan.studies.identify.result import IdentifyResult
 
     dataset = read_dataset(options.dataset)
     result: dict[str, Any] = {"dataset": dataset.name}
@@ -62,22 +62,10 @@ def _run(options: argparse.Namespace) -> None:
         dynamic = _fit_dynamic(dataset, static, options, result,
                                progress) if options.dynamic else None
     if options.output is not None:
-        from tympan.reports.figures.identification import (
-            draw_correlations,
-            draw_dynamic,
-            draw_profiles,
-            draw_static,
-        )
+        from tympan.reports.figures.identification import draw_identified
 
-        write_json(options.output / "identify.json", result)
-        if static is not None:
-            draw_static(static, options.output)
-        if dynamic is not None:
-            draw_dynamic(dynamic, options.output)
-        for name, fit in (("", static), ("-dynamic", dynamic)):
-            if fit is not None:
-                draw_profiles(fit.judgement, options.output, f"profiles{name}")
-                draw_correlations(fit.judgement, options.output, f"correlations{name}")
+        IdentifyResult.of(result, static, dynamic).save(options.output)
+        draw_identified(IdentifyResult.load(options.output), options.output)
     if options.json:
         print_json(result)
         return
