@@ -13,10 +13,11 @@ import numpy as np
 from tympan.reports.figures.optimum import draw_optimum
 from tympan.studies.case import Settings
 from tympan.studies.files import write_text
-from tympan.studies.optimise.design import Bench
-from tympan.studies.optimise.optimise import Optimised, Optimum, optimise
-from tympan.studies.optimise.output import record
-from tympan.studies.optimise.problem import Problem, default_problem
+from tympan.studies.optimise.design import DesignEvaluator
+from tympan.studies.optimise.optimise import Optima, Optimum, find_optima
+from tympan.studies.optimise.problem import OptimiseProblem, default_problem
+from tympan.studies.optimise.result import result_of
+from tympan.studies.optimise.sqp import DescentSettings
 
 _DOCS = Path(__file__).parent.parent / "docs"
 
@@ -25,16 +26,16 @@ def main() -> None:
     """Run it whole, then frame and plate each for itself, and write the page."""
     problem = default_problem()
     began = time.perf_counter()
-    whole = optimise(problem)
+    whole = find_optima(problem, Settings(), DescentSettings())
     took = time.perf_counter() - began
-    parts = {name: optimise(_only(problem, name)) for name in ("frame", "plate")}
+    parts = {name: find_optima(_only(problem, name), Settings(), DescentSettings()) for name in ("frame", "plate")}
     with tempfile.TemporaryDirectory() as folder:
-        picture, _ = draw_optimum(whole, Path(folder))
+        picture, _ = draw_optimum(result_of(whole), Path(folder))
         shutil.copy(picture, _DOCS / "optimum.png")
     write_text(_DOCS / "optimum.md", page(whole, parts, took))
 
 
-def page(whole: Optimised, parts: dict[str, Optimised], took: float) -> str:
+def page(whole: Optima, parts: dict[str, Optima], took: float) -> str:
     """The page as Markdown."""
     problem, reference = whole.problem, whole.reference
     lines = [
@@ -59,10 +60,10 @@ def page(whole: Optimised, parts: dict[str, Optimised], took: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _meaning(whole: Optimised) -> list[str]:
+def _meaning(whole: Optima) -> list[str]:
     """In words, of what was found."""
     lines = []
-    for found in record(whole)["optima"]:
+    for found in result_of(whole).record["optima"]:
         x, y = (1e3 * found["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
         shape = "the circle" if abs(x / y - 1) < 2e-3 else f"{x:.1f} by {y:.1f} mm"
         active = [_words(name) for name, limit in found["limits"].items() if limit["active"]]
@@ -76,8 +77,8 @@ def _meaning(whole: Optimised) -> list[str]:
             "must not be higher than the reference's has that as a bound in `[vary]`."]
 
 
-def _rows(whole: Optimised) -> list[str]:
-    stored = record(whole)["optima"]
+def _rows(whole: Optima) -> list[str]:
+    stored = result_of(whole).record["optima"]
     rows = [["status", *(found["status"] for found in stored)]]
     for variable in whole.problem.variables:
         rows.append([f"{variable.key} [mm]",
@@ -103,13 +104,13 @@ def _rows(whole: Optimised) -> list[str]:
     return ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def _kept(problem: Problem, name: str, found: dict[str, float]) -> str:
+def _kept(problem: OptimiseProblem, name: str, found: dict[str, float]) -> str:
     text = f"{_shown(problem, name, found['value'])}, finer mesh {_shown(problem, name, found['finer'])}"
     return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"]
                    else "")
 
 
-def _trust(whole: Optimised) -> list[str]:
+def _trust(whole: Optima) -> list[str]:
     lines = []
     for optimum in whole.optima:
         short = ", ".join(f"{_words(name)} {share - 1:.1%}"
@@ -125,14 +126,14 @@ def _trust(whole: Optimised) -> list[str]:
             "margin is less certain, and differs between meshes by more than the stroke does."]
 
 
-def _scales(problem: Problem, optimum: Optimum) -> dict[str, float]:
-    bench = Bench(problem, Settings())
+def _scales(problem: OptimiseProblem, optimum: Optimum) -> dict[str, float]:
+    bench = DesignEvaluator(problem, Settings())
     bench.fresh(optimum.best.best.values)
     assert bench.base is not None
     return dict(bench.base.scales)
 
 
-def _only(problem: Problem, part: str) -> Problem:
+def _only(problem: OptimiseProblem, part: str) -> OptimiseProblem:
     """The problem with the numbers of one part alone, from the specimen itself."""
     chosen = [number for number, variable in enumerate(problem.variables)
               if variable.path[0] == part]
@@ -145,7 +146,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _shown(problem: Problem, name: str, value: float) -> str:
+def _shown(problem: OptimiseProblem, name: str, value: float) -> str:
     unit = next(limit.unit for limit in problem.limits if limit.name == name)
     scale, text = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}.get(unit,
                                                                                         (1.0, ""))

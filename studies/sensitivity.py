@@ -1,4 +1,4 @@
-"""How the results of a case answer to every number of its specimen, rig and load: derivatives and elasticities."""
+"""How results of a case answer to every number of specimen, rig and load: derivatives, elasticities."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at, symbol
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
-from tympan.studies.files import write_json
+from tympan.studies.files import from_json, read_json, stored_file, write_json
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
@@ -37,7 +37,10 @@ _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.la
 
 @dataclass(frozen=True)
 class CaseNumber:
-    """The nominal mass, the nominal voltage or a number of the rig, as parameter; ``limited`` is left alone."""
+    """The nominal mass, the nominal voltage or a number of the rig, as parameter.
+
+    The load ``limited`` is left alone.
+    """
 
     case: Case
     path: tuple[str, ...]
@@ -47,8 +50,9 @@ class CaseNumber:
     @property
     def odd(self) -> frozenset[str]:
         """The axis an offset of the weight is along."""
-        return frozenset("xy"[int(self.path[-1])]) if self.path[-2:-1] == ("weight_offset",
-                                                                           ) else frozenset()
+        if self.path[-2:-1] != ("weight_offset",):
+            return frozenset()
+        return frozenset("xy"[int(self.path[-1])])
 
     def value(self, model: Model, state: State) -> float:
         """As in the case."""
@@ -58,8 +62,9 @@ class CaseNumber:
         """Other loads and surroundings."""
         mass, voltage = (getattr(self.case, name) + (change if self.path == (name,) else 0)
                          for name in ("mass", "voltage"))
-        rig = with_change(self.case.rig, self.path[1:],
-                          change) if self.path[0] == "rig" else self.case.rig
+        rig = self.case.rig
+        if self.path[0] == "rig":
+            rig = with_change(rig, self.path[1:], change)
         loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
                  "voltage": rig.film_voltage(voltage, self.case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != self.limited}
@@ -121,6 +126,13 @@ class Answers:
         """Of the quantity."""
         return UNITS.get(self.quantity, "SI")
 
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        by = {answer.parameter: {"value": answer.value, "unit": answer.unit,
+                                 "derivative": answer.derivative, "elasticity": answer.elasticity}
+              for answer in self.answers}
+        return {"value": self.value, "unit": self.unit, "by": by}
+
 
 @dataclass(frozen=True)
 class SensitivityResult:
@@ -135,23 +147,36 @@ class SensitivityResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        found = {one.quantity: {"value": one.value, "unit": one.unit, "by": {
-            answer.parameter: {"value": answer.value, "unit": answer.unit,
-                               "derivative": answer.derivative,
-                               "elasticity": answer.elasticity} for answer in one.answers}}
-                 for one in self.quantities}
+        quantities = {item.quantity: item.json() for item in self.quantities}
         return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V,
-                "status": self.status,
-                "quantities": found, "warnings": list(self.warnings)}
+                "status": self.status, "quantities": quantities, "warnings": list(self.warnings)}
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-sensitivity.json``; NAME is the specimen's."""
         write_json(folder / f"{self.specimen}-sensitivity.json", self.json())
 
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> SensitivityResult:
+        """What was saved, of the specimen of a ``name`` or of the only one."""
+        file = stored_file(folder, "*-sensitivity.json", name, "tympan sensitivity")
+        record = from_json(dict[str, Any], read_json(file), file)
+        stored = from_json(dict[str, dict[str, Any]], record.get("quantities"), file, "quantities")
+        quantities = []
+        for quantity, entry in stored.items():
+            key = f"quantities.{quantity}"
+            by = from_json(dict[str, dict[str, Any]], entry.get("by"), file, f"{key}.by")
+            answers = tuple(from_json(Answer, {**values, "parameter": parameter}, file, key)
+                            for parameter, values in by.items())
+            value = from_json(float, entry.get("value"), file, f"{key}.value")
+            quantities.append(Answers(quantity, value, answers))
+        return replace(from_json(cls, {**record, "quantities": []}, file),
+                       quantities=tuple(quantities))
 
 def sensitivity(case: Case, settings: Settings,
                 names: Sequence[str] = ("heave",)) -> SensitivityResult:
-    """Derivatives of named quantities of a case by all it depends on; past pull-in, those of the pull-in load.
+    """Derivatives of named quantities of a case by all it depends on.
+
+    Past pull-in, those of the pull-in load.
 
     Raises
     ------
@@ -174,11 +199,14 @@ def sensitivity(case: Case, settings: Settings,
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None
                     ) -> dict[str, ModelParameter]:
-    """All a case depends on, by name: specimen, but for lengths the mesh cannot follow, nominal loads and rig."""
-    known = Parameters(model)
-    result: dict[str, ModelParameter] = {name: known[name] for name in film_names(case.specimen)}
+    """All a case depends on, by name: specimen, nominal loads and rig.
+
+    Lengths the mesh cannot follow are left out.
+    """
+    of_model = Parameters(model)
+    result: dict[str, ModelParameter] = {name: of_model[name] for name in film_names(case.specimen)}
     for name in () if _immovable(model) else shape_names(case.specimen):
-        shape = known[name]
+        shape = of_model[name]
         loads = case.rig.plate_pressure and limited != "force"
         result[name] = UnderPressure(shape, case) if loads else shape
     idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag",)))
@@ -204,8 +232,8 @@ def _at_equilibrium(case: Case, model: Model, outcome: Outcome,
     by = case_parameters(case, model)
     slopes = gradient_many(model, outcome, wanted, by)
     state = outcome.state
-    return tuple(_answers(name, float(one.value(model, state)), slopes[name], by, case, model, state)
-                 for name, one in wanted.items())
+    return tuple(_answers(name, float(quantity.value(model, state)), slopes[name], by, model, state)
+                 for name, quantity in wanted.items())
 
 
 def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:

@@ -10,54 +10,54 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.alpha.map import Chart
+from tympan.studies.alpha.map import AlphaMap
 from tympan.studies.alpha.map_readings import Reading
 
 
-def draw_map(chart: Chart, folder: Path) -> list[Path]:
+def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
     """Draw folder/alpha-map.png and .svg; answers the files."""
-    return style.save_figure(folder, "alpha-map", lambda: _compose(chart))
+    return style.save_figure(folder, "alpha-map", lambda: _compose(alpha_map))
 
 
-def _compose(chart: Chart) -> Figure:
+def _compose(alpha_map: AlphaMap) -> Figure:
     figure = style.new_figure(68.0)
     alpha, stroke, missed = (style.place_axes(figure, left, 8, 44, 48) for left in (12, 70, 132))
-    weights = np.array([reading.alpha for reading in chart.grid])
+    weights = np.array([reading.alpha for reading in alpha_map.grid])
     levels = np.arange(np.ceil(40 * weights.min()), 40 * weights.max()) / 40
-    _levels(alpha, chart, weights, levels, "α₁ (dashed: formula)", "%.3g")
-    _formula(alpha, chart, levels)
-    voltage, mass = chart.settings.voltage / 1e3, chart.settings.mass * 1e3
-    _levels(stroke, chart, 1e3 * np.array([reading.stroke for reading in chart.grid]), 9,
+    _levels(alpha, alpha_map, weights, levels, "α₁ (dashed: formula)", "%.3g")
+    _formula(alpha, alpha_map, levels)
+    voltage, mass = alpha_map.settings.voltage / 1e3, alpha_map.settings.mass * 1e3
+    _levels(stroke, alpha_map, 1e3 * np.array([reading.stroke for reading in alpha_map.grid]), 9,
             f"stroke at {voltage:g} kV, {mass:g} g [mm]", "%.2f")
-    _errors(missed, chart)
+    _errors(missed, alpha_map)
     return figure
 
 
-def _levels(axes: Axes, chart: Chart, values: Any, levels: Any, title: str, form: str) -> None:
-    shape = len(chart.settings.aspects), len(chart.settings.ratios)
+def _levels(axes: Axes, alpha_map: AlphaMap, values: Any, levels: Any, title: str, form: str) -> None:
+    shape = len(alpha_map.settings.aspects), len(alpha_map.settings.ratios)
     axes.grid(False)
-    drawn = axes.contour(chart.settings.aspects, chart.settings.ratios, values.reshape(shape).T,
+    drawn = axes.contour(alpha_map.settings.aspects, alpha_map.settings.ratios, values.reshape(shape).T,
                          levels, colors=style.PALETTE[0], linewidths=1.0)
     axes.clabel(drawn, fmt=form, fontsize=6)
     axes.set(title=title, xlabel="aspect ratio r₂/r₁", ylabel="plate r/r₁")
 
 
-def _formula(axes: Axes, chart: Chart, levels: Any) -> None:
-    aspect, ratio = np.meshgrid(np.linspace(*chart.formula.aspects, 80),
-                                np.linspace(*chart.formula.ratios, 60))
-    axes.contour(aspect, ratio, chart.formula(aspect, ratio), levels, colors=style.PALETTE[1],
+def _formula(axes: Axes, alpha_map: AlphaMap, levels: Any) -> None:
+    aspect, ratio = np.meshgrid(np.linspace(*alpha_map.formula.aspects, 80),
+                                np.linspace(*alpha_map.formula.ratios, 60))
+    axes.contour(aspect, ratio, alpha_map.formula(aspect, ratio), levels, colors=style.PALETTE[1],
                  linewidths=0.7, linestyles="dashed")
 
 
-def _errors(axes: Axes, chart: Chart) -> None:
+def _errors(axes: Axes, alpha_map: AlphaMap) -> None:
     sets: dict[str, tuple[tuple[Reading, ...], str, str]] = {
-        "fitted": (chart.grid, style.PALETTE[0], "o"),
-        "inside, not fitted": (chart.inside, style.PALETTE[2], "s"),
-        "outside": (chart.outside, style.PALETTE[1], "^")}
+        "fitted": (alpha_map.grid, style.PALETTE[0], "o"),
+        "inside, not fitted": (alpha_map.inside, style.PALETTE[2], "s"),
+        "outside": (alpha_map.outside, style.PALETTE[1], "^")}
     for name, (readings, colour, marker) in sets.items():
         aspects = [reading.place.aspect for reading in readings if np.isfinite(reading.alpha)]
-        axes.semilogy(aspects, np.abs(chart.formula.errors(readings)).clip(1e-5), marker, ms=2.5,
+        axes.semilogy(aspects, np.abs(alpha_map.formula.errors(readings)).clip(1e-5), marker, ms=2.5,
                       color=colour, label=name)
-    axes.axvspan(*chart.formula.aspects, color="0.93", zorder=0)
+    axes.axvspan(*alpha_map.formula.aspects, color="0.93", zorder=0)
     axes.set(title="|formula − α₁|", xlabel="aspect ratio r₂/r₁", ylim=(8e-6, 0.1))
     axes.legend(loc="lower right", handletextpad=0.2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,78 +10,85 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from tympan.geometry.specimen import Specimen
 from tympan.reports import look as style
-from tympan.studies.optimise.optimise import Optimised, Optimum
+from tympan.studies.optimise.result import OptimiseResult
 
 _PANEL = 52.0  #: width of the outlines' panel [mm]
 
 
-def draw_optimum(result: Optimised, folder: Path) -> list[Path]:
+def draw_optimum(result: OptimiseResult, folder: Path) -> list[Path]:
     """Draw folder/optimum.png and .svg, one row for each optimum; answers the files."""
     return style.save_figure(folder, "optimum", lambda: _compose(result))
 
 
-def _compose(result: Optimised) -> Figure:
-    figure = style.new_figure(6 + 62 * max(1, len(result.optima)))
-    for number, optimum in enumerate(result.optima):
+def _compose(result: OptimiseResult) -> Figure:
+    optima = result.record["optima"]
+    figure = style.new_figure(6 + 62 * max(1, len(optima)))
+    for number, optimum in enumerate(optima):
         top = 10 + 62 * number
-        _outlines(style.place_axes(figure, 16, top, _PANEL, 44), result, optimum)
+        _outlines(style.place_axes(figure, 16, top, _PANEL, 44), result, optimum["held"])
         _strokes(style.place_axes(figure, 84, top, 38, 44), result, optimum)
         _limits(style.place_axes(figure, 138, top, 38, 44), result, optimum)
     return figure
 
 
-def _outlines(axes: Axes, result: Optimised, optimum: Optimum) -> None:
+def _outlines(axes: Axes, result: OptimiseResult, held: str) -> None:
     """Along the best run from light to dark, and the reference, dashed."""
-    ways = [station.design.specimen for station in optimum.best.stations if station.accepted]
-    specimens = [specimen for specimen in ways if specimen is not None]
-    shades = colormaps["Blues"](np.linspace(0.25, 1.0, len(specimens)))
-    for specimen, shade in zip(specimens, shades, strict=True):
-        _curves(axes, specimen, color=shade, linewidth=0.8)
-    _curves(axes, specimens[-1], color=style.PALETTE[0], linewidth=1.6)
-    _curves(axes, result.problem.reference, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
+    trials = np.unique(result.outlines["trial"][result.outlines["held"] == held])
+    shades = colormaps["Blues"](np.linspace(0.25, 1.0, len(trials)))
+    for trial, shade in zip(trials, shades, strict=True):
+        _curves(axes, result, held, trial, color=shade, linewidth=0.8)
+    _curves(axes, result, held, trials[-1], color=style.PALETTE[0], linewidth=1.6)
+    _curves(axes, result, "", 0, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
-    axes.set_title(f"Equal frame {optimum.held}: from light to dark;\n"
-                   f"reference {result.problem.reference.name} dashed", loc="left")
+    axes.set_title(f"Equal frame {held}: from light to dark;\n"
+                   f"reference {result.record['reference']['specimen']} dashed", loc="left")
 
 
-def _curves(axes: Axes, specimen: Specimen, **look: Any) -> None:
-    offset = np.array(specimen.plate.offset)[:, None]
-    for points in (specimen.frame.points(360), specimen.plate.outline.points(360) + offset):
-        closed = 1e3 * np.column_stack([points, points[:, :1]])
-        axes.plot(*closed, **look)
+def _curves(axes: Axes, result: OptimiseResult, held: str, trial: float, **look: Any) -> None:
+    table = result.outlines
+    of_design = (table["held"] == held) & (table["trial"] == trial)
+    for part in ("frame", "plate"):
+        points = np.stack([table[key][of_design & (table["part"] == part)] for key in ("x", "y")])
+        axes.plot(*(1e3 * np.column_stack([points, points[:, :1]])), **look)
 
 
-def _strokes(axes: Axes, result: Optimised, optimum: Optimum) -> None:
-    for run, colour in zip(optimum.runs, style.PALETTE[:1] + style.PALETTE[2:], strict=False):
-        kept = [(number, 1e3 * station.design.stroke) for number, station in enumerate(run.stations)
-                if station.accepted]
-        axes.plot(*zip(*kept, strict=True), "o-", color=colour, markersize=2.5,
-                  label=f"start {run.start + 1}")
-    axes.axhline(1e3 * result.reference.stroke, color=style.PALETTE[1], linestyle="--",
-                 linewidth=0.8)
+def _strokes(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> None:
+    colours = style.PALETTE[:1] + style.PALETTE[2:]
+    for run, colour in zip(optimum["starts"], colours, strict=False):
+        trials = _accepted(result, optimum["held"], run["start"])
+        axes.plot(trials["trial"], 1e3 * trials["stroke"], "o-", color=colour, markersize=2.5,
+                  label=f"start {run['start']}")
+    axes.axhline(1e3 * result.record["reference"]["stroke_m"], color=style.PALETTE[1],
+                 linestyle="--", linewidth=0.8)
     axes.set_xlabel("trial")
     axes.set_title("Stroke [mm]", loc="left")
     axes.legend()
 
 
-def _limits(axes: Axes, result: Optimised, optimum: Optimum) -> None:
+def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> None:
     """How much of each limit is used along the best run."""
-    kept = [(number, station.design) for number, station in enumerate(optimum.best.stations)
-            if station.accepted]
-    for limit, colour in zip(result.problem.limits, style.PALETTE, strict=False):
-        upper = limit.unit in ("Pa", "V/m")
-        used = [design.limited[limit.name] / limit.bound if upper
-                else limit.bound / design.limited[limit.name] for _, design in kept]
-        axes.plot([number for number, _ in kept], used, "o-", color=colour, markersize=2.5,
-                  label=limit.name.replace("_", " "))
+    trials = _accepted(result, optimum["held"], optimum["best_start"])
+    limits = result.record["limits"]
+    for (name, limit), colour in zip(limits.items(), style.PALETTE, strict=False):
+        share = trials[name] / limit["bound"]
+        used = share if limit["unit"] in ("Pa", "V/m") else 1 / share
+        axes.plot(trials["trial"], used, "o-", color=colour, markersize=2.5,
+                  label=name.replace("_", " "))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
     axes.set_xlabel("trial")
     axes.set_title("Share of each limit used", loc="left")
     axes.set_ylim(0.0, 1.08)
-    if result.problem.limits:
+    if limits:
         axes.legend(loc="lower left", fontsize=5.5, labelspacing=0.15, handlelength=1.2)
+
+
+def _accepted(result: OptimiseResult, held: str, start: int) -> dict[str, NDArray[Any]]:
+    """The designs gone to from a start, by column."""
+    table = result.trials
+    rows = (table["held"] == held) & (table["start"] == start) & (table["accepted"] == 1)
+    return {name: values[rows] for name, values in table.items()}

@@ -49,25 +49,31 @@ class Formula:
         same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
         return np.asarray((same - long) / (short - long))
 
-    def errors(self, read: Sequence[Reading]) -> Array:
+    def errors(self, readings: Sequence[Reading]) -> Array:
         """Formula less reading, where there is one."""
-        aspect, ratio, weight = _columns(read)
+        aspect, ratio, weight = _columns(readings)
         return self(aspect, ratio) - weight
 
     def holds(self, aspect: float, ratio: float) -> bool:
         """Whether a place is in the range of the readings it was found from."""
-        return self.aspects[0] <= aspect <= self.aspects[1] and self.ratios[0] <= ratio <= self.ratios[1]
+        return (self.aspects[0] <= aspect <= self.aspects[1]
+                and self.ratios[0] <= ratio <= self.ratios[1])
 
     def words(self) -> str:
         """The formula with its numbers, to be copied."""
-        c = [f"{constant:+.4f}" for constant in self.constants]
-        return (f"p = {c[0][1:]} {c[1]} ln A {c[2]} ln² A {c[3]} q³ ln A;  s = 1 + (4/π − 1)(1 − A^−p);  "
+        first, *others = self.constants
+        first_text, (c1, c2, c3) = f"{first:.4f}", (f"{constant:+.4f}" for constant in others)
+        return (f"p = {first_text} {c1} ln A {c2} ln² A {c3} q³ ln A;  "
+                "s = 1 + (4/π − 1)(1 − A^−p);  "
                 "α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q));  A = r₂/r₁, q = r/r₁")
 
 
-def found(read: Sequence[Reading]) -> Formula:
-    """The formula that fits readings best in the mean square of α₁; constants rounded to the four places it prints."""
-    aspect, ratio, weight = _columns(read)
+def fit_formula(readings: Sequence[Reading]) -> Formula:
+    """The formula that fits readings best in the mean square of α₁.
+
+    Its constants are rounded to the four places it prints.
+    """
+    aspect, ratio, weight = _columns(readings)
     aspects, ratios = ((float(item.min()), float(item.max())) for item in (aspect, ratio))
 
     def off(constants: Array) -> Array:
@@ -77,8 +83,8 @@ def found(read: Sequence[Reading]) -> Formula:
     return Formula(tuple(round(float(constant), 4) for constant in fit.x), aspects, ratios)
 
 
-def _columns(read: Sequence[Reading]) -> tuple[Array, Array, Array]:
-    rows = [(one.place.aspect, one.place.ratio, one.alpha) for one in read
-            if np.isfinite(one.alpha)]
+def _columns(readings: Sequence[Reading]) -> tuple[Array, Array, Array]:
+    rows = [(reading.place.aspect, reading.place.ratio, reading.alpha) for reading in readings
+            if np.isfinite(reading.alpha)]
     aspect, ratio, weight = np.array(rows).T
     return aspect, ratio, weight

@@ -25,7 +25,7 @@ SHORT = 45e-3
 
 @dataclass(frozen=True)
 class Place:
-    """Where on the map: long over short semi-axis, plate radius over short semi-axis; and the film's material."""
+    """Where on the map: long semi-axis and plate radius over the short semi-axis; the material."""
 
     aspect: float
     ratio: float
@@ -41,7 +41,10 @@ class Place:
 
 @dataclass(frozen=True)
 class Reading:
-    """α₁ of two membrane circles with the semi-axes and the force error it leaves; the stroke [m]; what went wrong."""
+    """α₁ of two membrane circles with the semi-axes, the force error it leaves, the stroke [m].
+
+    ``trouble``: what went wrong.
+    """
 
     place: Place
     alpha: float
@@ -52,7 +55,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class MapSettings:
-    """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, grid of places, and random ones.
+    """How a map is made: loads of the α, mass [kg] and voltage [V] of the stroke, and places.
 
     The grid spans ``aspects`` and ``ratios``; ``inside`` random places in its range have random
     materials of the library, ``outside`` ones have aspects up to ``far[0]`` and ratios up to
@@ -93,9 +96,9 @@ class MapSettings:
         return places
 
 
-def readings(places: Sequence[Place], map_settings: MapSettings, workers: int = 1,
-             progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
-    """At every place, in their order; a place without an equilibrium is a reading of nan with what went wrong."""
+def map_readings(places: Sequence[Place], map_settings: MapSettings, workers: int = 1,
+                 progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
+    """At every place, in their order; one without an equilibrium is a reading of nan with the reason."""
     collected = []
     for reading in mapped(partial(_reading, map_settings), places, workers):
         progress(reading.place.specimen.name)

@@ -2,48 +2,120 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Plate, Specimen
-from tympan.studies import files as store
-from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
+from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
+from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, write_csv, write_json
 from tympan.studies.paper.actuators import paper_film
 
+#: The columns of outlines-frames.csv: points of each frame's outline.
+FRAMES: tuple[Column, ...] = (
+    Label("shape"), Number("x", "mm", "length"), Number("y", "mm", "length"))
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineRow:
+    """A frame's outline with its α: two membrane circles of its sectors, and the one that fits best.
+
+    A round frame has one circle, and None for the second. ``frame`` are points of its outline [m],
+    shape (2, n).
+    """
+
+    shape: str
+    half_width_mm: float
+    half_height_mm: float
+    area_cm2: float
+    circle_1_mm: float
+    circle_2_mm: float | None
+    alpha_1: float
+    alpha_2: float | None
+    fit_error: float
+    held_out_error: float | None
+    field_alpha_1: float
+    field_held_out_error: float | None
+    one_circle_mm: float
+    one_circle_held_out_error: float | None
+    warnings: str
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.empty((2, 0)), repr=False)
+
+    @classmethod
+    def of(cls, outline: Outline, two: AlphaResult, one: AlphaResult) -> OutlineRow:
+        """From α of two circles and of one."""
+        (a, b), weights = outline.semi_axes, two.by_basis["membrane"]
+        (first, second), (alpha_1, alpha_2) = ([*values, None][:2]
+                                               for values in (two.circles, weights.alpha))
+        assert first is not None
+        assert alpha_1 is not None
+        single = one.by_basis["membrane"]
+        return cls(
+            outline.shape, a * 1e3, b * 1e3, float(np.real(area(outline))) * 1e4, first * 1e3,
+            None if second is None else second * 1e3, alpha_1, alpha_2, weights.fit_error,
+            weights.held_out_error, two.from_fields.alpha[0], two.from_fields.held_out_error,
+            one.circles[0] * 1e3, single.held_out_error,
+            "; ".join(text for text in two.warnings if "cones" not in text),
+            outline.points(720))
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without the outline's points."""
+        return {name: getattr(self, name) for name in HEADER}
+
+
 #: The table's columns.
-HEADER = ("shape", "half_width_mm", "half_height_mm", "area_cm2", "circle_1_mm", "circle_2_mm",
-          "alpha_1", "alpha_2",
-          "fit_error", "held_out_error", "field_alpha_1", "field_held_out_error", "one_circle_mm",
-          "one_circle_held_out_error", "warnings")
+HEADER = tuple(item.name for item in fields(OutlineRow) if item.name != "frame")
 
 
-@dataclass(frozen=True)
-class Row:
-    """A frame's outline with its α: two membrane circles of its sectors, and the one circle that fits best."""
+@dataclass(frozen=True, eq=False)
+class OutlineTable:
+    """α of every registered outline."""
 
-    outline: Outline
-    two: AlphaResult
-    one: AlphaResult
+    rows: tuple[OutlineRow, ...]
 
-    def cells(self) -> list[Any]:
-        """In the order of :data:`HEADER`; a round frame has one circle, and empty cells for the second."""
-        (a,
-         b), two, fields = self.outline.semi_axes, self.two.by_basis["membrane"], self.two.from_fields
-        radii, weights = ([*values, None][:2] for values in (self.two.circles, two.alpha))
-        one = self.one.by_basis["membrane"]
-        doubts = [text for text in self.two.warnings if "cones" not in text]
-        return [self.outline.shape, a * 1e3, b * 1e3, float(np.real(area(self.outline))) * 1e4,
-                *(None if radius is None else radius * 1e3 for radius in radii), *weights,
-                two.fit_error,
-                two.held_out_error, fields.alpha[0], fields.held_out_error,
-                self.one.circles[0] * 1e3,
-                one.held_out_error, "; ".join(doubts)]
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {"outlines": [row.json() for row in self.rows]}
+
+    def save(self, folder: Path) -> None:
+        """Write ``outlines.csv``, ``outlines-frames.csv`` and ``outlines.json``."""
+        write_csv(folder / "outlines.csv", HEADER, (row.json().values() for row in self.rows))
+        x, y = np.concatenate([row.frame for row in self.rows], axis=1)
+        shapes = np.repeat([row.shape for row in self.rows],
+                           [row.frame.shape[1] for row in self.rows])
+        write_sheet(folder / "outlines-frames.csv", FRAMES, {"shape": shapes, "x": x, "y": y})
+        write_json(folder / "outlines.json", [row.json() for row in self.rows])
+
+    @classmethod
+    def load(cls, folder: Path) -> OutlineTable:
+        """What was saved.
+
+        Raises
+        ------
+        InputError
+            When a file is missing or damaged, or is of a version that did not keep the outlines.
+        """
+        file, frames = folder / "outlines.json", folder / "outlines-frames.csv"
+        listed = from_json(tuple[dict[str, Any], ...], read_json(file), file)
+        points = read_own_sheet(frames, FRAMES)
+        rows = []
+        for number, record in enumerate(listed):
+            given = {name: value for name, value in record.items() if name != "frame"}
+            row = from_json(OutlineRow, given, file, f"[{number}]")
+            chosen = points["shape"] == row.shape
+            if not chosen.any():
+                raise InputError(f"has no points of {row.shape}: run tympan outlines again",
+                                 file=frames)
+            rows.append(replace(row, frame=np.stack([points["x"][chosen], points["y"][chosen]])))
+        return cls(tuple(rows))
 
 
 def specimen_in(outline: Outline) -> Specimen:
@@ -52,18 +124,13 @@ def specimen_in(outline: Outline) -> Specimen:
 
 
 def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),
-                  progress: Callable[[str], None] = lambda _: None) -> Iterator[Row]:
+                  progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
     """A row for every registered outline that has an example."""
+    rows = []
     for outline in examples().values():
         progress(outline.shape)
         specimen = specimen_in(outline)
         two, one = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
                     for count, radii in ((2, "sectors"), (1, "fit")))
-        yield Row(outline, two, one)
-
-
-def write(rows: list[Row], folder: Path) -> None:
-    """``outlines.csv`` and ``outlines.json``."""
-    store.write_csv(folder / "outlines.csv", HEADER, [row.cells() for row in rows])
-    store.write_json(folder / "outlines.json",
-                     [dict(zip(HEADER, row.cells(), strict=True)) for row in rows])
+        rows.append(OutlineRow.of(outline, two, one))
+    return OutlineTable(tuple(rows))

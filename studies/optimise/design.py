@@ -19,9 +19,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import folded
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
-from tympan.studies.optimise.limits import Found
-from tympan.studies.optimise.problem import Problem
-from tympan.studies.optimise.sqp import Local
+from tympan.studies.optimise.limits import DesignState
+from tympan.studies.optimise.problem import OptimiseProblem
+from tympan.studies.optimise.sqp import Linearisation
 from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
@@ -55,14 +55,14 @@ class Base:
 
 
 @dataclass(eq=False)
-class Bench:
+class DesignEvaluator:
     """Computes designs of a problem on the mesh it keeps, which it makes anew when asked."""
 
-    problem: Problem
+    problem: OptimiseProblem
     settings: Settings
     base: Base | None = None
 
-    def fresh(self, values: Array) -> tuple[Design, Local | None]:
+    def fresh(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on a mesh of its own, which becomes the one to move."""
         try:
             specimen = self.problem.design(values)
@@ -72,7 +72,7 @@ class Bench:
             return Design(values, reason=str(error)), None
         return self._evaluated(values, specimen, model, None)
 
-    def moved(self, values: Array) -> tuple[Design, Local | None]:
+    def moved(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on the kept mesh moved to it, so that designs compare without the noise of new meshes."""
         assert self.base is not None
         model = self.base.model
@@ -87,34 +87,32 @@ class Bench:
         return self._evaluated(values, specimen, other, self.base.scales)
 
     def _evaluated(self, values: Array, specimen: Specimen, model: Model,
-                   scales: Mapping[str, float] | None
-                   ) -> tuple[Design, Local | None]:
+                   scales: Mapping[str, float] | None) -> tuple[Design, Linearisation | None]:
         case = self.problem.case(specimen)
         names = tuple(variable.name for variable in self.problem.variables)
         path = self.settings.path
         (_, rest), (_, outcome) = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
         if rest.status != "equilibrium":
             return Design(values, specimen, failure_reason(rest)), None
-        known = case_parameters(case, model)
-        lower = _slopes(model, rest, {name: known[name] for name in names})
+        parameters = case_parameters(case, model)
+        lower = _slopes(model, rest, {name: parameters[name] for name in names})
         if outcome.status != "equilibrium":
             return Design(values, specimen, failure_reason(outcome)), None
-        found = Found(case, model, outcome, names, {}, path)
-        upper = _slopes(model, outcome, found.by)
+        state = DesignState(case, model, outcome, names, {}, path)
+        upper = _slopes(model, outcome, state.by)
         if scales is None:
-            scales = {limit.name: limit.scale(found) for limit in self.problem.limits}
+            scales = {limit.name: limit.scale(state) for limit in self.problem.limits}
             self.base = Base(model, scales, outcome.state)
-        found = replace(found, scales=scales)
-        pairs = [limit.values(found) for limit in self.problem.limits]
+        state = replace(state, scales=scales)
+        pairs = [limit.values(state) for limit in self.problem.limits]
         stroke = outcome.state.plate.heave - rest.state.plate.heave
-        limited = {limit.name: limit.measured(found) for limit in self.problem.limits}
-        owners = tuple(limit.name for limit, pair in zip(self.problem.limits, pairs, strict=True)
-                       for _ in pair[0])
+        limited = {limit.name: limit.measured(state) for limit in self.problem.limits}
+        owners = tuple(limit.name for limit, (values_of_limit, _)
+                       in zip(self.problem.limits, pairs, strict=True) for _ in values_of_limit)
         design = Design(values, specimen, "", stroke, rest.state.plate.heave, limited, owners)
-        return design, Local(stroke, upper - lower,
-                             np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
-                             np.concatenate([np.zeros((0, len(names))),
-                                             *(pair[1] for pair in pairs)]))
+        return design, Linearisation(
+            stroke, upper - lower, np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
+            np.concatenate([np.zeros((0, len(names))), *(pair[1] for pair in pairs)]))
 
 
 def _slopes(model: Model, outcome: Outcome, by: Mapping[str, ModelParameter]) -> Array:

@@ -34,7 +34,7 @@ _POWER = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class DesignState:
     """A design's equilibrium on a model, and the names of the numbers to differentiate by.
 
     ``scales``: by how much the smooth maxima of the mesh the model was moved from fell short of the
@@ -47,7 +47,7 @@ class Found:
     names: tuple[str, ...]
     scales: Mapping[str, float]
     path: PathSettings
-    _kept: dict[float, tuple[float, Array]] = field(default_factory=dict)
+    _pull_ins: dict[float, tuple[float, Array]] = field(default_factory=dict)
 
     @cached_property
     def by(self) -> dict[str, ModelParameter]:
@@ -62,12 +62,12 @@ class Found:
     def pull_in(self, ceiling: float) -> tuple[float, Array]:
         """Voltage of pull-in over the film's voltage and its derivatives; without pull-in, as far as was searched.
 
-        Where the search was cut short, by a film that wrinkles, the last margin found, which has no
+        Where the search was cut short, by a film that wrinkles, the last margin state, which has no
         derivatives.
         """
-        if ceiling not in self._kept:
-            self._kept[ceiling] = self._pull_in(ceiling)
-        return self._kept[ceiling]
+        if ceiling not in self._pull_ins:
+            self._pull_ins[ceiling] = self._pull_in(ceiling)
+        return self._pull_ins[ceiling]
 
     def _pull_in(self, ceiling: float) -> tuple[float, Array]:
         state, film_voltage = self.outcome.state, self.case.film_voltage
@@ -85,8 +85,8 @@ class Found:
                                                                           * film_voltage**2)
 
     def _named(self, limited: Any) -> dict[str, ModelParameter]:
-        known = case_parameters(self.case, self.model, limited)
-        return {name: known[name] for name in self.names}
+        parameters = case_parameters(self.case, self.model, limited)
+        return {name: parameters[name] for name in self.names}
 
 
 class Limit(Protocol):
@@ -104,13 +104,13 @@ class Limit(Protocol):
     def unit(self) -> str:
         """Of the bound."""
 
-    def measured(self, found: Found) -> float:
+    def measured(self, state: DesignState) -> float:
         """The value that is limited [unit]."""
 
-    def scale(self, found: Found) -> float:
+    def scale(self, state: DesignState) -> float:
         """By how much a smooth stand-in falls short of the value that is limited; 1 where there is none."""
 
-    def values(self, found: Found) -> tuple[Array, Array]:
+    def values(self, state: DesignState) -> tuple[Array, Array]:
         """c, shape (m,), to be ≤ 0, relative to the limit; and its derivatives by the numbers, shape (m, names)."""
 
 
@@ -129,31 +129,31 @@ class Highest:
     stored: str
     inverse: bool = False
 
-    def measured(self, found: Found) -> float:
+    def measured(self, state: DesignState) -> float:
         """From the largest nodal value."""
-        largest = self._largest(found)
+        largest = self._largest(state)
         return 1 / largest if self.inverse else largest
 
-    def scale(self, found: Found) -> float:
+    def scale(self, state: DesignState) -> float:
         """The largest nodal value over the norm."""
-        return self._largest(found) / self._norm(found)
+        return self._largest(state) / self._norm(state)
 
-    def values(self, found: Found) -> tuple[Array, Array]:
+    def values(self, state: DesignState) -> tuple[Array, Array]:
         """The stand-in over the highest allowed, minus one."""
-        share = found.scales[self.name] * (self.bound if self.inverse else 1 / self.bound)
-        slopes = gradient_many(found.model, found.outcome, {"": self._quantity}, found.by)[""]
-        return np.array([share * self._norm(found)
-                         - 1]), share * np.array([[slopes[name] for name in found.names]])
+        share = state.scales[self.name] * (self.bound if self.inverse else 1 / self.bound)
+        slopes = gradient_many(state.model, state.outcome, {"": self._quantity}, state.by)[""]
+        return np.array([share * self._norm(state)
+                         - 1]), share * np.array([[slopes[name] for name in state.names]])
 
     @property
     def _quantity(self) -> Largest:
         return Largest(self.field, _POWER)
 
-    def _largest(self, found: Found) -> float:
-        return float(np.max(getattr(found.fields, self.stored)))
+    def _largest(self, state: DesignState) -> float:
+        return float(np.max(getattr(state.fields, self.stored)))
 
-    def _norm(self, found: Found) -> float:
-        return float(self._quantity.value(found.model, found.outcome.state))
+    def _norm(self, state: DesignState) -> float:
+        return float(self._quantity.value(state.model, state.outcome.state))
 
 
 @dataclass(frozen=True)
@@ -165,17 +165,17 @@ class PullIn:
     unit = "1"
     reach = 1.5
 
-    def measured(self, found: Found) -> float:
+    def measured(self, state: DesignState) -> float:
         """The margin, or how far was searched."""
-        return found.pull_in(self.reach * self.bound)[0]
+        return state.pull_in(self.reach * self.bound)[0]
 
-    def scale(self, found: Found) -> float:
+    def scale(self, state: DesignState) -> float:
         """Needs no stand-in."""
         return 1.0
 
-    def values(self, found: Found) -> tuple[Array, Array]:
+    def values(self, state: DesignState) -> tuple[Array, Array]:
         """The margin asked for over the margin, minus one."""
-        margin, slopes = found.pull_in(self.reach * self.bound)
+        margin, slopes = state.pull_in(self.reach * self.bound)
         return np.array([self.bound / margin - 1]), -self.bound / margin**2 * slopes[None, :]
 
 
@@ -188,25 +188,25 @@ class Gap:
     unit = "m"
     points = 64
 
-    def measured(self, found: Found) -> float:
+    def measured(self, state: DesignState) -> float:
         """The smallest distance."""
-        return found.case.specimen.gap
+        return state.case.specimen.gap
 
-    def scale(self, found: Found) -> float:
+    def scale(self, state: DesignState) -> float:
         """Needs no stand-in: between its points a distance differs little from theirs."""
         return 1.0
 
-    def values(self, found: Found) -> tuple[Array, Array]:
+    def values(self, state: DesignState) -> tuple[Array, Array]:
         """One minus distance over gap; feet on the frame stay, for a distance is smallest at its foot."""
-        specimen = found.case.specimen
+        specimen = state.case.specimen
         edge = _edge(specimen, self.points)
         feet = _frame(specimen).foot(edge.T)
         distances = np.linalg.norm(_across(specimen, self.points, feet), axis=1)
         chosen = np.ones(len(distances), dtype=bool)
         for axis in specimen.mirror_planes:
             chosen &= edge["xy".index(axis)] >= -1e-9
-        slopes = np.empty((len(distances), len(found.names)))
-        for column, name in enumerate(found.names):
+        slopes = np.empty((len(distances), len(state.names)))
+        for column, name in enumerate(state.names):
             stepped = with_change(specimen, name.split("."), 1j * STEP)
             across = _across(stepped, self.points, feet)
             slopes[:, column] = np.sqrt((across**2).sum(axis=1)).imag / STEP

@@ -16,19 +16,16 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, state_warnings
-from tympan.studies.optimise.design import Bench, Design
-from tympan.studies.optimise.problem import Problem
-from tympan.studies.optimise.sqp import Descent, DescentSettings, Local, maximise
+from tympan.studies.optimise.design import Design, DesignEvaluator
+from tympan.studies.optimise.problem import OptimiseProblem
+from tympan.studies.optimise.sqp import Descent, DescentSettings, Linearisation, maximise
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-_SETTINGS = Settings()
-_DESCENT = DescentSettings()
-
 
 @dataclass(frozen=True, eq=False)
-class Station:
+class Trial:
     """A design tried on the way, and whether it was gone to."""
 
     design: Design
@@ -36,19 +33,19 @@ class Station:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class StartRun:
     """The way from one start, the numbers in the descent being shares of the bounds."""
 
     held: str
     start: int
-    stations: tuple[Station, ...]
+    trials: tuple[Trial, ...]
     descent: Descent
 
     @property
     def best(self) -> Design:
         """Where it ended; a start that came to nothing, itself."""
-        kept = [station.design for station in self.stations if station.accepted]
-        return (kept or [self.stations[-1].design])[-1]
+        accepted = [trial.design for trial in self.trials if trial.accepted]
+        return (accepted or [self.trials[-1].design])[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +59,8 @@ class Optimum:
     """
 
     held: str
-    runs: tuple[Run, ...]
-    best: Run
+    runs: tuple[StartRun, ...]
+    best: StartRun
     finer: Design
     apart: float
     elsewhere: float
@@ -73,60 +70,60 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
-class Optimised:
+class Optima:
     """All optima of a problem, the reference and the specimen it began with on the same footing."""
 
-    problem: Problem
+    problem: OptimiseProblem
     reference: Design
     given: Design
     optima: tuple[Optimum, ...]
-    failed: tuple[Run, ...]
+    failed: tuple[StartRun, ...]
 
 
-def optimise(problem: Problem, settings: Settings = _SETTINGS, descent: DescentSettings = _DESCENT,
-             progress: Progress = lambda words: None) -> Optimised:
-    """Solve a problem.
+def find_optima(problem: OptimiseProblem, settings: Settings, descent: DescentSettings,
+                progress: Progress = lambda words: None) -> Optima:
+    """The optima of a problem, one for each measure of the frame that is held.
 
     Raises
     ------
     InputError
         When a variable's shape has no derivative.
     """
-    check(problem, settings)
+    check_derivatives(problem, settings)
     reference = _alone(problem, problem.reference, settings)
     given = _alone(problem, problem.specimen, settings)
     optima: list[Optimum] = []
-    failed: list[Run] = []
+    failed: list[StartRun] = []
     for held in problem.held:
-        runs: list[Run] = []
+        runs: list[StartRun] = []
         for number, values in enumerate(problem.starts):
             progress(f"equal {held}, start {number + 1}")
             run = run_from(problem, held, number, np.array(values), settings, descent)
-            (runs if run.descent.local is not None else failed).append(run)
+            (runs if run.descent.here is not None else failed).append(run)
         progress(f"equal {held}, finer mesh")
         if runs:
             optima.append(_optimum(problem, held, tuple(runs), reference, given, settings))
-    return Optimised(problem, reference, given, tuple(optima), tuple(failed))
+    return Optima(problem, reference, given, tuple(optima), tuple(failed))
 
 
-def run_from(problem: Problem, held: str, number: int, values: Array, settings: Settings,
+def run_from(problem: OptimiseProblem, held: str, number: int, values: Array, settings: Settings,
              descent: DescentSettings
-             ) -> Run:
+             ) -> StartRun:
     """One descent, every point on its way kept."""
     reason = f"no design within the bounds has the {held} of the reference's frame"
-    task = _Task(problem, held, Bench(problem, settings), Design(values, reason=reason))
-    stations: list[Station] = []
+    objective = _WithinBounds(problem, held, DesignEvaluator(problem, settings), Design(values, reason=reason))
+    trials: list[Trial] = []
 
     def note(x: Array, accepted: bool) -> None:
-        stations.append(Station(task.last, accepted))
+        trials.append(Trial(objective.last, accepted))
 
-    found = maximise(task, task.share(values), descent, note)
-    if not stations:
-        stations.append(Station(task.last, False))
-    return Run(held, number, tuple(stations), found)
+    ended = maximise(objective, objective.share(values), descent, note)
+    if not trials:
+        trials.append(Trial(objective.last, False))
+    return StartRun(held, number, tuple(trials), ended)
 
 
-def check(problem: Problem, settings: Settings) -> None:
+def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
     """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
     model = build_model(problem.specimen, settings, problem.rig.loading)
     velocities(model.discretisation, model.specimen).check()
@@ -149,22 +146,22 @@ def check(problem: Problem, settings: Settings) -> None:
 
 
 @dataclass(eq=False)
-class _Task:
+class _WithinBounds:
     """The problem over shares of the bounds; ``last`` is the design computed last."""
 
-    problem: Problem
+    problem: OptimiseProblem
     measure: str
-    bench: Bench
+    evaluator: DesignEvaluator
     last: Design
 
-    def renewed(self, x: Array) -> Local | None:
+    def renewed(self, x: Array) -> Linearisation | None:
         """On a new mesh."""
-        self.last, local = self.bench.fresh(self._values(x))
+        self.last, local = self.evaluator.fresh(self._values(x))
         return self._scaled(local)
 
-    def at(self, x: Array) -> Local | None:
+    def at(self, x: Array) -> Linearisation | None:
         """On the mesh moved."""
-        self.last, local = self.bench.moved(self._values(x))
+        self.last, local = self.evaluator.moved(self._values(x))
         return self._scaled(local)
 
     def held(self, x: Array) -> tuple[float, Array]:
@@ -190,30 +187,31 @@ class _Task:
     def _values(self, x: Array) -> Array:
         return self._lows + self._widths * x
 
-    def _scaled(self, local: Local | None) -> Local | None:
+    def _scaled(self, local: Linearisation | None) -> Linearisation | None:
         return None if local is None else replace(local, slope=local.slope * self._widths,
                                                   limit_slopes=local.limit_slopes * self._widths)
 
 
-def _optimum(problem: Problem, held: str, runs: tuple[Run, ...], reference: Design, given: Design,
+def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], reference: Design, given: Design,
              settings: Settings
              ) -> Optimum:
     best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
     fine = replace(settings, mesh=settings.mesh.refined(2))
-    bench = Bench(problem, fine)
-    finer = bench.fresh(best.best.values)[0]
+    evaluator = DesignEvaluator(problem, fine)
+    finer = evaluator.fresh(best.best.values)[0]
     strokes = [run.best.stroke for run in runs]
     ends = np.array([run.descent.x for run in runs])
-    told = () if bench.base is None else tuple(state_warnings(bench.base.model, bench.base.state))
+    base = evaluator.base
+    warned = () if base is None else tuple(state_warnings(base.model, base.state))
     return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes),
                    float(np.ptp(ends, axis=0).max()),
                    best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1,
-                   told)
+                   warned)
 
 
-def _alone(problem: Problem, specimen: Specimen, settings: Settings) -> Design:
+def _alone(problem: OptimiseProblem, specimen: Specimen, settings: Settings) -> Design:
     """A specimen of its own shape under the problem's load, limits measured alike, nothing varied."""
-    return Bench(replace(problem, specimen=specimen, variables=()), settings).fresh(np.zeros(0))[0]
+    return DesignEvaluator(replace(problem, specimen=specimen, variables=()), settings).fresh(np.zeros(0))[0]
 
 
 def _edge(specimen: Specimen, part: str) -> Array:

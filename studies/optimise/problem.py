@@ -56,7 +56,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Problem:
+class OptimiseProblem:
     """Largest stroke of a specimen over ``variables``, under limits, the frame holding the reference's area or length.
 
     ``held``: of :data:`MEASURES`; each gives an optimum of its own. ``starts``: values of the
@@ -112,8 +112,11 @@ class Problem:
         return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
 
 
-def read_problem(file: Path) -> Problem:
-    """A problem from OPTIMISE.toml; specimens are files beside it, or the paper's by name without ``.toml``."""
+def read_problem(file: Path) -> OptimiseProblem:
+    """A problem from OPTIMISE.toml.
+
+    Specimens are files beside it, or the paper's by name without ``.toml``.
+    """
     table = Table.read(file)
     specimen = _specimen(table, "specimen")
     variables = _variables(table.table("vary"), specimen)
@@ -121,7 +124,7 @@ def read_problem(file: Path) -> Problem:
     limits = _limits(table.table("limits", {}), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
     starts = (given, *(_start(start, variables, specimen) for start in table.tables("start")))
-    problem = Problem(
+    problem = OptimiseProblem(
         table.text("name", file.stem), specimen, _specimen(table, "reference", PAPER),
         table.quantity("mass", "mass", "17.9 g", POSITIVE),
         table.quantity("voltage", "voltage", rule=POSITIVE),
@@ -144,7 +147,7 @@ def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
                              for key, inner in below.items()}) if below else value
 
 
-def default_problem() -> Problem:
+def default_problem() -> OptimiseProblem:
     """The paper's large ellipse against the best frame of its area and the best of its length."""
     with resources.as_file(resources.files("tympan.studies.optimise") / "ellipse.toml") as file:
         return read_problem(file)
@@ -162,13 +165,13 @@ def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
 
 def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     """Numbers of the outlines of frame and plate with their bounds."""
-    known = {**{name: name for name in numbers(specimen.frame, "frame")},
+    names = {**{name: name for name in numbers(specimen.frame, "frame")},
              **{name.replace("outline.", "", 1): name
                 for name in numbers(specimen.plate.outline, "plate.outline")}}
     variables = []
     for key in table.data:
-        if key not in known:
-            raise table.error(key, f"must be one of {', '.join(known)}", "vary")
+        if key not in names:
+            raise table.error(key, f"must be one of {', '.join(names)}", "vary")
         variable = Variable(key, 0.0, 1.0)
         low, high = _bounds(table, variable, variable.dimension(specimen))
         value = float(at(specimen, variable.path))
@@ -180,7 +183,7 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
                               table.data[key])
         variables.append(Variable(key, low, high))
     if not variables:
-        raise InputError(f"must name at least one of {', '.join(known)}", file=table.file,
+        raise InputError(f"must name at least one of {', '.join(names)}", file=table.file,
                          key="vary")
     return tuple(variables)
 

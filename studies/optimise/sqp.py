@@ -22,7 +22,7 @@ Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
 
 
 @dataclass(frozen=True, eq=False)
-class Local:
+class Linearisation:
     """Values and slopes at a point: f, ∇f (n,), c (m,), ∇c (m, n)."""
 
     value: float
@@ -36,13 +36,13 @@ class Local:
         return max(0.0, float(self.limits.max(initial=0.0)))
 
 
-class Task(Protocol):
+class Objective(Protocol):
     """What is maximised."""
 
-    def renewed(self, x: Array) -> Local | None:
+    def renewed(self, x: Array) -> Linearisation | None:
         """Values at a point, around which :meth:`at` then looks; None where there are none."""
 
-    def at(self, x: Array) -> Local | None:
+    def at(self, x: Array) -> Linearisation | None:
         """Values at a point nearby, comparable to each other until :meth:`renewed` is called again."""
 
     def held(self, x: Array) -> tuple[float, Array]:
@@ -53,7 +53,7 @@ class Task(Protocol):
 class DescentSettings:
     """``radius`` of the trust region at first and ``widest``; ``step`` and relative ``gain`` below which it ends.
 
-    ``away``: distance from where it was last renewed at which the task is renewed; ``near``: at
+    ``away``: distance from where it was last renewed at which the objective is renewed; ``near``: at
     which it may end; ``rounds``: how often at most it settles and is renewed. Lengths are shares of
     the bounds. ``residual`` of the multipliers and ``violation`` that an optimum may leave.
     """
@@ -89,17 +89,17 @@ class Descent:
 
     status: Status
     x: Array
-    local: Local | None
+    here: Linearisation | None
     multipliers: Multipliers | None
     trials: int
     missing: int
 
 
-def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettings(),
+def maximise(objective: Objective, start: Array, settings: DescentSettings = DescentSettings(),
              note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
-    """Maximise a task from a start; ``note`` is told of every point and whether it was gone to."""
-    x = restored(task, start)
-    here = None if x is None else task.renewed(x)
+    """Maximise a objective from a start; ``note`` is told of every point and whether it was gone to."""
+    x = restored(objective, start)
+    here = None if x is None else objective.renewed(x)
     if x is None or here is None:
         return Descent("no_start", start, None, None, 1, 1)
     note(x, True)
@@ -108,18 +108,18 @@ def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettin
     bend = np.eye(len(x))
     trials, missing, settled = 1, 0, 0
     for _ in range(settings.iterations):
-        step, promised = _step(task, x, here, bend, radius, price, unit)
+        step, promised = _step(objective, x, here, bend, radius, price, unit)
         if np.abs(step).max() < settings.step or promised < settings.gain:
             settled += 1
             if np.abs(x - centre).max() <= settings.near or settled == settings.rounds:
                 break
-            renewed = task.renewed(x)
+            renewed = objective.renewed(x)
             if renewed is None:
                 break
             here, centre, radius = renewed, x, max(radius, settings.radius / 4)
             continue
-        ahead = restored(task, x + step)
-        there = None if ahead is None else task.at(ahead)
+        ahead = restored(objective, x + step)
+        there = None if ahead is None else objective.at(ahead)
         trials += 1
         missing += there is None
         gained = -np.inf if there is None else _merit(there, unit, price) - _merit(here, unit,
@@ -132,25 +132,25 @@ def maximise(task: Task, start: Array, settings: DescentSettings = DescentSettin
             continue
         if gained > 0.7 * promised and np.abs(step).max() > 0.9 * radius:
             radius = min(2 * radius, settings.widest)
-        multipliers = kkt(task, ahead, there)
+        multipliers = kkt(objective, ahead, there)
         price = max(price, 3 * float(multipliers.limits.sum()) / unit)
-        bend = _bent(bend, ahead - x, _lagrangian(task, x, here, multipliers, unit)
-                     - _lagrangian(task, ahead, there, multipliers, unit))
+        bend = _bent(bend, ahead - x, _lagrangian(objective, x, here, multipliers, unit)
+                     - _lagrangian(objective, ahead, there, multipliers, unit))
         x, here = ahead, there
         if np.abs(x - centre).max() > settings.away:
-            renewed = task.renewed(x)
+            renewed = objective.renewed(x)
             if renewed is None:
                 break
             here, centre = renewed, x
-    found = kkt(task, x, here)
+    found = kkt(objective, x, here)
     ended: Status = "optimum" if found.residual <= settings.residual else "no_progress"
     return Descent(ended if here.violation <= settings.violation else "infeasible", x, here, found,
                    trials, missing)
 
 
-def kkt(task: Task, x: Array, here: Local, active: float = 1e-3) -> Multipliers:
+def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-3) -> Multipliers:
     """Multipliers that balance ∇f best: ∇f = Σ λ ∇c + μ ∇e + bounds, λ of active limits positive."""
-    slope, held = here.slope, task.held(x)[1]
+    slope, held = here.slope, objective.held(x)[1]
     at = np.flatnonzero(here.limits > -active)
     low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
     unit = np.eye(len(x))
@@ -168,11 +168,11 @@ def kkt(task: Task, x: Array, here: Local, active: float = 1e-3) -> Multipliers:
                        left / max(float(np.abs(slope).max()), 1e-300))
 
 
-def restored(task: Task, x: Array, rounds: int = 20) -> Array | None:
+def restored(objective: Objective, x: Array, rounds: int = 20) -> Array | None:
     """The nearest point within the bounds that keeps e = 0, by Newton steps; None if none is found."""
     x = np.clip(x, 0.0, 1.0)
     for _ in range(rounds):
-        miss, slope = task.held(x)
+        miss, slope = objective.held(x)
         if abs(miss) < 1e-12:
             return x
         towards = -np.sign(miss) * slope
@@ -183,14 +183,14 @@ def restored(task: Task, x: Array, rounds: int = 20) -> Array | None:
     return None
 
 
-def _merit(here: Local, unit: float, price: float) -> float:
+def _merit(here: Linearisation, unit: float, price: float) -> float:
     return here.value / unit - price * here.violation
 
 
-def _step(task: Task, x: Array, here: Local, bend: Array, radius: float, price: float, unit: float
+def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radius: float, price: float, unit: float
           ) -> tuple[Array, float]:
     """The step and by how much the merit should grow; unknowns are the step and the violation it leaves."""
-    size, slope, held = len(x), here.slope / unit, task.held(x)[1]
+    size, slope, held = len(x), here.slope / unit, objective.held(x)[1]
 
     def cost(z: Array) -> tuple[float, Array]:
         d = z[:size]
@@ -214,9 +214,9 @@ def _step(task: Task, x: Array, here: Local, bend: Array, radius: float, price: 
     return step, promised
 
 
-def _lagrangian(task: Task, x: Array, here: Local, found: Multipliers, unit: float) -> Array:
+def _lagrangian(objective: Objective, x: Array, here: Linearisation, found: Multipliers, unit: float) -> Array:
     """Slope of f − λ c − μ e over the unit."""
-    return (here.slope - found.limits @ here.limit_slopes - found.held * task.held(x)[1]) / unit
+    return (here.slope - found.limits @ here.limit_slopes - found.held * objective.held(x)[1]) / unit
 
 
 def _bent(bend: Array, step: Array, change: Array) -> Array:

@@ -19,10 +19,10 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, area, perimeter
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Case, Settings, solve
-from tympan.studies.optimise.design import Bench
-from tympan.studies.optimise.optimise import Optimised, check, optimise, run_from
-from tympan.studies.optimise.problem import Problem, Variable, default_problem, read_problem
-from tympan.studies.optimise.sqp import DescentSettings, Local, maximise
+from tympan.studies.optimise.design import DesignEvaluator
+from tympan.studies.optimise.optimise import Optima, check_derivatives, find_optima, run_from
+from tympan.studies.optimise.problem import OptimiseProblem, Variable, default_problem, read_problem
+from tympan.studies.optimise.sqp import DescentSettings, Linearisation, maximise
 
 COARSE = Settings()
 AXES = (Variable("frame.semi_axes.0", 40e-3, 80e-3), Variable("frame.semi_axes.1", 30e-3, 80e-3))
@@ -50,20 +50,20 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def result(file: Path) -> Optimised:
+def result(file: Path) -> Optima:
     """Its optimum on a coarse mesh."""
-    return optimise(read_problem(file), COARSE)
+    return find_optima(read_problem(file), COARSE, DescentSettings())
 
 
-def remainders(problem: Problem, values: np.ndarray, direction: np.ndarray,
+def remainders(problem: OptimiseProblem, values: np.ndarray, direction: np.ndarray,
                steps: tuple[float, ...]) -> np.ndarray:
     """What a first-order expansion of stroke and limits misses, shape (steps, 1 + limits), on one mesh moved."""
-    bench = Bench(problem, COARSE)
-    _, here = bench.fresh(values)
+    evaluator = DesignEvaluator(problem, COARSE)
+    _, here = evaluator.fresh(values)
     assert here is not None
     missed = []
     for step in steps:
-        _, there = bench.moved(values + step * direction)
+        _, there = evaluator.moved(values + step * direction)
         assert there is not None
         missed.append([there.value - here.value - step * here.slope @ direction,
                        *(there.limits - here.limits - step * here.limit_slopes @ direction)])
@@ -103,10 +103,10 @@ def test_every_number_of_an_outline_has_its_slope_or_is_refused(shape: str) -> N
     for name in numbers(outline, "frame")[:4]:
         value = float(at(specimen, name.split(".")))
         variable = Variable(name, value - 0.1 * abs(value) - 1e-9, value + 0.1 * abs(value) + 1e-9)
-        problem = Problem("one", specimen, specimen, 17.9e-3, 4e3, (variable,), ((value,),))
+        problem = OptimiseProblem("one", specimen, specimen, 17.9e-3, 4e3, (variable,), ((value,),))
         refused = ""
         try:
-            check(problem, COARSE)
+            check_derivatives(problem, COARSE)
         except InputError as error:
             refused = str(error)
         if refused:
@@ -128,18 +128,18 @@ class _Rounded(Circle):
 
 def test_a_number_without_derivative_is_refused() -> None:
     specimen = replace(elliptical(60e-3), frame=_Rounded(45e-3))
-    problem = Problem("one", specimen, specimen, 17.9e-3, 4e3,
+    problem = OptimiseProblem("one", specimen, specimen, 17.9e-3, 4e3,
                       (Variable("frame.radius", 4e-2, 5e-2),), ((45e-3,),))
     with pytest.raises(InputError, match="no derivative"):
-        check(problem, COARSE)
+        check_derivatives(problem, COARSE)
 
 
-def test_the_optimum_keeps_its_conditions(result: Optimised) -> None:
+def test_the_optimum_keeps_its_conditions(result: Optima) -> None:
     """Karush, Kuhn and Tucker's: balance of slopes, limits kept, multipliers positive, both starts the same."""
     (optimum,) = result.optima
     assert not result.failed
     assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2
-    found, local = optimum.best.descent.multipliers, optimum.best.descent.local
+    found, local = optimum.best.descent.multipliers, optimum.best.descent.here
     assert found is not None
     assert local is not None
     assert found.residual < 1e-3
@@ -148,10 +148,10 @@ def test_the_optimum_keeps_its_conditions(result: Optimised) -> None:
     assert local.limits[0] == pytest.approx(0, abs=2e-4)
     assert optimum.apart < 0.01
     assert optimum.elsewhere < 0.01
-    assert len(optimum.best.stations) > 3
+    assert len(optimum.best.trials) > 3
 
 
-def test_the_optimum_holds_on_a_finer_mesh_and_beats_the_reference(result: Optimised) -> None:
+def test_the_optimum_holds_on_a_finer_mesh_and_beats_the_reference(result: Optima) -> None:
     (optimum,) = result.optima
     assert optimum.finer.stroke == pytest.approx(optimum.best.best.stroke, rel=2e-3)
     assert optimum.finer.limited["breakdown_margin"] == pytest.approx(2.23, rel=2e-3)
@@ -160,7 +160,7 @@ def test_the_optimum_holds_on_a_finer_mesh_and_beats_the_reference(result: Optim
     assert area(optimum.finer.specimen.frame) == pytest.approx(np.pi * 75e-3 * 45e-3, rel=1e-9)
 
 
-def test_no_neighbour_is_better(result: Optimised) -> None:
+def test_no_neighbour_is_better(result: Optima) -> None:
     """Solved on their own, by the command's own function: neighbours of the same area and margin have less stroke."""
     (optimum,) = result.optima
     best, problem = optimum.best.best, result.problem
@@ -183,14 +183,14 @@ def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
     class Disc:
         asked = 0
 
-        def renewed(self, x: np.ndarray) -> Local | None:
+        def renewed(self, x: np.ndarray) -> Linearisation | None:
             return self.at(x)
 
-        def at(self, x: np.ndarray) -> Local | None:
+        def at(self, x: np.ndarray) -> Linearisation | None:
             self.asked += 1
             if x[0] > 0.45:
                 return None
-            return Local(x[0] + 2 * x[1], np.array([1.0, 2.0]), np.array([x @ x - 0.5, x[1] - 0.6]),
+            return Linearisation(x[0] + 2 * x[1], np.array([1.0, 2.0]), np.array([x @ x - 0.5, x[1] - 0.6]),
                          np.array([2 * x, [0.0, 1.0]]))
 
         def held(self, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -208,21 +208,21 @@ def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
 def test_designs_without_equilibrium_are_backed_away_from() -> None:
     """Without limits the stroke grows to pull-in, beyond which there is nothing."""
     specimen = elliptical(60e-3)
-    problem = Problem("soft", specimen, specimen, 17.9e-3, 6.5e3,
+    problem = OptimiseProblem("soft", specimen, specimen, 17.9e-3, 6.5e3,
                       (Variable("plate.radius", 2e-3, 2e-2),), ((12e-3,),))
     film = replace(specimen.membrane, material=replace(NEO_HOOKE, mu=(16e3,)))
     problem = replace(problem, specimen=replace(specimen, membrane=film))
     run = run_from(problem, "area", 0, np.array([12e-3]), COARSE,
                    DescentSettings(radius=0.3, iterations=10))
     assert run.descent.missing > 0
-    assert run.best.stroke > 1.2 * run.stations[0].design.stroke
-    assert any("pulls in" in station.design.reason for station in run.stations)
+    assert run.best.stroke > 1.2 * run.trials[0].design.stroke
+    assert any("pulls in" in trial.design.reason for trial in run.trials)
 
 
 def test_a_start_without_equilibrium_is_told() -> None:
     specimen = elliptical(60e-3)
-    problem = Problem("high", specimen, specimen, 17.9e-3, 30e3, AXES[:1], ((60e-3,),))
-    found = optimise(problem, COARSE)
+    problem = OptimiseProblem("high", specimen, specimen, 17.9e-3, 30e3, AXES[:1], ((60e-3,),))
+    found = find_optima(problem, COARSE, DescentSettings())
     assert not found.optima
     assert found.failed[0].descent.status == "no_start"
     assert "pulls in" in found.failed[0].best.reason
@@ -245,7 +245,7 @@ def test_a_frame_out_of_reach_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 
 @pytest.mark.study
 def test_the_shipped_problem_with_pull_in_as_the_active_limit() -> None:
-    result = optimise(default_problem())
+    result = find_optima(default_problem(), Settings(), DescentSettings())
     assert not result.failed
     for optimum in result.optima:
         assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2

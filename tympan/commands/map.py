@@ -27,14 +27,14 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.errors import InputError
     from tympan.progress import bar
     from tympan.reports.figures.map import draw_map
-    from tympan.studies.alpha.map import chart
+    from tympan.studies.alpha.map import alpha_map
     from tympan.studies.alpha.map_readings import MapSettings
 
     if options.workers < 1:
         raise InputError("must be at least 1", key="--workers", given=options.workers)
     settings = MapSettings()
     with bar(len(settings.grid()) + settings.inside + settings.outside) as progress:
-        result = chart(settings, options.workers, progress)
-    result.write(options.output)
+        result = alpha_map(settings, options.workers, progress)
+    result.save(options.output)
     draw_map(result, options.output)
-    show(result.record(), options.json)
+    show(result.json(), options.json)

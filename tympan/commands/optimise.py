@@ -32,19 +32,18 @@ def add(commands: Subcommands) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
-    from tympan.studies.optimise import output
-    from tympan.studies.optimise.optimise import optimise
     from tympan.studies.optimise.problem import default_problem, read_problem
+    from tympan.studies.optimise.result import optimise
 
     problem = default_problem() if options.file is None else read_problem(options.file)
     with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:
         result = optimise(problem, read_settings(options), progress=progress)
-    output.write(result, options.output)
-    if result.optima:
+    result.save(options.output)
+    if result.specimens:
         from tympan.reports.figures.optimum import draw_optimum
 
         draw_optimum(result, options.output)
-    record = output.record(result)
+    record = result.json()
     if options.json:
         show(record, True)
         return

@@ -29,15 +29,15 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
     from tympan.reports.figures.outlines import draw_outlines
-    from tympan.studies.alpha.table import HEADER, outline_table, write
+    from tympan.studies.alpha.table import HEADER, outline_table
 
     with bar(len(examples())) as progress:
-        rows = list(outline_table(read_settings(options), progress=progress))
-    write(rows, options.output)
-    draw_outlines(rows, options.output)
-    table = [dict(zip(HEADER, row.cells(), strict=True)) for row in rows]
+        result = outline_table(read_settings(options), progress=progress)
+    result.save(options.output)
+    draw_outlines(result, options.output)
+    table = result.json()["outlines"]
     if options.json:
-        print_json({"outlines": table})
+        print_json(result.json())
         return
     names = HEADER[:-1]
     widths = [max(9 if number else 17, len(name)) for number, name in enumerate(names)]

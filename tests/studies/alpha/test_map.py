@@ -12,8 +12,8 @@ from scipy.special import ellipj, ellipk
 from tympan.reports.figures.map import draw_map
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.formula import Formula
-from tympan.studies.alpha.map import Chart, chart
-from tympan.studies.alpha.map_readings import MapSettings, Place, readings
+from tympan.studies.alpha.map import AlphaMap, alpha_map
+from tympan.studies.alpha.map_readings import MapSettings, Place, map_readings
 
 COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
                      ratios=(0.1, 0.3, 0.6),
@@ -21,12 +21,12 @@ COARSE = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 
 
 
 @pytest.fixture(scope="module")
-def made() -> Chart:
-    return chart(COARSE)
+def made() -> AlphaMap:
+    return alpha_map(COARSE)
 
 
-def test_the_formula_holds_inside_and_not_outside(made: Chart) -> None:
-    worst = made.record()["worst_error"]
+def test_the_formula_holds_inside_and_not_outside(made: AlphaMap) -> None:
+    worst = made.json()["worst_error"]
     assert worst["grid"] < 2e-3
     assert worst["inside"] < 3e-3
     assert worst["outside"] > worst["grid"]
@@ -35,12 +35,12 @@ def test_the_formula_holds_inside_and_not_outside(made: Chart) -> None:
     assert not any(made.formula.holds(one.place.aspect, one.place.ratio) for one in made.outside)
 
 
-def test_materials_of_the_test_are_others_than_the_fit_s(made: Chart) -> None:
+def test_materials_of_the_test_are_others_than_the_fit_s(made: AlphaMap) -> None:
     assert {one.place.material for one in made.grid} == {"vhb-4910"}
     assert len({one.place.material for one in made.inside}) > 2
 
 
-def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: Chart) -> None:
+def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: AlphaMap) -> None:
     """The circle as stiff as the ellipse has, for small plates, the conformal radius of the ellipse.
 
     w = √k sn(2K/π · asin(z/c)), of nome q = ((a − b)/(a + b))², maps the ellipse of foci ±c on the
@@ -58,7 +58,7 @@ def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: Chart) -> 
     same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
     expected = (same - long) / (short - long)
     light = replace(COARSE, loads=LoadGrid((1e-5,), (0.0,)))
-    read, = readings([Place(aspect, ratio)], light)
+    read, = map_readings([Place(aspect, ratio)], light)
     assert read.alpha == pytest.approx(expected, abs=2e-3)
     assert made.formula(np.array(aspect), np.array(ratio)) == pytest.approx(expected, abs=5e-3)
 
@@ -73,19 +73,30 @@ def test_circle_and_strip_are_the_formula_s_ends() -> None:
 
 def test_workers_change_nothing() -> None:
     places = COARSE.inner()[:2]
-    assert readings(places, COARSE) == readings(places, COARSE, workers=2)
+    assert map_readings(places, COARSE) == map_readings(places, COARSE, workers=2)
 
 
 def test_a_place_without_equilibrium_is_a_reading() -> None:
-    read, = readings([Place(1.5, 0.3)], replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,))))
+    read, = map_readings([Place(1.5, 0.3)], replace(COARSE, loads=LoadGrid((17.9e-3,), (20e3,))))
     assert np.isnan(read.alpha)
     assert "no equilibrium" in read.trouble
 
 
-def test_the_map_is_stored_and_drawn(made: Chart, tmp_path) -> None:
-    made.write(tmp_path)
+def test_the_map_is_stored_and_drawn(made: AlphaMap, tmp_path) -> None:
+    made.save(tmp_path)
     record = json.loads((tmp_path / "alpha-map.json").read_text(encoding="utf-8"))
     assert record["places"] == {"grid": 12, "inside": 6, "outside": 4}
     assert len((tmp_path / "alpha-map.csv").read_text(encoding="utf-8").splitlines()) == 23
     files = draw_map(made, tmp_path)
     assert files == [tmp_path / "alpha-map.png", tmp_path / "alpha-map.svg"]
+
+
+def test_the_map_is_drawn_alike_from_what_is_stored(made: AlphaMap, tmp_path) -> None:
+    for folder, result in (("made", made), ("loaded", made)):
+        result.save(tmp_path / folder)
+        drawn = result if folder == "made" else AlphaMap.load(tmp_path / folder)
+        draw_map(drawn, tmp_path / folder)
+    made_svg, loaded_svg = ((tmp_path / folder / "alpha-map.svg").read_bytes()
+                            for folder in ("made", "loaded"))
+    assert made_svg == loaded_svg
+    assert AlphaMap.load(tmp_path / "made").json()["places"] == made.json()["places"]
