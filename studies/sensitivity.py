@@ -232,8 +232,8 @@ def _at_equilibrium(case: Case, model: Model, outcome: Outcome,
     by = case_parameters(case, model)
     slopes = gradient_many(model, outcome, wanted, by)
     state = outcome.state
-    return tuple(_answers(name, float(quantity.value(model, state)), slopes[name], by, model, state)
-                 for name, quantity in wanted.items())
+    return tuple(_answers(name, float(quantity.value(model, state)), slopes[name], by, case, model,
+                          state) for name, quantity in wanted.items())
 
 
 def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
