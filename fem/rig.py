@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.membrane.loading import BIASES, Bias, Guide, Loading, Spring
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, read
+from tympan.geometry.fields import Key, read, takes_units
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
 
+@takes_units
 @dataclass(frozen=True)
 class Rig:
     """The test rig; the defaults are an ideal one."""

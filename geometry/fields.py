@@ -18,13 +18,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
-from functools import cache
+from functools import cache, wraps
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import FINITE, WHOLE, Rule, Table
-from tympan.geometry.units import DIMENSIONS, quantity_text
+from tympan.geometry.units import DIMENSIONS, quantity, quantity_text
 
 T = TypeVar("T")
 Content = dict[str, Any]
@@ -141,6 +141,50 @@ def symbol(field: Field | None) -> str:
     return DIMENSIONS[dimension].symbol if dimension else "1"
 
 
+def takes_units(cls: Any) -> Any:
+    """Let a declared dataclass also be made of texts with their unit, ``Circle("4.5 cm")``.
+
+    A decorator. Lists serve as tuples.
+
+    Raises
+    ------
+    InputError
+        From the class, naming the key, for a text that is no quantity of the field's dimension.
+    """
+    of_numbers = cls.__init__
+
+    @wraps(of_numbers)
+    def of_texts(self: Any, *values: Any, **named: Any) -> None:
+        if any(map(_as_written, (*values, *named.values()))):
+            names = [item.name for item in dataclass_fields(cls)]
+            declared = {field.name: field for field in fields_of(cls)}
+            values = (*(_in_si(declared.get(name), value)
+                        for name, value in zip(names, values, strict=False)), *values[len(names):])
+            named = {name: _in_si(declared.get(name), value) for name, value in named.items()}
+        of_numbers(self, *values, **named)
+
+    cls.__init__ = of_texts
+    return cls
+
+
+def _as_written(value: Any) -> bool:
+    """Whether a value is, or holds, what a file may hold and the class does not."""
+    if isinstance(value, tuple):
+        return any(map(_as_written, value))
+    return isinstance(value, str | list)
+
+
+def _in_si(field: Field | None, value: Any) -> Any:
+    if field is not None and isinstance(value, list | tuple):
+        return tuple(_in_si(field, item) for item in value)
+    if field is None or not field.says.dimension or not isinstance(value, str):
+        return value
+    try:
+        return quantity(value, field.says.dimension)
+    except InputError as error:
+        raise error.located(key=field.key) from None
+
+
 class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by; each is registered where it is defined.
 
@@ -152,8 +196,9 @@ class Registry(dict[str, T]):
         self.tag = tag
 
     def register(self, kind: Any) -> Any:
-        """Make a kind known; serves as decorator."""
-        self[getattr(kind, self.tag)] = kind
+        """Make a kind known; serves as decorator. A dataclass then takes units."""
+        takes = isinstance(kind, type) and is_dataclass(kind)
+        self[getattr(kind, self.tag)] = takes_units(kind) if takes else kind
         return kind
 
     def read(self, table: Table) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, Special, read
+from tympan.geometry.fields import Key, Registry, Special, read, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check
 from tympan.geometry.paths import any_complex
 from tympan.geometry.toml_reader import NON_NEGATIVE, Rule, Table
@@ -64,6 +64,7 @@ LAWS: Registry[Any] = Registry("law")
 STRENGTHS: Registry[Any] = Registry("law")
 
 
+@takes_units
 @dataclass(frozen=True)
 class Plate:
     """The rigid plate; its edge clamps the film. ``offset`` of its centre from the frame's [m]."""
@@ -76,6 +77,7 @@ class Plate:
         return self.outline.level(x - self.offset[0], y - self.offset[1])
 
 
+@takes_units
 @dataclass(frozen=True)
 class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
@@ -101,6 +103,7 @@ class Film:
         return self.prestretch[0] * self.prestretch[1]
 
 
+@takes_units
 @dataclass(frozen=True)
 class Region:
     """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
@@ -123,6 +126,7 @@ class Region:
         return self.outline.mirror_planes & _centred(self.offset)
 
 
+@takes_units
 @dataclass(frozen=True)
 class Electrode:
     """What conducts on the film: between two uncovered bands, or within an outline.

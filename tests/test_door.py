@@ -1,8 +1,9 @@
-"""The public door: quick to open; results with pictures, files, tables."""
+"""The public door: quick to open, the README's eight lines; results with pictures, files, tables."""
 
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import tympan
+from tests.support import parts_stub
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan.geometry.mesher import MeshSettings
@@ -20,6 +22,8 @@ from tympan.studies.alpha.samples import LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
 
 ROOT = Path(__file__).parent.parent
+#: The first Python in the README.
+EIGHT_LINES = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
 COARSE = Settings(MeshSettings(order=2).refined(0.6))
 
 
@@ -37,6 +41,32 @@ def test_what_is_public_is_there_and_nothing_else() -> None:
         assert getattr(tympan, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         tympan.nonsense  # noqa: B018
+
+
+def test_the_readme_s_eight_lines(tmp_path: Path) -> None:
+    assert len([line for line in EIGHT_LINES.splitlines() if line]) == 8
+    done = subprocess.run([sys.executable, "-c", EIGHT_LINES], cwd=tmp_path,
+                          env=os.environ | {"PYTHONPATH": str(ROOT)},
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    status, deflection = done.stdout.split()
+    assert status == "equilibrium"
+    assert float(deflection) == CaseResult.load(tmp_path / "solved").deflection_m
+    assert {file.name for file in tmp_path.rglob("oval.*")} == {"oval.png", "oval.json", "oval.vtu"}
+
+
+def test_parts_take_units_and_lists() -> None:
+    assert tympan.Ellipse(["6 cm", 0.045]) == tympan.Ellipse((0.06, 0.045))
+    assert tympan.Ogden(["16 kPa", "20 Pa"], [2, 4]) == tympan.Ogden((16e3, 20.0), (2, 4))
+    assert tympan.Rig(drift="0.6 um/min").drift == pytest.approx(1e-8)
+    assert isinstance(tympan.Circle("1 cm"), type(circular().plate.outline))
+    with pytest.raises(tympan.InputError, match="radius: given '4 kV': wrong dimension"):
+        tympan.Circle("4 kV")
+
+
+def test_type_checkers_see_the_declared_fields() -> None:
+    """If it fails: ``python -m tests.support.parts_stub``."""
+    assert parts_stub.FILE.read_text(encoding="utf-8") == parts_stub.stub()
 
 
 @pytest.fixture(scope="module")

@@ -105,3 +105,40 @@ def test_a_user_s_own_modules_disturb_nothing(installed: Path, tmp_path: Path) -
     materials = _python("-m", "tympan", "materials", cwd=tmp_path, path=installed)
     assert materials.returncode == 0, materials.stderr
     assert "vhb-4910" in materials.stdout
+
+
+#: A user's project; the README's eight lines stand above it.
+CONSUMER = """
+from pathlib import Path
+
+from typing_extensions import assert_type
+
+import tympan
+from tympan.studies.case import CaseResult
+
+heavy: tympan.Case = tympan.Case(oval, mass=0.02, voltage="1 kV")
+for result in (tympan.solve(oval, mass=heavy.mass), tympan.solve(tympan.load(Path("a.toml")))):
+    assert_type(result, tympan.Result[CaseResult])
+    deflection: float | None = result.numbers.deflection_m
+    result.save(Path("folder"))
+shape = tympan.Rotated(tympan.Stadium((0.06, "4 cm")), rotation="30 deg")
+law = tympan.Ogden(["16 kPa"], [2.0])
+version: str = tympan.__version__
+"""
+WRONG = {"tympan.Circle(b'1 cm')": "arg-type", "tympan.solve(oval, mas='1 g')": "call-arg",
+         "tympan.Case(oval, 20, 3)": "call-arg", "tympan.nonsense": "attr-defined"}
+
+
+def test_a_consumer_under_strict_mypy(installed: Path, tmp_path: Path) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = readme.split("```python\n")[1].split("```")[0] + CONSUMER
+    (tmp_path / "right.py").write_text(lines)
+    (tmp_path / "wrong.py").write_text(
+        "from right import oval\nimport tympan\n" + "\n".join(WRONG))
+    done = _python("-m", "mypy", "--strict", "--no-color-output", f"--cache-dir={os.devnull}",
+                   "right.py", "wrong.py", cwd=tmp_path, path=installed)
+    errors = [line for line in done.stdout.splitlines() if ": error: " in line]
+    assert len(errors) == len(WRONG), done.stdout
+    for error, (line, code) in zip(errors, WRONG.items(), strict=True):
+        assert error.startswith("wrong.py:"), line
+        assert error.endswith(f"[{code}]"), line

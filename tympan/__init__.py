@@ -17,29 +17,31 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tympan.door import *
+    from tympan.parts import *
 
     __version__: str
 
 __all__ = [
-    "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent", "InputError",
-    "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon", "Region",
-    "RegularPolygon", "Result", "Rig", "RoundedRectangle", "Settings", "Specimen", "Stadium",
-    "Superellipse", "Yeoh", "__version__", "alpha", "load", "material", "modes", "path",
-    "sensitivity", "solve", "sweep",
+    "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
+    "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
+    "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
+    "Specimen", "Spring", "Stadium", "Superellipse", "Yeoh", "__version__", "alpha", "load",
+    "material", "modes", "path", "sensitivity", "solve", "sweep",
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """What is public, from :mod:`tympan.door`; the version, of the installed distribution."""
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # type checkers know all names, and should object to others
+    def __getattr__(name: str) -> Any:
+        """What is public, wherever it is; the version is that of the installed distribution."""
+        if name == "__version__":
+            from importlib.metadata import version
 
-        return version("tympan")
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from tympan import door
+            return version("tympan")
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from tympan import door, parts
 
-    return getattr(door, name)
+        return getattr(parts if hasattr(parts, name) else door, name)
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""What ``import tympan`` offers: an actuator's parts and what can be asked of it."""
+"""What can be asked of an actuator with ``import tympan``; its parts are in :mod:`tympan.parts`."""
 
 from __future__ import annotations
 
@@ -7,29 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypedDict, Unpack
 
-from tympan.fem.film.laws import Gent as Gent
-from tympan.fem.film.laws import MooneyRivlin as MooneyRivlin
-from tympan.fem.film.laws import NeoHooke as NeoHooke
-from tympan.fem.film.laws import Ogden as Ogden
-from tympan.fem.film.laws import Yeoh as Yeoh
 from tympan.fem.film.library import MATERIALS, load_specimen
-from tympan.fem.rig import Rig as Rig
+from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError as InputError
 from tympan.geometry.mesher import MeshSettings as MeshSettings
-from tympan.geometry.outlines import Circle as Circle
-from tympan.geometry.outlines import ClosedSpline as ClosedSpline
-from tympan.geometry.outlines import Ellipse as Ellipse
-from tympan.geometry.outlines import Polygon as Polygon
-from tympan.geometry.outlines import RegularPolygon as RegularPolygon
-from tympan.geometry.outlines import RoundedRectangle as RoundedRectangle
-from tympan.geometry.outlines import Stadium as Stadium
-from tympan.geometry.outlines import Superellipse as Superellipse
-from tympan.geometry.specimen import Electrode as Electrode
-from tympan.geometry.specimen import Film as Film
-from tympan.geometry.specimen import Material
-from tympan.geometry.specimen import Plate as Plate
-from tympan.geometry.specimen import Region as Region
-from tympan.geometry.specimen import Specimen as Specimen
+from tympan.geometry.specimen import Material, Specimen
 from tympan.result import Result as Result
 from tympan.studies.case import Case as Case
 from tympan.studies.case import CaseResult

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any, Protocol, cast
 
-from tympan.geometry.fields import Content, Key, Registry, write
+from tympan.geometry.fields import Content, Key, Registry, takes_units, write
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.pieces import Array, Piece
 from tympan.geometry.toml_reader import Rule, Table
@@ -109,6 +109,7 @@ class Boxed(Pieced):
         return self.curve.mirror_planes
 
 
+@takes_units
 @dataclass(frozen=True)
 class Rotated(Boxed):
     """Another outline turned counterclockwise by ``rotation`` about the centre of its bounding box."""

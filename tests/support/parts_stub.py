@@ -1,0 +1,84 @@
+"""tympan/parts.pyi from the declared fields: ``python -m tests.support.parts_stub`` writes it anew."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import textwrap
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from tympan import parts
+from tympan.geometry.fields import Field, fields_of
+
+FILE = Path(parts.__file__).with_suffix(".pyi")
+HEAD = '''"""The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+{imports}
+
+Quantity = float | str
+Pair = tuple[Quantity, Quantity]
+'''
+
+
+def stub() -> str:
+    """What the file should hold."""
+    places = imported()
+    imports = [f"from {module} import {name} as {name if not fields(name) else 'Any' + name}"
+               for name, module in places.items()]
+    used = {"Bias": "tympan.fem.membrane.loading", "Outline": "tympan.geometry.outlines",
+            "Material, Strength": "tympan.geometry.specimen"}
+    imports += [f"from {module} import {name}" for name, module in used.items()]
+    classes = [f"\nclass {name}(Any{name}):\n    def __init__({arguments(name)}) -> None: ...\n"
+               for name in places if fields(name)]
+    return HEAD.format(imports="\n".join(sorted(imports))) + "".join(classes)
+
+
+def imported() -> dict[str, str]:
+    """The parts and the modules they come from, in order."""
+    tree = ast.parse(inspect.getsource(parts))
+    return {alias.name: str(node.module) for node in tree.body
+            if isinstance(node, ast.ImportFrom) and node.module != "__future__"
+            for alias in node.names}
+
+
+def fields(name: str) -> tuple[Field, ...]:
+    """The fields of a part, none where no quantity is among them."""
+    declared = fields_of(getattr(parts, name))
+    return declared if any(field.says.dimension for field in declared) else ()
+
+
+def arguments(name: str) -> str:
+    """Those of the constructor."""
+    declared = {field.name: field for field in fields(name)}
+    listed = [f"{item.name}: {annotation(declared[item.name])}"
+              f"{'' if declared[item.name].required else ' = ...'}"
+              if item.name in declared else f"{item.name}: {item.type}"
+              for item in dataclasses.fields(getattr(parts, name))]
+    return textwrap.fill(", ".join(["self", *listed]), 80, subsequent_indent=" " * 17)
+
+
+def annotation(field: Field) -> str:
+    """The type of an argument."""
+    number = "Quantity" if field.says.dimension else "float"
+    if get_origin(field.item) is tuple:
+        return "Sequence[Pair]"
+    if field.item is float and not field.several:
+        return number
+    if field.item is float and field.count == 2:
+        return "Pair" if field.says.dimension else "tuple[float, float]"
+    if field.several:
+        return f"Sequence[{number if field.item is float else field.item.__name__}]"
+    if get_origin(field.item) is Literal:
+        return f"Literal[{', '.join(map(repr, get_args(field.item)))}]".replace("'", '"')
+    words: Any = field.item.__name__
+    words = f"Any{words}" if hasattr(parts, words) and fields(words) else words
+    return f"{words} | None" if field.default is None else str(words)
+
+
+if __name__ == "__main__":
+    FILE.write_text(stub(), encoding="utf-8")

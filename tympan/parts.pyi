@@ -1,0 +1,109 @@
+"""The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+from tympan.fem.film.laws import ArrudaBoyce as AnyArrudaBoyce
+from tympan.fem.film.laws import Gent as AnyGent
+from tympan.fem.film.laws import MooneyRivlin as AnyMooneyRivlin
+from tympan.fem.film.laws import NeoHooke as AnyNeoHooke
+from tympan.fem.film.laws import Ogden as AnyOgden
+from tympan.fem.film.laws import Yeoh as AnyYeoh
+from tympan.fem.membrane.loading import Bias
+from tympan.fem.membrane.loading import Magnet as AnyMagnet
+from tympan.fem.membrane.loading import Spring as AnySpring
+from tympan.fem.rig import Rig as AnyRig
+from tympan.geometry.outlines import Circle as AnyCircle
+from tympan.geometry.outlines import ClosedSpline as AnyClosedSpline
+from tympan.geometry.outlines import Ellipse as AnyEllipse
+from tympan.geometry.outlines import Outline
+from tympan.geometry.outlines import Polygon as AnyPolygon
+from tympan.geometry.outlines import RegularPolygon as AnyRegularPolygon
+from tympan.geometry.outlines import Rotated as AnyRotated
+from tympan.geometry.outlines import RoundedRectangle as AnyRoundedRectangle
+from tympan.geometry.outlines import Stadium as AnyStadium
+from tympan.geometry.outlines import Superellipse as AnySuperellipse
+from tympan.geometry.specimen import Electrode as AnyElectrode
+from tympan.geometry.specimen import Film as AnyFilm
+from tympan.geometry.specimen import Material, Strength
+from tympan.geometry.specimen import Plate as AnyPlate
+from tympan.geometry.specimen import Region as AnyRegion
+from tympan.geometry.specimen import Specimen as Specimen
+
+Quantity = float | str
+Pair = tuple[Quantity, Quantity]
+
+class ArrudaBoyce(AnyArrudaBoyce):
+    def __init__(self, mu: Quantity, lambda_lock: float) -> None: ...
+
+class Gent(AnyGent):
+    def __init__(self, mu: Quantity, j_lim: float) -> None: ...
+
+class MooneyRivlin(AnyMooneyRivlin):
+    def __init__(self, c10: Quantity, c01: Quantity) -> None: ...
+
+class NeoHooke(AnyNeoHooke):
+    def __init__(self, mu: Quantity) -> None: ...
+
+class Ogden(AnyOgden):
+    def __init__(self, mu: Sequence[Quantity], alpha: Sequence[float]) -> None: ...
+
+class Yeoh(AnyYeoh):
+    def __init__(self, c: Sequence[Quantity]) -> None: ...
+
+class Magnet(AnyMagnet):
+    def __init__(self, force: Quantity, gap: Quantity, decay: Quantity, power: float = ...) -> None: ...
+
+class Spring(AnySpring):
+    def __init__(self, stiffness: Quantity, rest: Quantity = ...) -> None: ...
+
+class Rig(AnyRig):
+    def __init__(self, gravity: Quantity = ..., unaccounted_mass: Quantity = ..., spring:
+                 Quantity = ..., amplifier_gain: float = ..., sag_voltage:
+                 Quantity = ..., sensor_gain: float = ..., sensor_zero: Quantity
+                 = ..., drift: Quantity = ..., guide: Literal["free", "level",
+                 "vertical", "fixed"] = ..., weight_offset: Pair = ...,
+                 plate_pressure: Quantity = ..., gas_pressure: Quantity = ...,
+                 biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...) -> None: ...
+
+class Circle(AnyCircle):
+    def __init__(self, radius: Quantity) -> None: ...
+
+class ClosedSpline(AnyClosedSpline):
+    def __init__(self, through: Sequence[Pair]) -> None: ...
+
+class Ellipse(AnyEllipse):
+    def __init__(self, semi_axes: Pair) -> None: ...
+
+class Polygon(AnyPolygon):
+    def __init__(self, vertices: Sequence[Pair], fillet: Quantity = ...) -> None: ...
+
+class RegularPolygon(AnyRegularPolygon):
+    def __init__(self, sides: int, radius: Quantity, fillet: Quantity = ...) -> None: ...
+
+class Rotated(AnyRotated):
+    def __init__(self, outline: Outline, rotation: Quantity = ...) -> None: ...
+
+class RoundedRectangle(AnyRoundedRectangle):
+    def __init__(self, semi_axes: Pair, corner_radius: Quantity) -> None: ...
+
+class Stadium(AnyStadium):
+    def __init__(self, semi_axes: Pair) -> None: ...
+
+class Superellipse(AnySuperellipse):
+    def __init__(self, semi_axes: Pair, exponent: float) -> None: ...
+
+class Electrode(AnyElectrode):
+    def __init__(self, margin_frame: Quantity = ..., margin_plate: Quantity = ..., stiffness:
+                 Quantity = ..., outline: AnyRegion | None = ...) -> None: ...
+
+class Film(AnyFilm):
+    def __init__(self, thickness: Quantity, prestretch: tuple[float, float], material: Material,
+                 relative_permittivity: float, permittivity_exponent: float =
+                 ..., density: Quantity = ..., strength: Strength | None = ...) -> None: ...
+
+class Plate(AnyPlate):
+    def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
+
+class Region(AnyRegion):
+    def __init__(self, outline: Outline, offset: Pair = ...) -> None: ...
