@@ -42,7 +42,7 @@ def readings(setup: Setup) -> Table:
     true = extended(setup, [HIDDEN])
     grid = np.meshgrid(np.arange(3.0), MASSES, VOLTAGES, indexing="ij")
     specimen, mass, voltage = (axis.ravel() for axis in grid)
-    values = [outcome.state.plate.heave for one in true.specimens for load in MASSES
+    values = [outcome.state.plate.deflection for one in true.specimens for load in MASSES
               for outcome in voltage_path(build_model(one, OTHER_MESH), load * setup.rig.gravity,
                                           VOLTAGES.tolist())]
     noise = NOISE * np.random.default_rng(1).standard_normal(len(values))

@@ -17,7 +17,7 @@ from dataclasses import replace
 from statistics import median
 
 from tympan.fem.derivatives.parameters import Parameters
-from tympan.fem.derivatives.sensitivity import heave_gradient
+from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
@@ -63,12 +63,12 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
     works: dict[str, Callable[[], object]] = {
         "solve": lambda: equilibrium(model, FORCE, VOLTAGE),
         "step": lambda: equilibrium(model, FORCE, FURTHER, start=outcome.solution),
-        "gradient by thickness": lambda: heave_gradient(model, outcome, ["membrane.thickness"]),
-        "gradient by one length": lambda: heave_gradient(model, outcome, lengths[:1]),
-        f"gradient by {len(fixed)}, no lengths": lambda: heave_gradient(model, outcome, fixed),
-        f"gradient by all {len(known.names)}": lambda: heave_gradient(model, outcome, known.names),
-        "first by one length": lambda: heave_gradient(anew(model), outcome, lengths[:1]),
-        "first by all": lambda: heave_gradient(anew(model), outcome, known.names)}
+        "gradient by thickness": lambda: deflection_gradient(model, outcome, ["membrane.thickness"]),
+        "gradient by one length": lambda: deflection_gradient(model, outcome, lengths[:1]),
+        f"gradient by {len(fixed)}, no lengths": lambda: deflection_gradient(model, outcome, fixed),
+        f"gradient by all {len(known.names)}": lambda: deflection_gradient(model, outcome, known.names),
+        "first by one length": lambda: deflection_gradient(anew(model), outcome, lengths[:1]),
+        "first by all": lambda: deflection_gradient(anew(model), outcome, known.names)}
     times = [{name: seconds(work) for name, work in works.items()} for _ in range(repeat)]
     return {name: median(each[name] for each in times) for name in works}
 

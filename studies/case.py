@@ -305,8 +305,8 @@ def _of_equilibrium(result: CaseResult, case: Case, state: State, summary: _Stat
     fields, lost, weakest = summary.fields, summary.lost, _weakest(summary.fields)
     return replace(
         result,
-        deflection_m=state.plate.heave,
-        reading_m=case.rig.reading(state.plate.heave, case.elapsed),
+        deflection_m=state.plate.deflection,
+        reading_m=case.rig.reading(state.plate.deflection, case.elapsed),
         reaction_N=summary.reaction,
         capacitance_F=summary.capacitance,
         max_stretch=float(fields.stretch_1.max()),

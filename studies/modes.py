@@ -12,7 +12,7 @@ import numpy as np
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.plate import FREEDOMS
 from tympan.fem.results.fields import whole
-from tympan.fem.vibration.mode_names import names
+from tympan.fem.vibration.mode_names import mode_names
 from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, vibrations
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
@@ -138,13 +138,13 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         f"mode_{number}": shape / length
         for number, (shape, length) in enumerate(zip(shapes, longest, strict=True), start=1)})
     return replace(
-        result, deflection_m=state.plate.heave,
+        result, deflection_m=state.plate.deflection,
         film_mass_kg=float(film_mass(model).sum()) * model.discretisation.mirrored,
         plate_mass_kg=plate.mass,
         plate_inertia_kg_m2=tuple(map(float, plate.inertia.diagonal())),
         unstable=computed.unstable,
         modes=tuple(_mode(computed, number, name, longest[number])
-                    for number, name in enumerate(names(full, computed))),
+                    for number, name in enumerate(mode_names(full, computed))),
         wall_s=time.perf_counter() - began,
         warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
 

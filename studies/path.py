@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tympan.fem.equilibrium.arc_length import Branch, Point
+from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import moved
 from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
@@ -166,7 +166,7 @@ def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
     stations: list[Station] = []
     events: list[Event] = []
     limits: list[FilmSurface] = []
-    previous: Point | None = None
+    previous: PathPoint | None = None
     warnings = ["the branch could not be followed further"]
     stepping = replace(settings.path, arc=replace(settings.path.arc, longest=reach.step))
     for branch, point in follow_branch(model, start.state, LOADS[along], stepping):
@@ -188,14 +188,14 @@ def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
         wall_s=time.perf_counter() - began, warnings=tuple(warnings), limits=tuple(limits))
 
 
-def _in_order(events: list[Event], previous: Point) -> list[Station]:
+def _in_order(events: list[Event], previous: PathPoint) -> list[Station]:
     """Stations of events, those nearest to the point before them first."""
-    start = previous.state.plate.heave
+    start = previous.state.plate.deflection
     return sorted((event.station for event in events),
                   key=lambda station: abs(station.deflection_m - start))
 
 
-def _ended(model: Model, station: Station, reach: Reach, point: Point, along: Along) -> str:
+def _ended(model: Model, station: Station, reach: Reach, point: PathPoint, along: Along) -> str:
     """Why a branch ends at a station, or nothing."""
     if station.deflection_m > reach.deflection * model.size:
         return f"followed to a deflection of {station.deflection_m * 1e3:.3g} mm"
@@ -209,7 +209,7 @@ def _ended(model: Model, station: Station, reach: Reach, point: Point, along: Al
     return ""
 
 
-def _station(model: Model, point: Point) -> Station:
+def _station(model: Model, point: PathPoint) -> Station:
     state = point.state
     found = node_fields(model, state)
     tangent = point.solution.tangent
@@ -217,7 +217,7 @@ def _station(model: Model, point: Point) -> Station:
     voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
     capacitance = model.capacitance(state)
     return Station(
-        deflection_m=state.plate.heave, force_N=state.force, voltage_V=voltage,
+        deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
         pressure_Pa=state.pressure,
         charge_C=capacitance * voltage, capacitance_F=capacitance,
         max_stretch=float(found.stretch_1.max()),
@@ -226,7 +226,7 @@ def _station(model: Model, point: Point) -> Station:
         unbalanced=model.unbalanced(state))
 
 
-def _events(case: Case, branch: Branch, before: Point, after: Point, along: Along,
+def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, along: Along,
             limits: list[FilmSurface]) -> Iterator[Event]:
     """What happens between two points; films at limit points are appended to ``limits``."""
     for what, value in _watched(branch.model, along).items():
@@ -242,7 +242,7 @@ def _events(case: Case, branch: Branch, before: Point, after: Point, along: Alon
                     station=station)
 
 
-def _critical_film(model: Model, point: Point) -> FilmSurface:
+def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
     """The film at a limit point with its critical mode: the path's direction there."""
     direction = point.direction[0], point.direction[1]
     mode = moved(model, point.state, direction).positions - point.state.positions
@@ -250,15 +250,15 @@ def _critical_film(model: Model, point: Point) -> FilmSurface:
     return film_surface(model, point.state, critical_mode=shape)
 
 
-def _watched(model: Model, along: Along) -> dict[What, Callable[[Point], float]]:
+def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], float]]:
     """Functions of a point that change sign where something happens."""
-    def rate(point: Point) -> float:
+    def rate(point: PathPoint) -> float:
         return _charge_rate(model, point) if along == "charge" else point.rate
 
-    def tension(point: Point) -> float:
+    def tension(point: PathPoint) -> float:
         return float(node_fields(model, point.state).stress_2.min())
 
-    def strength(point: Point) -> float:
+    def strength(point: PathPoint) -> float:
         return 1 - float(node_fields(model, point.state).breakdown_share.max())
 
     return {"limit": rate, "tension lost": tension, "breakdown": strength}
@@ -273,7 +273,7 @@ def measured(case: Case, station: Station, along: Along) -> float:
             "pressure": station.pressure_Pa}[along]
 
 
-def _charge_rate(model: Model, point: Point) -> float:
+def _charge_rate(model: Model, point: PathPoint) -> float:
     """d(C U)/ds along the branch."""
     voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
     inner, plate = model.by_load(point.state, "voltage")

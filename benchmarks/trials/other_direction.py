@@ -51,11 +51,12 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     if outcome.status == "not_converged":
         return Verdict(way, "silent", words=outcome.advice)
     if outcome.status != found.status:
-        heave = f"heave {outcome.state.plate.heave * 1e3:.3f} mm, found {found.state.plate.heave * 1e3:.3f} mm"
+        ends = (1e3 * end.state.plate.deflection for end in (outcome, found))
+        heave = "heave {:.3f} mm, found {:.3f} mm".format(*ends)
         return Verdict(way, "differs", words=f"{outcome.status} instead: {heave}")
     if found.status == "no_equilibrium":
         return Verdict(way, "agrees")
-    heaves = outcome.state.plate.heave, found.state.plate.heave
+    heaves = outcome.state.plate.deflection, found.state.plate.deflection
     error = abs(heaves[0] - heaves[1]) / max(abs(heaves[1]), 1e-3 * model.size)
     return Verdict(way, "agrees" if error < SAME else "differs", error,
                    "heaves {:.4g}, {:.4g} m".format(*heaves))
@@ -76,7 +77,7 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     rig = drawn.case.rig
     force = rig.force(drawn.case.mass, model.plate_area) if load != "force" else 0.0
     at = equilibrium(model, force, 0.0, rig.gas_pressure if load == "voltage" else 0.0).solution
-    first, last = at.state.plate.heave, critical.state.plate.heave
+    first, last = at.state.plate.deflection, critical.state.plate.deflection
     if not abs(last - first) > 0.01 * model.size:
         return Verdict(way, "silent", words="the plate hardly moves")
     at = newton(model, at.state, (load,), (HeldPlate(first),), subspace=subspace)
@@ -84,7 +85,7 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     for heave in first + (last - first) * np.linspace(0.04, 1.2, 30):
         if not at.converged or at.tangent is None:
             break
-        change = heave - at.state.plate.heave
+        change = heave - at.state.plate.deflection
         ahead = tuple(change * part for part in at.tangent.along())
         at = newton(model, moved(model, at.state, (ahead[0], ahead[1]), (load,)), (load,),
                     (HeldPlate(float(heave)),),
@@ -138,7 +139,7 @@ def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
         exact = axisymmetric.solve_load(reference, force, case.voltage).deflection
     except ArithmeticError as failure:
         return Verdict(way, "silent", words=str(failure))
-    error = abs(found.state.plate.heave - exact) / max(exact, 1e-3 * model.size)
+    error = abs(found.state.plate.deflection - exact) / max(exact, 1e-3 * model.size)
     return Verdict(way, "agrees" if error < LIKE_ORACLE else "differs", error, words)
 
 

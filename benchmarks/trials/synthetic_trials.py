@@ -286,7 +286,7 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     for outcome in voltage_path(model, force, voltages):
         if outcome.status != "equilibrium":
             return None
-        heaves.append(outcome.state.plate.heave)
+        heaves.append(outcome.state.plate.deflection)
     pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
     return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
 

@@ -47,7 +47,7 @@ def every_law() -> Iterator[Pair]:
             yield Pair(f"{words}, F", held(model, HEAVE, voltage).state.force,
                        solve_deflection(film, HEAVE, voltage).force, "N")
             outcome = equilibrium(model, FORCE, voltage)
-            yield Pair(f"{words}, deflection", outcome.state.plate.heave,
+            yield Pair(f"{words}, deflection", outcome.state.plate.deflection,
                        solve_load(film, FORCE, voltage).deflection,
                        "m")
 
@@ -73,10 +73,10 @@ def gas_pressure() -> Iterator[Pair]:
     for pressure, voltage in ((50.0, 0.0), (50.0, 4000.0), (400.0, 0.0)):
         words = f"{pressure:g} Pa, {voltage / 1e3:g} kV"
         both = equilibrium(model, 0.05, voltage, pressure).state
-        yield Pair(f"{words}, film and plate, heave", both.plate.heave,
+        yield Pair(f"{words}, film and plate, heave", both.plate.deflection,
                    minimise(film, Loads(pressure, 0.05 + pressure * plate, voltage)).apex, "m")
         alone = equilibrium(model, 0.05 - pressure * plate, voltage, pressure).state
-        yield Pair(f"{words}, film alone, heave", alone.plate.heave,
+        yield Pair(f"{words}, film alone, heave", alone.plate.deflection,
                    minimise(film, Loads(pressure, 0.05, voltage)).apex, "m")
 
 
@@ -87,7 +87,7 @@ def own_weight() -> Iterator[Pair]:
     for density in (1e3, 1e4):
         model = build_model(annulus(NeoHooke(MU), density=density), Settings(), Loading(gravity=G))
         yield Pair(f"{density:g} kg/m³, heave without load",
-                   equilibrium(model, 0.0, 0.0).state.plate.heave,
+                   equilibrium(model, 0.0, 0.0).state.plate.deflection,
                    minimise(oracle(neo_hooke(MU)), Loads(weight=density * G * T)).apex, "m")
 
 
@@ -141,7 +141,7 @@ def errors(order: int, count: int) -> tuple[float, float, float]:
     exact, loaded = solve_deflection(film, 15e-3), solve_load(film, FORCE)
     state = held(model, 15e-3).state
     return (abs(state.force / exact.force - 1),
-            abs(equilibrium(model, FORCE, 0.0).state.plate.heave / loaded.deflection - 1),
+            abs(equilibrium(model, FORCE, 0.0).state.plate.deflection / loaded.deflection - 1),
             abs(rim_peak(model, state) / float(exact.sigma1(A)) - 1))
 
 

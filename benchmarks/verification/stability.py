@@ -68,7 +68,7 @@ def unstable_branch() -> Iterator[Pair]:
     start = equilibrium(model, FORCE, 6400.0).state
     branch = Branch(model, "voltage", subspace=SmoothSubspace.of(model, waves=0))
     for point in branch.points(start):
-        heave = point.state.plate.heave
+        heave = point.state.plate.deflection
         if heave > 11e-3:
             return
         if heave > 9.8e-3:

@@ -50,7 +50,7 @@ class Deflection:
     even = True
 
     def value(self, model: Model, state: State) -> Any:
-        return state.plate.heave
+        return state.plate.deflection
 
     def slope(self, model: Model, state: State) -> Parts:
         return _of_plate(model, {HEAVE: 1.0})

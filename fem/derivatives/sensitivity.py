@@ -22,7 +22,7 @@ from tympan.fem.derivatives.parameters import LOADS, ModelParameter, Parameters
 from tympan.fem.derivatives.quantities import Deflection, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.stiffness import Stiffness
-from tympan.fem.equilibrium.arc_length import Point
+from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.newton import Solution
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
@@ -84,13 +84,13 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
     return result
 
 
-def heave_gradient(model: Model, equilibrium: Outcome | Solution | State,
+def deflection_gradient(model: Model, equilibrium: Outcome | Solution | State,
                    names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
     return gradient(model, equilibrium, Deflection(), names)
 
 
-def limit_gradient(model: Model, critical: Point, load: Load,
+def limit_gradient(model: Model, critical: PathPoint, load: Load,
                    by: Mapping[str, ModelParameter]) -> dict[str, float]:
     """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
 

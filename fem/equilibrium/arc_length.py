@@ -35,7 +35,7 @@ class ArcSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PathPoint:
     """An equilibrium on a branch.
 
     ``direction``: unit motion of film and plate along it; ``rates``: change of the free loads per
@@ -73,7 +73,7 @@ class Branch:
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     arc: ArcSettings = field(default_factory=ArcSettings)
 
-    def points(self, start: State, sense: int = 1) -> Iterator[Point]:
+    def points(self, start: State, sense: int = 1) -> Iterator[PathPoint]:
         """Points from an equilibrium on, the load growing at first (``sense`` 1) or falling (−1).
 
         Ends where no step can be made any more, or at the limit of points.
@@ -91,7 +91,7 @@ class Branch:
                                                               self.arc.longest)
             point = following
 
-    def at(self, point: Point, step: float) -> Point | None:
+    def at(self, point: PathPoint, step: float) -> PathPoint | None:
         """The point a length along the direction of another, if Newton finds it."""
         change = tuple(step * part for part in point.direction)
         loads = np.concatenate([change[1], step * point.rates])
@@ -99,19 +99,19 @@ class Branch:
         point.solution.release()
         return self._solved(guess, ArcLength(point.state, point.direction, step))
 
-    def limit(self, before: Point, after: Point) -> Point | None:
+    def limit(self, before: PathPoint, after: PathPoint) -> PathPoint | None:
         """The limit point of the load between two points; its direction is the critical mode."""
         return self.where(before, after, lambda point: point.rate)
 
-    def reach(self, before: Point, after: Point, value: float) -> Point | None:
+    def reach(self, before: PathPoint, after: PathPoint, value: float) -> PathPoint | None:
         """The point between two others at which the followed load has a value."""
         return self.where(before, after, lambda point: point.state.load(self.load) - value)
 
-    def where(self, before: Point, after: Point, value: Callable[[Point], float]) -> Point | None:
+    def where(self, before: PathPoint, after: PathPoint, value: Callable[[PathPoint], float]) -> PathPoint | None:
         """The point between two others where a function vanishes; None without change of sign."""
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
-        points: dict[float, Point] = {0.0: before}
+        points: dict[float, PathPoint] = {0.0: before}
         after.solution.release()
 
         def at(step: float) -> float:
@@ -134,7 +134,7 @@ class Branch:
     def _free(self) -> tuple[Load, ...]:
         return (self.load, *self.freed)
 
-    def _first(self, start: State, sense: int) -> Point | None:
+    def _first(self, start: State, sense: int) -> PathPoint | None:
         at_loads = newton(self.model, start, self.freed, self.constraints, self.newton,
                           self.subspace)
         if not at_loads.converged or at_loads.tangent is None:
@@ -145,18 +145,18 @@ class Branch:
         at_loads.release()
         return self._solved(at_loads.state, ArcLength(at_loads.state, motion, 0.0))
 
-    def _solved(self, guess: State, arc: ArcLength) -> Point | None:
+    def _solved(self, guess: State, arc: ArcLength) -> PathPoint | None:
         solution = newton(self.model, guess, self._free, (*self.constraints, arc), self.newton,
                           self.subspace)
         return self._point(solution) if solution.converged else None
 
-    def _point(self, solution: Solution) -> Point:
+    def _point(self, solution: Solution) -> PathPoint:
         assert solution.tangent is not None
         along = solution.tangent.along()
         motion, scale = self._unit(along)
-        return Point(solution, motion, along[1][len(self.model.plate_freedoms) :] / scale)
+        return PathPoint(solution, motion, along[1][len(self.model.plate_freedoms) :] / scale)
 
-    def _renewed(self, point: Point) -> Point:
+    def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with the tangent there: Newton's, an iterate's, is too far off for limits."""
         state = point.state
         point.solution.release()
@@ -172,17 +172,17 @@ class Branch:
         scale = length(self.model, motion)
         return (motion[0] / scale, motion[1] / scale), scale
 
-    def _accepted(self, point: Point, step: float) -> Point | None:
+    def _accepted(self, point: PathPoint, step: float) -> PathPoint | None:
         following = self.at(point, step)
         if following is None or self._turn(point, following) > self.arc.turn:
             return None
         return following
 
-    def _turn(self, point: Point, following: Point) -> float:
+    def _turn(self, point: PathPoint, following: PathPoint) -> float:
         cosine = product(self.model, point.direction, following.direction)
         return float(np.arccos(np.clip(cosine, -1, 1)))
 
-    def _longer(self, point: Point, following: Point, step: float) -> float:
+    def _longer(self, point: PathPoint, following: PathPoint, step: float) -> float:
         return 1.6 * step if self._turn(point, following) < self.arc.turn / 3 else step
 
 

@@ -41,7 +41,7 @@ class HeldPlate:
     def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
         plate = np.zeros(len(model.plate_freedoms))
         plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.heave - self.deflection,
+        return Equation(state.plate.deflection - self.deflection,
                         np.zeros(model.discretisation.free_count), plate, np.zeros(len(free)))
 
 

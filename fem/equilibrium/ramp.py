@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import HeldPlate, difference, length
 from tympan.fem.equilibrium.newton import (
     STRAINED,
@@ -49,8 +49,8 @@ class PathSettings:
 
     ``first``: first step as a share of the ramp; ``handover``: step, relative to the load or U²
     reached, below which the ramp is followed by its arc length instead; ``shortest``: step of a
-    held plate at which to give up; ``reach``: heave, relative to the frame's half extent, at which
-    a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
+    held plate at which to give up; ``reach``: deflection, relative to the frame's half extent, at
+    which a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
     between plate and frame, of smooth motions tried in turn where the film has lost tension,
     ``annular`` those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may
     leave at a limit point, relative to the largest, if the mesh is to resolve it; ``agreement``:
@@ -91,7 +91,7 @@ class Outcome:
     advice: str = ""
     limit: float | None = None
     limited: Load | None = None
-    critical: Point | None = None
+    critical: PathPoint | None = None
     spread: float = 0.0
 
     @property
@@ -187,17 +187,17 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
         yield outcome
 
 
-def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | None = None,
+def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
-    """The film under a voltage [V], its plate held at a heave [m] by ``state.force`` [N]."""
+    """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N]."""
     solution = start or newton(model, model.mounted(), ("force",), (HeldPlate(0.0),),
                                settings.newton)
-    origin, squared = solution.state.plate.heave, solution.state.voltage_squared
+    origin, squared = solution.state.plate.deflection, solution.state.voltage_squared
     advice = solution.advice
-    done, step = (0.0, 1.0) if (heave, voltage**2) != (origin, squared) else (1.0, 0.0)
+    done, step = (0.0, 1.0) if (deflection, voltage**2) != (origin, squared) else (1.0, 0.0)
     while solution.converged and done < 1:
         share = min(1.0, done + step)
-        target = origin + share * (heave - origin)
+        target = origin + share * (deflection - origin)
         guess = _lifted(model, solution, target)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         solution.release()
@@ -210,14 +210,14 @@ def held(model: Model, heave: float, voltage: float = 0.0, start: Solution | Non
     return Outcome("equilibrium" if done == 1 else "not_converged", solution, advice)
 
 
-def _lifted(model: Model, solution: Solution, heave: float) -> State:
-    """Predictor for another heave, the force following."""
+def _lifted(model: Model, solution: Solution, deflection: float) -> State:
+    """Predictor for another deflection, the force following."""
     tangent = solution.tangent
     assert tangent is not None
     if tangent.free != ("force",):
         return solution.state
     inner, border = tangent.along()
-    change = heave - solution.state.plate.heave
+    change = deflection - solution.state.plate.deflection
     return moved(model, solution.state, (change * inner, change * border), tangent.free)
 
 
@@ -309,13 +309,13 @@ class Ramp:
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
                 return self._pulled_in(stable, after, "loses its stability")
-            if after.state.plate.heave > self.settings.reach * self.model.size:
+            if after.state.plate.deflection > self.settings.reach * self.model.size:
                 break
             if subspace is FULL:
                 stable = after.solution
         return Outcome("not_converged", stable, _UNFOLLOWED)
 
-    def _landed(self, stable: Solution, reached: Point | None) -> Outcome:
+    def _landed(self, stable: Solution, reached: PathPoint | None) -> Outcome:
         """The equilibrium at the target, of all motions, from the branch's point there."""
         if reached is not None:
             reached.solution.release()
@@ -326,7 +326,7 @@ class Ramp:
             stable = replace(stable, advice=solution.advice)
         return Outcome("not_converged", stable, _WRINKLED)
 
-    def _pulled_in(self, last: Solution, critical: Point, verb: str = "pulls in") -> Outcome:
+    def _pulled_in(self, last: Solution, critical: PathPoint, verb: str = "pulls in") -> Outcome:
         return Outcome("no_equilibrium", last,
                        f"the film {verb} before the {_WORDS[self.load]} is reached",
                        critical.state.load(self.load), self.load, critical)
@@ -378,7 +378,7 @@ def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
 
 
 def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
-                  ) -> Iterator[tuple[Branch, Point]]:
+                  ) -> Iterator[tuple[Branch, PathPoint]]:
     """Points from an equilibrium on, one load growing at first, each with the branch it is on.
 
     With all motions until the film, its plate held, has a direction without stiffness, which in a

@@ -89,7 +89,7 @@ class Tangent:
         return self.plate_stable if isinstance(self.subspace, FullSubspace) else self.negative == 0
 
     @property
-    def heave_stiffness(self) -> float:
+    def deflection_stiffness(self) -> float:
         """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
         row = self.model.plate_freedoms.index(HEAVE)
         compliance = np.linalg.inv(self.plate_stiffness)[row, row]

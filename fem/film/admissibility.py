@@ -20,7 +20,7 @@ CRITERIA = {
 
 
 @dataclass(frozen=True)
-class Failure:
+class FailedCriterion:
     """Where a criterion fails worst: mounted position [m], stretches, and the share of points."""
 
     criterion: str
@@ -35,7 +35,7 @@ class Failure:
                 f"{self.stretches[0]:.3f} and {self.stretches[1]:.3f}")
 
 
-def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[Failure]:
+def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[FailedCriterion]:
     """The criteria that an elastic law fails at the stretches a state visits.
 
     Parameters
@@ -61,7 +61,7 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
         if bad.any():
             worst = int(np.argmin(np.where(bad, np.nan_to_num(margins, nan=-np.inf), np.inf)))
             x, y = position[worst, :2]
-            result.append(Failure(criterion, (float(x), float(y)),
+            result.append(FailedCriterion(criterion, (float(x), float(y)),
                                   (float(l1[worst]), float(l2[worst])),
                                   float(bad.mean())))
     return result

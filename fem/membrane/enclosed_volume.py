@@ -1,7 +1,7 @@
 """The volume between the film and its frame's plane, whose gas pressure is a follower load.
 
 V = ∫ z n_z da = ∫ z (x,₁ y,₂ − x,₂ y,₁) dX over the film, and the plate's area times its normal's z
-times its heave. With both, the virtual work of a uniform pressure p is p δV, so that its tangent is
+times its deflection. With both, the virtual work of a uniform pressure p is p δV: the tangent is
 symmetric.
 """
 
@@ -84,13 +84,13 @@ class FilmVolume:
 
 def plate_volume(area: float, plate: PlateMotion) -> tuple[float, Array, Array]:
     """Volume under the plate [m³] and its first and second derivatives by the six freedoms."""
-    heave, normal = plate.translation[HEAVE], plate.rotation @ _UP
+    deflection, normal = plate.translation[HEAVE], plate.rotation @ _UP
     turn = np.zeros(6, dtype=normal.dtype)
     turn[3:] = np.cross(_AXES, normal)[:, 2]
     lift = np.zeros(6)
     lift[HEAVE] = 1.0
-    first = area * (normal[2] * lift + heave * turn)
+    first = area * (normal[2] * lift + deflection * turn)
     second = np.outer(lift, turn) + np.outer(turn, lift)
     moment = np.outer(_UP, normal)
-    second[3:, 3:] += heave * ((moment + moment.T) / 2 - np.eye(3) * normal[2])
-    return area * normal[2] * heave, first, area * second
+    second[3:, 3:] += deflection * ((moment + moment.T) / 2 - np.eye(3) * normal[2])
+    return area * normal[2] * deflection, first, area * second

@@ -37,7 +37,7 @@ class Bias(Protocol):
 
     law: ClassVar[str]
 
-    def derivatives(self, heave: float) -> tuple[float, float, float]:
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """Energy [J], its derivative [N] (positive: pushes back), its second derivative [N/m]."""
 
 
@@ -60,9 +60,9 @@ class Spring:
     stiffness: Annotated[float, Key("its stiffness", "stiffness per length", NON_NEGATIVE)]
     rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
 
-    def derivatives(self, heave: float) -> tuple[float, float, float]:
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """½k(w − rest)², and its derivatives."""
-        stretch = heave - self.rest
+        stretch = deflection - self.rest
         return self.stiffness * stretch**2 / 2, self.stiffness * stretch, self.stiffness
 
 
@@ -81,10 +81,10 @@ class Magnet:
     decay: Annotated[float, Key("d", "length", POSITIVE)]
     power: Annotated[float, Key("n", rule=_POWER)] = 4.0
 
-    def derivatives(self, heave: float) -> tuple[float, float, float]:
+    def derivatives(self, deflection: float) -> tuple[float, float, float]:
         """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
         n, d = self.power, self.decay
-        near = 1 + (self.gap - heave) / d
+        near = 1 + (self.gap - deflection) / d
         if np.real(near) <= 0:  # no step may end there, nor pass the pole
             return np.nan, np.nan, np.nan
         return (-self.force * d / (n - 1) * near ** (1 - n), -self.force * near**-n,
@@ -104,9 +104,9 @@ class Loading:
     guide: Guide = "free"
     gravity: float = 0.0
 
-    def bias(self, heave: float) -> tuple[float, float, float]:
-        """Energy of all bias mechanisms and its derivatives by the heave."""
-        parts = [bias.derivatives(heave) for bias in self.biases]
+    def bias(self, deflection: float) -> tuple[float, float, float]:
+        """Energy of all bias mechanisms and its derivatives by the deflection."""
+        parts = [bias.derivatives(deflection) for bias in self.biases]
         return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)
 
     def lift(self, plate: PlateMotion) -> Array:
@@ -119,7 +119,7 @@ class Loading:
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
         """
         plate = state.plate
-        energy, push, stiffness = self.bias(plate.heave)
+        energy, push, stiffness = self.bias(plate.deflection)
         energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
         first = push * _UP - state.force * self.lift(plate)
         second = plate.curvature(self._arm,

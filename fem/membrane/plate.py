@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the deflection, positive along the
 #: load.
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
@@ -29,7 +29,7 @@ class PlateMotion:
         return cls(np.zeros(3), np.eye(3))
 
     @property
-    def heave(self) -> float:
+    def deflection(self) -> float:
         """Deflection along the load [m]."""
         return self.translation[HEAVE].item()
 
@@ -45,10 +45,10 @@ class PlateMotion:
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
         return PlateMotion(self.translation + step[:3], turn @ self.rotation)
 
-    def raised_to(self, heave: float) -> PlateMotion:
-        """The same with another heave [m]."""
+    def raised_to(self, deflection: float) -> PlateMotion:
+        """The same with another deflection [m]."""
         translation = self.translation.copy()
-        translation[HEAVE] = heave
+        translation[HEAVE] = deflection
         return PlateMotion(translation, self.rotation)
 
     def positions(self, centre: Array, arms: Array) -> Array:

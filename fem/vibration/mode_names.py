@@ -22,7 +22,7 @@ _DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
 _LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
 
 
-def names(model: Model, modes: Modes) -> tuple[str, ...]:
+def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
     """A name for each mode.
 
     ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than

@@ -118,5 +118,5 @@ def _reading(map_settings: MapSettings, place: Place) -> Reading:
         settings.path)
     if charged.status != "equilibrium":
         return Reading(place, weights.alpha[0], weights.fit_error, np.nan, charged.advice)
-    stroke = charged.state.plate.heave - resting.state.plate.heave
+    stroke = charged.state.plate.deflection - resting.state.plate.deflection
     return Reading(place, weights.alpha[0], weights.fit_error, stroke)

@@ -55,10 +55,10 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
             if outcome.status != "equilibrium":
                 warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are left out")
                 break
-            if state.plate.heave <= 1e-6 * model.size:
+            if state.plate.deflection <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
                 break
-            rows.append((model.reaction(state), state.plate.heave,
+            rows.append((model.reaction(state), state.plate.deflection,
                          float(np.sqrt(state.voltage_squared))))
             shares.append(part_shares(model, state, part_of))
     force, deflection, voltage = np.array(rows).reshape(-1, 3).T

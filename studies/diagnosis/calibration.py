@@ -149,7 +149,7 @@ def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) ->
                               voltage,
                               setup.rig.gas_pressure)
         if outcome.status == "equilibrium":
-            worst = max(worst, abs(outcome.state.plate.heave - float(one.heave[state])))
+            worst = max(worst, abs(outcome.state.plate.deflection - float(one.heave[state])))
     return worst
 
 

@@ -258,7 +258,7 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
                 raise InputError(f"the field model {missing}: {failure_reason(outcome)}",
                                  key=f"{specimen.name}, {1e3 * mass:g} g",
                                  given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
-            deflection[row, column] = outcome.state.plate.heave
+            deflection[row, column] = outcome.state.plate.deflection
             capacitance[row, column] = model.capacitance(outcome.state)
         if deflection[row].min() <= 1e-6 * model.size:
             raise InputError("the plate must sink: the mass is too small to tell a force",

@@ -105,11 +105,11 @@ class DesignEvaluator:
             self.base = Base(model, scales, outcome.state)
         state = replace(state, scales=scales)
         pairs = [limit.values(state) for limit in self.problem.limits]
-        stroke = outcome.state.plate.heave - rest.state.plate.heave
+        stroke = outcome.state.plate.deflection - rest.state.plate.deflection
         limited = {limit.name: limit.measured(state) for limit in self.problem.limits}
         owners = tuple(limit.name for limit, (values_of_limit, _)
                        in zip(self.problem.limits, pairs, strict=True) for _ in values_of_limit)
-        design = Design(values, specimen, "", stroke, rest.state.plate.heave, limited, owners)
+        design = Design(values, specimen, "", stroke, rest.state.plate.deflection, limited, owners)
         return design, Linearisation(
             stroke, upper - lower, np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
             np.concatenate([np.zeros((0, len(names))), *(pair[1] for pair in pairs)]))

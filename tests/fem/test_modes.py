@@ -24,7 +24,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import FREEDOMS, HEAVE, PlateMotion
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import whole
-from tympan.fem.vibration.mode_names import names
+from tympan.fem.vibration.mode_names import mode_names
 from tympan.fem.vibration.modes import (
     Modes,
     RigidPlate,
@@ -119,11 +119,11 @@ def test_heave_of_a_heavy_disc_on_a_flat_film(mass) -> None:
 def test_tilt_of_a_disc_on_a_flat_film(mass) -> None:
     film, plate = model(annulus(), refine=2.0), plate_of(mass)
     found = vibrations(film, film.mounted(), plate, count=6)
-    tilting = [number for number, label in enumerate(names(*named(film, found)))
+    tilting = [number for number, label in enumerate(mode_names(*named(film, found)))
                if label.startswith("tilt")]
     exact = hertz(annulus_modes.tilting(1, INNER, OUTER, mass * INNER**2 / 4 / PER_AREA))
     assert found.frequencies_Hz[tilting] == pytest.approx(np.repeat(exact, 2), rel=2e-6)
-    assert {names(*named(film, found))[number] for number in tilting} == {"tilt about x",
+    assert {mode_names(*named(film, found))[number] for number in tilting} == {"tilt about x",
                                                                           "tilt about y"}
 
 
@@ -387,7 +387,7 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
     """Each name (m, n) comes with the closed form's frequency for m nodal diameters and n circles."""
     film = model(annulus())
     found = vibrations(film, film.mounted(), HELD, count=60)
-    labels = names(*named(film, found))
+    labels = mode_names(*named(film, found))
     seen = set()
     for label, frequency in zip(labels, found.frequencies_Hz, strict=True):
         if label.startswith("film ("):
@@ -402,7 +402,7 @@ def test_names_of_film_patterns_are_bessel_s() -> None:
 
 def test_an_ellipse_s_film_modes_get_no_round_names() -> None:
     film = model(heavy(elliptical(60e-3)))
-    labels = names(*named(film, vibrations(film, film.mounted(), HELD, count=8)))
+    labels = mode_names(*named(film, vibrations(film, film.mounted(), HELD, count=8)))
     assert set(labels) <= {"film", "film, in plane"}
 
 

@@ -20,9 +20,9 @@ from tympan.fem.derivatives.quantities import (
     named_quantity,
 )
 from tympan.fem.derivatives.sensitivity import (
+    deflection_gradient,
     gradient,
     gradient_many,
-    heave_gradient,
     morphed,
 )
 from tympan.fem.equilibrium.newton import newton
@@ -89,7 +89,7 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
     found = Adjoint.of(film, solution).solve(right)[0]
     assert np.abs(found - truth).max() < 1e-9 * np.abs(truth).max()
     assert np.abs(stale - truth).max() > 1e-6 * np.abs(truth).max()
-    assert heave_gradient(film, solution,
+    assert deflection_gradient(film, solution,
                           ["force"])["force"] == pytest.approx(exact["heave"]["force"], rel=1e-12)
 
 
@@ -101,8 +101,8 @@ def test_similarity_ties_the_derivatives_together() -> None:
               "membrane.thickness": 1e-3,
               "membrane.relative_permittivity": 4.7, "frame.radius": 45e-3,
               "plate.outline.radius": 10e-3}
-    slope = heave_gradient(film, outcome, list(values))
-    heave = outcome.state.plate.heave
+    slope = deflection_gradient(film, outcome, list(values))
+    heave = outcome.state.plate.deflection
     log = {name: slope[name] * value / heave for name, value in values.items()}
     assert log["voltage"] == pytest.approx(2 * log["membrane.relative_permittivity"], rel=1e-9)
     assert log["membrane.material.mu.0"] == pytest.approx(-log["force"] - log["voltage"] / 2,
@@ -135,7 +135,7 @@ def test_a_quarter_answers_like_the_whole() -> None:
 def test_what_has_no_derivative_is_refused(solved) -> None:
     film, solution, _ = solved
     with pytest.raises(InputError, match=r"membrane\.material\.mu\.0"):
-        heave_gradient(film, solution.state, ["membrane.colour"])
+        deflection_gradient(film, solution.state, ["membrane.colour"])
     with pytest.raises(InputError, match="heave, tilt"):
         named_quantity("beauty")
     quarter = model(elliptical(60e-3), refine=0.7, order=2)

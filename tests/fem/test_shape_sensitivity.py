@@ -13,7 +13,7 @@ from tests.support.models import model
 from tests.support.specimens import ROOT5, circular, skewed
 from tympan.fem.derivatives.parameters import Parameters
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative
-from tympan.fem.derivatives.sensitivity import heave_gradient, limit_gradient, morphed
+from tympan.fem.derivatives.sensitivity import deflection_gradient, limit_gradient, morphed
 from tympan.fem.derivatives.shape import velocities
 from tympan.fem.derivatives.stiffness import Stiffness
 from tympan.fem.discretisation.isoparametric import isoparametric
@@ -47,7 +47,7 @@ def slope(function: Callable[[float], float], value: float, step: float) -> floa
 
 def test_radii_against_the_axisymmetric_equations() -> None:
     film = model(circular())
-    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE),
+    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE),
                            ["plate.outline.radius", "frame.radius"])
 
     def heave(**radius: float) -> float:
@@ -90,10 +90,10 @@ def test_lengths_against_new_meshes(name: str) -> None:
     """Meshes made anew differ by their own error, which fourth-order elements keep small."""
     def heave(change: float) -> float:
         film = model(with_change(skewed(), name.split("."), change), order=4)
-        return equilibrium(film, FORCE, VOLTAGE).state.plate.heave
+        return equilibrium(film, FORCE, VOLTAGE).state.plate.deflection
 
     film = model(skewed(), order=4)
-    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
     assert found == pytest.approx(slope(heave, 0.0, 3e-4), rel=1e-4)
 
 
@@ -141,7 +141,7 @@ def test_an_electrode_within_the_film_moves() -> None:
     film = model(electrode(Region(Ellipse((8e-3, 6e-3)), (25e-3, 5e-3))), order=2)
     state = equilibrium(film, FORCE, VOLTAGE).state
     names = ["electrode.outline.outline.semi_axes.0", "electrode.outline.offset.1", "frame.radius"]
-    exact = heave_gradient(film, state, names)
+    exact = deflection_gradient(film, state, names)
     for name in names:
         errors = []
         for step in (4e-4, 2e-4):
@@ -149,7 +149,7 @@ def test_an_electrode_within_the_film_moves() -> None:
             for change in (step, -step):
                 found = newton(*morphed(film, state, name, change))
                 assert found.converged
-                ends.append(found.state.plate.heave)
+                ends.append(found.state.plate.deflection)
             errors.append(abs((ends[0] - ends[1]) / (2 * step) - exact[name]))
         assert errors[1] < 1e-3 * abs(exact[name])
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-7 * abs(exact[name])
@@ -159,8 +159,8 @@ def test_an_electrode_across_the_frame_is_refused() -> None:
     film = model(electrode(Region(Circle(20e-3), (40e-3, 0.0))), order=2)
     state = equilibrium(film, FORCE, VOLTAGE).state
     with pytest.raises(InputError, match="away from plate, frame and margins"):
-        heave_gradient(film, state, ["frame.radius"])
-    assert heave_gradient(film, state, ["force"])["force"] > 0
+        deflection_gradient(film, state, ["frame.radius"])
+    assert deflection_gradient(film, state, ["force"])["force"] > 0
 
 
 @pytest.mark.parametrize(("frame", "plate", "name"), [
@@ -177,10 +177,10 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
 
     def heave(change: float) -> float:
         film = model(with_change(base, name.split("."), change), order=4)
-        return equilibrium(film, FORCE, VOLTAGE).state.plate.heave
+        return equilibrium(film, FORCE, VOLTAGE).state.plate.deflection
 
     film = model(base, order=4)
-    found = heave_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
+    found = deflection_gradient(film, equilibrium(film, FORCE, VOLTAGE), [name])[name]
     # The frame's corners hardly matter: over a short step a new mesh changes the heave by more than
     # they do.
     step = {"frame.exponent": 3e-2, "frame.rotation": 6e-3, "frame.corner_radius": 2e-3}.get(name,

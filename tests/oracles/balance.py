@@ -115,7 +115,7 @@ def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]
     weight = np.array([0.0, 0.0, state.force])
     hung = plate.rotation @ np.array([*loading.arm, 0.0])
     gas = state.pressure * model.plate_area * plate.rotation[:, 2]
-    push = np.array([0.0, 0.0, sum(_pull(bias, plate.heave) for bias in loading.biases)])
+    push = np.array([0.0, 0.0, sum(_pull(bias, plate.deflection) for bias in loading.biases)])
     return weight + gas + push - rim.sum(axis=0), np.cross(hung, weight) - np.cross(arms,
                                                                                     rim).sum(axis=0)
 

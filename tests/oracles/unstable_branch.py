@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.oracles.axisymmetric import Film as Reference
 from tests.oracles.axisymmetric import FloatArray, RitzExpansion
 from tests.oracles.unstable import shape_at
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.equilibrium.subspace import Subspace
 from tympan.fem.film.laws import Ogden
@@ -16,13 +16,13 @@ WEIGHT = 17.9e-3 * 9.80665
 
 
 def branch_points(film: Model, subspace: Subspace, reach: float = 10.9e-3,
-                  longest: float = 0.05) -> list[Point]:
+                  longest: float = 0.05) -> list[PathPoint]:
     """Points from a stable voltage on, through the largest, to a heave beyond it."""
     start = equilibrium(film, WEIGHT, 6000.0).state
     found = []
     for point in Branch(film, "voltage", subspace=subspace,
                         arc=ArcSettings(longest=longest)).points(start):
-        if point.state.plate.heave > reach:
+        if point.state.plate.deflection > reach:
             break
         found.append(point)
     return found

@@ -64,7 +64,7 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
         value = known[name].value(model, outcome.state)
         errors = []
         for step in (4e-3 * (abs(value) or 1e-2), 2e-3 * (abs(value) or 1e-2)):
-            heaves = [newton(*known[name].changed(model, outcome.state, change)).state.plate.heave
+            heaves = [newton(*known[name].changed(model, outcome.state, change)).state.plate.deflection
                       for change in (step, -step)]
             errors.append(abs((heaves[0] - heaves[1]) / (2 * step) - found[name]))
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-6 * abs(found[name]), name

@@ -15,7 +15,7 @@ from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_a
 from tests.support.models import model
 from tests.support.specimens import circular, elliptical, reference_film
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, Point
+from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, length
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import PathSettings, equilibrium, held
@@ -30,7 +30,7 @@ from tympan.geometry.mesh import unfold
 VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))
 
 
-def limits(branch: Branch, start: State, count: int) -> list[Point]:
+def limits(branch: Branch, start: State, count: int) -> list[PathPoint]:
     """The first limit points of a branch."""
     found = []
     for before, after in pairwise(branch.points(start)):
@@ -52,7 +52,7 @@ def test_pull_in_voltage_is_the_ode_s(material: Ogden, mass: float) -> None:
     exact = axisymmetric.pull_in(reference_film(material), force)
     assert np.sqrt(outcome.limit) == pytest.approx(exact.voltage, rel=1e-5)
     # At the maximum the heave is known only as well as the root of the voltage.
-    assert outcome.critical.state.plate.heave == pytest.approx(exact.deflection, rel=2e-3)
+    assert outcome.critical.state.plate.deflection == pytest.approx(exact.deflection, rel=2e-3)
 
 
 def test_unstable_branch_is_the_ode_s() -> None:
@@ -61,7 +61,7 @@ def test_unstable_branch_is_the_ode_s() -> None:
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     near, checked = (fold.c, fold.q), 0
     for point in points:
-        heave = point.state.plate.heave
+        heave = point.state.plate.deflection
         if heave <= fold.deflection:
             continue
         near = voltage_at(reference_film(SOFT), heave, WEIGHT, near, 40)
@@ -191,12 +191,12 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
     for turn, within in ((up, (1e-3, 3.9e-3)), (down, (3.9e-3, 4.8e-3))):
         heave, voltage = extremum(within)
         assert np.sqrt(turn.voltage_squared) == pytest.approx(voltage, rel=1e-5)
-        assert turn.plate.heave == pytest.approx(heave, rel=1e-3)
+        assert turn.plate.deflection == pytest.approx(heave, rel=1e-3)
     for point in points:
-        between = up.plate.heave < point.state.plate.heave < down.plate.heave
+        between = up.plate.deflection < point.state.plate.deflection < down.plate.deflection
         tangent = point.solution.tangent
         assert tangent.negative == int(between)
-        assert (tangent.heave_stiffness < 0) == between
+        assert (tangent.deflection_stiffness < 0) == between
         assert (point.rate < 0) == between
         assert point.solution.stable != between
     assert sum(point.rate < 0 for point in points) >= 2
@@ -208,7 +208,7 @@ def test_hysteresis_of_a_magnet() -> None:
     (near, snap), (far, back) = extremum((1e-3, 3.9e-3)), extremum((3.9e-3, 4.8e-3))
     middle = (snap + back) / 2
     rising = equilibrium(film, LIGHT, middle)
-    assert rising.state.plate.heave < near
+    assert rising.state.plate.deflection < near
     snapped = equilibrium(film, LIGHT, 1.01 * snap)
     assert (snapped.status, snapped.limited) == ("no_equilibrium", "voltage")
     assert np.sqrt(snapped.limit) == pytest.approx(snap, rel=1e-5)
@@ -220,7 +220,7 @@ def test_hysteresis_of_a_magnet() -> None:
     assert fallen.converged
     returning = equilibrium(film, LIGHT, middle, start=fallen)
     assert returning.status == "equilibrium"
-    assert returning.state.plate.heave > far
+    assert returning.state.plate.deflection > far
     released = equilibrium(film, LIGHT, 0.98 * back, start=fallen)
     assert (released.status, released.limited) == ("no_equilibrium", "voltage")
     assert np.sqrt(released.limit) == pytest.approx(back, rel=1e-5)

@@ -67,9 +67,9 @@ def test_a_heave_is_the_one_asked_for_also_with_an_offset_weight(skewed_model: M
     film = replace(skewed_model, loading=Loading(arm=(2e-3, 1e-3)))
     outcome = held(film, 6e-3, 2000.0)
     assert outcome.status == "equilibrium"
-    assert outcome.state.plate.heave == pytest.approx(6e-3, abs=1e-12)
+    assert outcome.state.plate.deflection == pytest.approx(6e-3, abs=1e-12)
     again = equilibrium(film, outcome.state.force, 2000.0).state
-    assert again.plate.heave == pytest.approx(6e-3, rel=1e-7)
+    assert again.plate.deflection == pytest.approx(6e-3, rel=1e-7)
 
 
 def constant(film: Model, state, subspace, kept: str) -> np.ndarray:
@@ -127,14 +127,14 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
         state = found.state
         seen.append((state, found.tangent.negative, found.tangent.negative_closed))
     voltages, heaves = ([value(each[0]) for each in seen]
-                        for value in (lambda at: at.voltage_squared, lambda at: at.plate.heave))
+                        for value in (lambda at: at.voltage_squared, lambda at: at.plate.deflection))
     assert heaves == sorted(heaves)
     assert max(voltages) <= fold.q * (1 + 1e-5)
-    beyond = [each for each in seen if each[0].plate.heave > fold.deflection]
+    beyond = [each for each in seen if each[0].plate.deflection > fold.deflection]
     assert len(beyond) >= 2
     assert voltages[-1] < voltages[-2]
     for state, negative, closed in beyond:
-        near, given, kept = reference_counts(state.plate.heave, near)
+        near, given, kept = reference_counts(state.plate.deflection, near)
         assert np.sqrt(near[1]) == pytest.approx(np.sqrt(state.voltage_squared), rel=1e-4)
         assert (negative, closed) == (given, kept) == (1, 0)
 

@@ -156,7 +156,7 @@ def test_elliptical_plate_off_centre_balances_its_load() -> None:
     load = 17.9e-3 * 9.80665
     made = model(replace(circular(), plate=Plate(Ellipse((14e-3, 7e-3)), (8e-3, -4e-3))), refine=2)
     state = equilibrium(made, load, 3000.0).state
-    hub = made.centre + np.array([0, 0, state.plate.heave])
+    hub = made.centre + np.array([0, 0, state.plate.deflection])
     for edge in ("plate", "frame"):
         found = edge_fields(made, state, edge, 12, quadrature=True)
         force = found.fields.plate_traction * found.weights[:, None]

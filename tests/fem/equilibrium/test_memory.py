@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.models import model
 from tests.support.specimens import circular
-from tympan.fem.derivatives.sensitivity import heave_gradient
+from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import Ogden
@@ -59,11 +59,11 @@ def test_large_films_keep_the_factors_of_one_state(alive: list[int],
 def test_what_was_dropped_is_made_anew(alive: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     film = model(circular(), order=2)
     outcome = equilibrium(film, FORCE, 3e3)
-    before, made = heave_gradient(film, outcome, ["force", "frame.radius"]), len(alive)
+    before, made = deflection_gradient(film, outcome, ["force", "frame.radius"]), len(alive)
     outcome.solution.release()
-    heave_gradient(film, outcome, ["force"])
+    deflection_gradient(film, outcome, ["force"])
     assert len(alive) == made
     monkeypatch.setattr(tangent, "_LARGE", 0)
     outcome.solution.release()
-    assert heave_gradient(film, outcome, ["force", "frame.radius"]) == before
+    assert deflection_gradient(film, outcome, ["force", "frame.radius"]) == before
     assert len(alive) == made + 1

@@ -68,7 +68,7 @@ def test_cone_is_softer_than_the_membrane_by_the_known_factor() -> None:
     """(b − a)/(a ln(b/a)) = 2.327 for small deflections of the circle."""
     specimen = circular()
     force = equilibrium(model(specimen), 1e-3, 0.0)
-    ratio = 1e-3 / ConeCircle(specimen, 45e-3).force(force.state.plate.heave, 0.0)
+    ratio = 1e-3 / ConeCircle(specimen, 45e-3).force(force.state.plate.deflection, 0.0)
     assert ratio == pytest.approx(35 / (10 * np.log(4.5)), rel=1e-4)
 
 

@@ -13,7 +13,7 @@ from scipy.stats import kstest, truncnorm
 
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.cli import main
-from tympan.fem.derivatives.sensitivity import heave_gradient
+from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.film.laws import NeoHooke, Stiffened
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
@@ -208,7 +208,7 @@ def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> Non
     high, low = (readings(changed(effect, 0, factor * step))[1, 0] for factor in (3, 1))
     model, outcome = equilibrate(middle.case("ellipse 0.06", 17.9e-3, 5e3), FINE)
     assert (high - low) / (2 * step) == pytest.approx(
-        chain * heave_gradient(model, outcome.state, [path])[path], rel=2e-3)
+        chain * deflection_gradient(model, outcome.state, [path])[path], rel=2e-3)
 
 
 def test_permittivity_amplifier_gain_and_a_divider_are_one() -> None:

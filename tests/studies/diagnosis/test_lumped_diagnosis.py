@@ -56,7 +56,7 @@ def field_data(setup: Setup) -> Table:
         for mass in MASSES:
             outcomes = list(voltage_path(film, setup.rig.force(mass), list(VOLTAGES)))
             assert all(outcome.status == "equilibrium" for outcome in outcomes)
-            rest += [(number, mass, voltage, outcome.state.plate.heave)
+            rest += [(number, mass, voltage, outcome.state.plate.deflection)
                      for voltage, outcome in zip(VOLTAGES, outcomes, strict=True)]
     number, mass, voltage, heave = np.array(rest).T
     return rows(States.of(number.astype(int), mass, voltage), "displacement", SIGMA, heave)
