@@ -30,7 +30,7 @@ class Rig:
     """The test rig; the defaults are an ideal one."""
 
     gravity: Annotated[float, Key("fall acceleration", "acceleration", POSITIVE)] = 9.80665
-    unaccounted_mass: Annotated[float, Key("hangs on the plate beside the nominal mass", "mass")] = 0.0
+    unaccounted_mass: Annotated[float, Key("on the plate beside the nominal mass", "mass")] = 0.0
     spring: Annotated[float, Key("stiffness of a spring between plate and ground",
                                  "stiffness per length", NON_NEGATIVE)] = 0.0
     amplifier_gain: Annotated[float, Key("k: the film sees (1+k) U", rule=_GAIN)] = 0.0
@@ -38,15 +38,16 @@ class Rig:
     sensor_gain: Annotated[float, Key("k: readings are (1+k) y", rule=_GAIN)] = 0.0
     sensor_zero: Annotated[float, Key("what the sensor shows at no deflection", "length")] = 0.0
     drift: Annotated[float, Key("how fast readings wander", "speed")] = 0.0
-    guide: Annotated[Guide, Key("how the plate may move: freely, without tilting, up and down only, "
+    guide: Annotated[Guide, Key("how the plate may move: freely, without tilting, up and down "
+                                "only, "
                                 "not at all")] = "free"
     weight_offset: Annotated[tuple[float, float], Key(
         "where the mass hangs, from the plate's centre", "length")] = (0.0, 0.0)
     plate_pressure: Annotated[float, Key(
         "loads the plate like a weight of pressure times area", "stress")] = 0.0
-    gas_pressure: Annotated[float, Key("acts below film and plate and follows them", "stress")] = 0.0
+    gas_pressure: Annotated[float, Key("below film and plate, following them", "stress")] = 0.0
     biases: Annotated[tuple[Bias, ...], Key(
-        "further mechanisms between plate and ground, a table each", name="bias", kinds=BIASES)] = ()
+        "further mechanisms between plate and ground", name="bias", kinds=BIASES)] = ()
     lag_voltage: Annotated[float, Key("by how much the film is behind a rising or falling voltage",
                                       "voltage", NON_NEGATIVE)] = 0.0
 
@@ -71,7 +72,10 @@ class Rig:
         return {**asdict(self), "biases": [{"law": bias.law, **vars(bias)} for bias in self.biases]}
 
     def force(self, mass: Any, plate_area: Any = 0.0) -> Any:
-        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]; numbers or arrays."""
+        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²].
+
+        Numbers or arrays.
+        """
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
     @overload
@@ -93,8 +97,8 @@ class Rig:
         --------
         >>> Rig(sag_voltage=7000.0).film_voltage(7000.0)
         3500.0
-        >>> [Rig(lag_voltage=100.0).film_voltage(3000.0, direction) for direction in (1.0, 0.0, -1.0)]
-        [2900.0, 3000.0, 3100.0]
+        >>> [Rig(lag_voltage=100.0).film_voltage(3000.0, direction) for direction in (1.0, -1.0)]
+        [2900.0, 3100.0]
         >>> Rig(amplifier_gain=0.5).film_voltage(-1000.0)
         -1500.0
         """
@@ -104,7 +108,9 @@ class Rig:
         return followed * (np.real(followed) * (1 - 2 * (np.real(supplied) < 0)) > 0)
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
-        """What the sensor shows [m] of a deflection, so long after the run began [s]; numbers or arrays.
+        """What the sensor shows [m] of a deflection, so long after the run began [s].
+
+        Numbers or arrays.
 
         Examples
         --------

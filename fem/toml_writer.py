@@ -15,7 +15,7 @@ _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 
 
 
 def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
-    """The tables of a specimen file, with the material's ``range`` where it is not admissible over the usual one.
+    """The tables of a specimen file, with the material's ``range`` where it is not the usual one.
 
     ``plain``: quantities as SI numbers under keys that end with the unit.
 
@@ -32,12 +32,16 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
             if (low, high) != STRETCH_RANGE:
                 content["membrane"]["material"]["range"] = [low, high]
             return content
-    raise InputError("cannot be written as a specimen file: true stress falls with stretch near the "
+    raise InputError("cannot be written as a specimen file: true stress falls with stretch near "
+                     "the "
                      "prestretch", key="membrane.material", given=str(material))
 
 
 def specimen_to_toml(specimen: Specimen) -> str:
-    """A specimen file; :func:`tympan.fem.film.library.load_specimen` reads the equal specimen from it."""
+    """A specimen file.
+
+    :func:`tympan.fem.film.library.load_specimen` reads the equal specimen from it.
+    """
     return toml(specimen_content(specimen))
 
 

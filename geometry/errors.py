@@ -7,7 +7,9 @@ from typing import Self
 
 
 class InputError(ValueError):
-    """Input that cannot be used, said in one line: which file, which key, what was given, what is allowed.
+    """Input that cannot be used, said in one line.
+
+    Which file, which key, what was given, what is allowed.
 
     Parameters
     ----------
@@ -22,8 +24,8 @@ class InputError(ValueError):
 
     Examples
     --------
-    >>> str(InputError("must be a positive length", file="a.toml", key="plate.radius", given="-1 cm"))
-    "a.toml: plate.radius: given '-1 cm': must be a positive length"
+    >>> str(InputError("must be positive", file="a.toml", key="plate.radius", given="-1 cm"))
+    "a.toml: plate.radius: given '-1 cm': must be positive"
     """
 
     def __init__(

@@ -1,4 +1,6 @@
-"""What a field says about itself, once: meaning, unit, limits; reading, writing and reference follow.
+"""What a field says about itself, once: meaning, unit, limits.
+
+Reading, writing and reference follow.
 
 A field of a dataclass is declared by its type and a :class:`Key`::
 
@@ -59,7 +61,10 @@ class Key:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A declared field: its ``name`` in the dataclass, ``key`` in files, ``kind`` its type, None left out of it."""
+    """A declared field.
+
+    Its ``name`` in the dataclass, ``key`` in files, ``kind`` its type, None left out of it.
+    """
 
     name: str
     key: str
@@ -101,7 +106,7 @@ def fields_of(cls: Any) -> tuple[Field, ...]:
 
 @cache
 def _fields_of(cls: Any) -> tuple[Field, ...]:
-    hints, found = get_type_hints(cls, include_extras=True), []
+    hints, declared = get_type_hints(cls, include_extras=True), []
     for item in dataclass_fields(cls):
         hint = hints[item.name]
         if get_origin(hint) is not Annotated:
@@ -110,9 +115,9 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
         if get_origin(kind) in (Union, UnionType):
             kind, = (part for part in get_args(kind) if part is not NoneType)
         default = item.default if item.default_factory is MISSING else item.default_factory()
-        found += [Field(item.name, says.name or item.name, kind, says, default)
-                  for says in notes if isinstance(says, Key)]
-    return tuple(found)
+        declared += [Field(item.name, says.name or item.name, kind, says, default)
+                     for says in notes if isinstance(says, Key)]
+    return tuple(declared)
 
 
 def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
@@ -186,7 +191,9 @@ def _in_si(field: Field | None, value: Any) -> Any:
 
 
 class Registry(dict[str, T]):
-    """All kinds of one thing by the name that files know them by; each is registered where it is defined.
+    """All kinds of one thing by the name that files know them by.
+
+    Each is registered where it is defined.
 
     ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
     """
@@ -202,7 +209,10 @@ class Registry(dict[str, T]):
         return kind
 
     def read(self, table: Table) -> Any:
-        """What a table describes; a class that is more than its fields has a ``from_table`` of its own."""
+        """What a table describes.
+
+        A class that is more than its fields has a ``from_table`` of its own.
+        """
         cls: Any = table.choice(self.tag, self)
         return cls.from_table(table) if hasattr(cls, "from_table") else read(cls, table)
 
@@ -246,7 +256,8 @@ def write(value: Any, plain: bool = False) -> Content:
     content: Content = {}
     for field in fields_of(type(value)):
         part = getattr(value, field.name)
-        if part is None or part == () or (field.says.needs and not getattr(value, field.says.needs)):
+        needed = getattr(value, field.says.needs) if field.says.needs else True
+        if part is None or part == () or not needed:
             continue
         written = _written(field.says, part, plain)
         if field.says.inline:
@@ -287,27 +298,36 @@ def _stands(field: Field, table: Table, values: Content) -> bool:
 
 def _read(field: Field, table: Table, special: Special | None) -> Any:
     says, key, item = field.says, field.key, field.item
+    if says.inline and says.kinds is not None:
+        return says.kinds.read(table)
     if says.kinds is not None or is_dataclass(item):
-        one = says.kinds.read if says.kinds is not None else lambda inner: read(item, inner, special)
-        if field.several:
-            return tuple(one(inner) for inner in table.tables(key))
-        return one(table if says.inline else table.table(key))
+        tables = table.tables(key) if field.several else (table.table(key),)
+        parts = tuple(says.kinds.read(part) if says.kinds is not None else read(item, part, special)
+                      for part in tables)
+        return parts if field.several else parts[0]
     if get_origin(item) is Literal:
         return table.choice(key, {name: name for name in get_args(item)})
     if item is str:
-        return table.texts(key) if field.several else table.text(key, rule=None if says.rule is FINITE else says.rule)
+        limits = None if says.rule is FINITE else says.rule
+        return table.texts(key) if field.several else table.text(key, rule=limits)
     if item is bool:
         return table.truth(key)
     if get_origin(item) is tuple:
         return table.places(key, says.least, field.count)
-    rule = WHOLE if item is int and says.rule is FINITE else says.rule
+    numbers = _numbers(field, table)
+    whole = tuple(map(int, numbers)) if item is int else numbers
+    return whole if field.several else whole[0]
+
+
+def _numbers(field: Field, table: Table) -> tuple[float, ...]:
+    """The number of a field, or all of its list."""
+    says, key = field.says, field.key
+    rule = WHOLE if field.item is int and says.rule is FINITE else says.rule
     if field.several:
-        numbers = (table.quantities(key, says.dimension, rule=rule, count=field.count)
-                   if says.dimension else table.numbers(key, rule=rule, count=field.count))
-        return tuple(map(int, numbers)) if item is int else numbers
-    number = (table.quantity(key, says.dimension, rule=rule) if says.dimension
-              else table.number(key, rule=rule))
-    return int(number) if item is int else number
+        return (table.quantities(key, says.dimension, rule=rule, count=field.count)
+                if says.dimension else table.numbers(key, rule=rule, count=field.count))
+    return (table.quantity(key, says.dimension, rule=rule) if says.dimension
+            else table.number(key, rule=rule),)
 
 
 def _written(says: Key, part: Any, plain: bool) -> Any:

@@ -104,7 +104,8 @@ def _session() -> Iterator[Any]:
     except OSError as error:
         raise missing_library(error) from None
     if gmsh.isInitialized():
-        raise RuntimeError("gmsh is already in use in this process; finalize it before meshing with tympan")
+        raise RuntimeError("gmsh is already in use in this process; finalize it before meshing "
+                           "with tympan")
     with _kept(signal.SIGPIPE):
         gmsh.initialize(interruptible=False, readConfigFiles=False)
     try:
@@ -119,7 +120,10 @@ def _session() -> Iterator[Any]:
 
 @contextmanager
 def _kept(number: int) -> Iterator[None]:
-    """A signal means afterwards what it meant before, in any thread; gmsh's start makes a broken pipe lethal."""
+    """A signal means afterwards what it meant before, in any thread.
+
+    Gmsh's start makes a broken pipe lethal.
+    """
     get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
     get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int,
                                                                ctypes.c_void_p), ctypes.c_void_p
@@ -131,7 +135,10 @@ def _kept(number: int) -> Iterator[None]:
 
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
-    """Curves by where they lie: on the frame, on the plate, on an axis through the plate's centre."""
+    """Curves by where they lie.
+
+    On the frame, on the plate, on an axis through the plate's centre.
+    """
     groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [],
                                                 "axis_y": []}
     tolerance = 1e-6 * max(specimen.frame.semi_axes)
@@ -183,7 +190,7 @@ def _surface_groups(gmsh: Any, faces: dict[str, list[Any]],
 
 def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
                 groups: dict[str, list[tuple[int, int]]]) -> None:
-    """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d the distances to the two edges.
+    """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d distances to the two edges.
 
     Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
     across a band. With an outline, where its edge nears plate or frame, h ≤ across·(sum of the
@@ -252,7 +259,7 @@ def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
 def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
                    groups: dict[str, list[tuple[int, int]]]
                    ) -> list[int]:
-    """Numbers of the fields by which elements grow from edges so curved that theirs are less than half of ``plain``."""
+    """Fields by which elements grow from edges whose own are less than half of ``plain``."""
     sizes: dict[int, list[int]] = {}
     for curve in (*groups["plate"], *groups["frame"]):
         curvature = float(_curvature(gmsh, curve, 33).max())
@@ -275,7 +282,7 @@ def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
 
 def _outline_field(gmsh: Any, across: float, least: float,
                    groups: dict[str, list[tuple[int, int]]]) -> int:
-    """Number of the field that keeps elements small between the electrode's edge and the edges of the film."""
+    """The field that keeps elements small between the electrode's edge and those of the film."""
     inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False,
                                                               oriented=False)}
                     for name in ("covered", "bare"))

@@ -1,4 +1,7 @@
-"""Numbers within dataclasses by their path: attributes and numbers of elements, "membrane.material.mu.0"."""
+"""Numbers within dataclasses by their path.
+
+Attributes and numbers of elements, "membrane.material.mu.0".
+"""
 
 from __future__ import annotations
 

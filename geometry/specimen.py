@@ -36,7 +36,9 @@ class Unbuildable(InputError):
 
 
 class Material(Protocol):
-    """What a film can be made of: a strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
+    """What a film can be made of.
+
+    A strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
 
     ``law`` is the name in specimen files.
     """
@@ -56,7 +58,7 @@ class Strength(Protocol):
     law: ClassVar[str]
 
     def field(self, l1: Stretch, l2: Stretch, thickness: Stretch) -> Stretch:
-        """The true field at breakdown [V/m] at the principal stretches and the stretched thickness [m]."""
+        """The true field at breakdown [V/m] at stretches and stretched thickness [m]."""
 
 
 #: Laws and strengths that files may name; :mod:`tympan.fem.film` fills both.
@@ -83,18 +85,22 @@ class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
 
     thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS)]
-    prestretch: Annotated[Pair, Key("stretches along x and y from the virgin film to the flat mounted one",
+    prestretch: Annotated[Pair, Key("stretches along x and y from the virgin film to the flat "
+                                    "mounted one",
                                     rule=_STRETCH)]
     material: Annotated[Material, Key(
-        "a law with its constants, or a name of the library; true stress must grow over the stretches "
+        "a law with its constants, or a name of the library; true stress must grow over the "
+        "stretches "
         "of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key("ε_r of the mounted film", rule=_PERMITTIVITY)]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
         rule=_EXPONENT)] = 0.0
-    density: Annotated[float, Key("mass per volume; 0 is a weightless film", "density", _DENSITY)] = 0.0
+    density: Annotated[float, Key("mass per volume; 0 is a weightless film", "density",
+                                  _DENSITY)] = 0.0
     strength: Annotated[Strength | None, Key(
-        "what the film withstands electrically: a law with its constants, or a name of the library; "
+        "what the film withstands electrically: a law with its constants, or a name of the "
+        "library; "
         "left out, that of the library's material", name="breakdown", kinds=STRENGTHS)] = None
 
     @property
@@ -114,7 +120,8 @@ class Region:
     def __str__(self) -> str:
         (a, b), (x, y) = (tuple(1e3 * length for length in pair)
                           for pair in (self.outline.semi_axes, self.offset))
-        return f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} mm"
+        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
+                f"centred at {x:.4g}, {y:.4g} mm")
 
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Negative inside the outline, zero on it [m]."""
@@ -139,7 +146,8 @@ class Electrode:
                                        NON_NEGATIVE)] = 0.0
     margin_plate: Annotated[float, Key("width of the uncovered band along the plate", "length",
                                        NON_NEGATIVE)] = 0.0
-    stiffness: Annotated[float, Key("neo-Hookean modulus per virgin volume, without stress when mounted",
+    stiffness: Annotated[float, Key("neo-Hookean modulus per virgin volume, without stress when "
+                                    "mounted",
                                     "stress", NON_NEGATIVE)] = 0.0
     outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
 
@@ -157,7 +165,8 @@ class Specimen:
     frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES)]
     plate: Annotated[Plate, Key("the rigid plate")]
     membrane: Annotated[Film, Key("the film")]
-    electrode: Annotated[Electrode, Key("the electrodes; left out, they cover the whole film")] = field(
+    electrode: Annotated[Electrode, Key("the electrodes; left out, they cover the whole "
+                                        "film")] = field(
         default_factory=Electrode)
 
     def __post_init__(self) -> None:
@@ -187,12 +196,15 @@ class Specimen:
                 f"{x * 1e3:.4g}, {y * 1e3:.4g} mm", key="plate",
                 given=f"offset {self.plate.offset} m")
         if gap < 1e-3 * max(self.frame.semi_axes):
-            raise InputError("the plate must leave a gap of at least a thousandth of the frame's half extent",
+            raise InputError("the plate must leave a gap of at least a thousandth of the frame's "
+                             "half extent",
                              key="plate",
-                             given=f"a gap of {gap * 1e3:.4g} mm at {x * 1e3:.4g}, {y * 1e3:.4g} mm")
+                             given=f"a gap of {gap * 1e3:.4g} mm at {x * 1e3:.4g}, {y * 1e3:.4g} "
+                                   "mm")
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
-            raise InputError(f"the margins must leave an electrode: their sum must stay below 98 % of the gap of "
+            raise InputError("the margins must leave an electrode: their sum must stay below 98 % "
+                             "of the gap of "
                              f"{gap * 1e3:.4g} mm between plate and frame",
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
         for name in ("margin_frame", "margin_plate"):
@@ -207,7 +219,8 @@ class Specimen:
         with np.errstate(all="ignore"):
             energy = self.membrane.material.derivatives(*stretch)[0]
         if np.isposinf(np.real(energy)):
-            raise InputError(f"must be a stretch the film can reach: {self.membrane.material} locks before it",
+            raise InputError(f"must be a stretch the film can reach: {self.membrane.material} "
+                             "locks before it",
                              key="membrane.prestretch", given=self.membrane.prestretch)
 
     @property
@@ -217,15 +230,17 @@ class Specimen:
 
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
-        """The gap and the point of plate or frame where it is [m]; each edge is seen from points of the other."""
-        edges = self.plate.outline.points(720) + np.array(self.plate.offset)[:,
-                                                                             None], self.frame.points(720)
-        found = []
-        for edge, away in zip(edges, (-self.frame.level(*edges[0]), self.plate.level(*edges[1])),
-                              strict=True):
+        """The gap and the point of plate or frame where it is [m].
+
+        Each edge is seen from points of the other.
+        """
+        plate = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
+        frame = self.frame.points(720)
+        narrowest = []
+        for edge, away in ((plate, -self.frame.level(*plate)), (frame, self.plate.level(*frame))):
             least = int(np.argmin(away))
-            found.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
-        return min(found)
+            narrowest.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
+        return min(narrowest)
 
     @property
     def axisymmetric(self) -> bool:
@@ -239,11 +254,15 @@ class Specimen:
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        planes = self.frame.mirror_planes & self.plate.outline.mirror_planes & _centred(self.plate.offset)
-        return planes if self.electrode.outline is None else planes & self.electrode.outline.mirror_planes
+        plate, region = self.plate, self.electrode.outline
+        planes = self.frame.mirror_planes & plate.outline.mirror_planes & _centred(plate.offset)
+        return planes if region is None else planes & region.mirror_planes
 
     def _meets(self, region: Region) -> bool:
-        """Whether any film lies within the region: its edge is on the film, or it holds the film whole."""
+        """Whether any film lies within the region.
+
+        Its edge is on the film, or it holds the film whole.
+        """
         edge = region.outline.points(720) + np.array(region.offset)[:, None]
         on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())

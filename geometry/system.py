@@ -1,4 +1,4 @@
-"""Shared libraries of the operating system that gmsh, OpenCASCADE and VTK load, and what to install when one lacks."""
+"""System libraries that gmsh, OpenCASCADE and VTK load, and what to install when one lacks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ DEBIAN = {
 
 
 class MissingLibrary(RuntimeError):
-    """A shared library of the operating system is not installed; the message names the Debian package."""
+    """A shared library of the operating system is not installed.
+
+    The message names the Debian package.
+    """
 
 
 def missing_library(error: OSError | ImportError) -> MissingLibrary:
@@ -31,18 +34,21 @@ def missing_library(error: OSError | ImportError) -> MissingLibrary:
 
     Examples
     --------
-    >>> print(missing_library(OSError("libGLU.so.1: cannot open shared object file: No such file or directory")))
-    the system library libGLU.so.1 is missing: install the Debian package libglu1-mesa (or your system's counterpart)
+    >>> str(missing_library(OSError("libGLU.so.1: cannot open shared object file")))[:77]
+    'the system library libGLU.so.1 is missing: install the Debian package libglu1'
     """
     name = str(error).split(":")[0].strip()
     if name not in DEBIAN:
         return MissingLibrary(f"a system library cannot be loaded: {error}")
-    return MissingLibrary(f"the system library {name} is missing: install the Debian package {DEBIAN[name]} "
+    return MissingLibrary(f"the system library {name} is missing: install the Debian package "
+                          f"{DEBIAN[name]} "
                           "(or your system's counterpart)")
 
 
 def missing_packages(names: dict[str, str] = DEBIAN) -> list[str]:
-    """Debian packages of the libraries that cannot be loaded here; empty where there is nothing to load on demand.
+    """Debian packages of the libraries that cannot be loaded here.
+
+    Empty where there is nothing to load on demand.
 
     Examples
     --------
@@ -61,4 +67,5 @@ def missing_packages(names: dict[str, str] = DEBIAN) -> list[str]:
 if __name__ == "__main__":
     packages = missing_packages() if sys.platform == "linux" else []
     if packages:
-        sys.exit(f"tympan: system libraries are missing; on Debian: sudo apt-get install {' '.join(packages)}")
+        sys.exit("tympan: system libraries are missing; on Debian: sudo apt-get install "
+                 f"{' '.join(packages)}")

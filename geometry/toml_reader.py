@@ -1,4 +1,7 @@
-"""Strict reading of TOML: every key is asked for by name and checked, and what nobody asked for is an error."""
+"""Strict reading of TOML.
+
+Every key is asked for by name and checked, and what nobody asked for is an error.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ REQUIRED: Any = _Required()
 
 @dataclass
 class Table:
-    """One TOML table while it is read; ``where`` is its dotted path, ``asked`` the keys read so far."""
+    """One TOML table while it is read.
+
+    ``where`` is its dotted path, ``asked`` the keys read so far.
+    """
 
     file: Path | str
     data: Mapping[str, Any]
@@ -39,7 +45,10 @@ class Table:
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """Parse a file; an unreadable or malformed one is an :class:`InputError` naming line and column."""
+        """Parse a file.
+
+        An unreadable or malformed one is an :class:`InputError` naming line and column.
+        """
         try:
             return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
         except OSError as error:
@@ -203,7 +212,10 @@ class Table:
 
 @dataclass
 class PlainTable(Table):
-    """A table whose quantities are plain SI numbers under keys that end with the unit: ``radius_m``."""
+    """A table whose quantities are plain SI numbers under keys that end with the unit.
+
+    ``radius_m``.
+    """
 
     def spelled(self, key: str, dimension: str) -> str:
         return key + DIMENSIONS[dimension].suffix if dimension else key

@@ -1,4 +1,6 @@
-"""The page docs/reference.md: every key of the files a user writes, from the declarations of the fields.
+"""The page docs/reference.md.
+
+Every key of the files a user writes, from the declarations of the fields.
 
 ``python -m tympan.reports.reference > docs/reference.md`` writes it anew.
 """
@@ -117,7 +119,8 @@ def _limits(field: Field) -> str:
 def _effects() -> Iterator[str]:
     for effect in EFFECTS.values():
         for parameter in effect.parameters:
-            low, high = (f"{parameter.shown(value):.6g}" for value in (parameter.low, parameter.high))
+            low, high = (f"{parameter.shown(limit):.6g}"
+                         for limit in (parameter.low, parameter.high))
             yield (f"| {effect.name} | {listing.named(parameter)} | {low} | {high} | "
                    f"{parameter.meaning} |")
 

@@ -1,4 +1,4 @@
-"""A law, an outline, an effect, a bias mechanism and a key of the rig, each declared here and nowhere else.
+"""A law, outline, effect, bias mechanism and rig key, each declared here and nowhere else.
 
 Each is read, written, listed, differentiated and documented without another line changed.
 """
@@ -140,12 +140,13 @@ def test_read_and_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [
-    ('modulus = "9 kPa"', 'modulus = "-9 kPa"', "membrane.material.modulus: given '-9 kPa': must be positive"),
+    ('modulus = "9 kPa"', 'modulus = "-9 kPa"',
+     "membrane.material.modulus: given '-9 kPa': must be positive"),
     ('modulus = "9 kPa"', "modulus = 9", "membrane.material.modulus: given 9: has no unit"),
     ("flatness = 1.25", "flatness = 7", "frame.flatness: given 7: must be from 0.2 to 5"),
     ("flatness = 1.25", "flatnes = 2", "frame.flatnes: unknown key: did you mean 'flatness'"),
 ])
-def test_refused_with_file_key_and_what_is_allowed(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_refused_with_file_key_and_rule(tmp_path: Path, old: str, new: str, words: str) -> None:
     file = tmp_path / "film.toml"
     text = specimen_to_toml(film())
     assert old in text
@@ -156,14 +157,15 @@ def test_refused_with_file_key_and_what_is_allowed(tmp_path: Path, old: str, new
 
 
 def test_listed_and_differentiated() -> None:
-    """Every number stands in the list of ``tympan sensitivity`` with its unit, and its derivative is right."""
+    """Every number stands in ``tympan sensitivity`` with its unit, and its derivative is right."""
     case = Case(film(), mass=MASS, voltage=VOLTAGE, rig=RIG)
     answers = sensitivity(case, COARSE).json()["quantities"]["heave"]["by"]
     for name, (unit, step) in PARAMETERS.items():
         assert answers[name]["unit"] == unit
         if not name.startswith("frame."):  # finite differences would mesh anew
             ends = [deflection(name, sign * step) for sign in (1, -1)]
-            assert answers[name]["derivative"] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
+            slope = (ends[0] - ends[1]) / (2 * step)
+            assert answers[name]["derivative"] == pytest.approx(slope, rel=1e-4)
 
 
 def deflection(name: str, step: float) -> float:
@@ -183,7 +185,8 @@ def test_lengths_of_an_outline_are_differentiated_right() -> None:
                for frame in (Squashed(50e-3, 1.25), Ellipse((50e-3, 40e-3)))]
     along, across = (answers[1][f"frame.semi_axes.{axis}"]["derivative"] for axis in (0, 1))
     assert answers[0]["frame.reach"]["derivative"] == pytest.approx(along + across / 1.25, rel=1e-6)
-    assert answers[0]["frame.flatness"]["derivative"] == pytest.approx(-across * 50e-3 / 1.25**2, rel=1e-6)
+    assert answers[0]["frame.flatness"]["derivative"] == pytest.approx(-across * 50e-3 / 1.25**2,
+                                                                       rel=1e-6)
 
 
 def test_an_effect_is_applied_and_listed() -> None:
@@ -199,8 +202,12 @@ def test_an_effect_is_applied_and_listed() -> None:
 
 def test_documented() -> None:
     page = reference.page(DummyRig)
-    for row in ("### law = \"dummy_law\"", "| `modulus` | stress [Pa] | required | must be positive |",
-                "### shape = \"dummy_outline\"", "| `flatness` | number | 1 | must be from 0.2 to 5 |",
-                "### law = \"dummy_bias\"", "| `unit_length` | length [m] | 1 mm | must be positive |",
-                "| `dummy_lift` | force [N] | 0 N |", "| tail | weight [g] | 0 | 5 | mass of the tail |"):
+    for row in ('### law = "dummy_law"',
+                "| `modulus` | stress [Pa] | required | must be positive |",
+                '### shape = "dummy_outline"',
+                "| `flatness` | number | 1 | must be from 0.2 to 5 |",
+                '### law = "dummy_bias"',
+                "| `unit_length` | length [m] | 1 mm | must be positive |",
+                "| `dummy_lift` | force [N] | 0 N |",
+                "| tail | weight [g] | 0 | 5 | mass of the tail |"):
         assert row in page

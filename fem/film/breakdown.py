@@ -1,4 +1,7 @@
-"""How large a field a film withstands: laws, cited constants by name, and which film each was measured on."""
+"""How large a field a film withstands.
+
+Laws, cited constants by name, and which film each was measured on.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +34,9 @@ class ConstantStrength:
 @STRENGTHS.register
 @dataclass(frozen=True)
 class PowerStrength:
-    """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂), h the stretched thickness.
+    """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂).
 
+    h is the stretched thickness.
     The strengths of films were measured in equibiaxial stretch; λ carries them to other stretches
     by the area.
 
@@ -59,7 +63,9 @@ class PowerStrength:
 
 @dataclass(frozen=True)
 class LibraryStrength:
-    """A strength of the library: where it comes from, what to beware of, and the library materials it holds for.
+    """A strength of the library.
+
+    Where it comes from, what to beware of, and the library materials it holds for.
 
     It is the default of materials whose name starts with ``film``; of none if that is empty.
     """
@@ -73,18 +79,24 @@ class LibraryStrength:
 STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
     "vhb-4910": LibraryStrength(
         PowerStrength(30.6e6, 1.13),
-        "Koh, Li, Zhou, Zhao, Hong, Zhu, Suo, J. Polym. Sci. B 49, 504 (2011): E_b = 30.6 MV/m λ^1.13, after "
-        "measurements of Kofod, Sommer-Larsen, Kornbluh, Pelrine, J. Intell. Mater. Syst. Struct. 14, 787 (2003)",
-        "prestretched films in equibiaxial stretch λ; breakdown scatters by tens of per cent and falls with time, area "
-        "and flaws. The exponent is that of Huang et al. (2012) at one virgin thickness, 0.63 + 2·0.25. "
+        "Koh, Li, Zhou, Zhao, Hong, Zhu, Suo, J. Polym. Sci. B 49, 504 (2011): E_b = 30.6 MV/m "
+        "λ^1.13, after "
+        "measurements of Kofod, Sommer-Larsen, Kornbluh, Pelrine, J. Intell. Mater. Syst. Struct. "
+        "14, 787 (2003)",
+        "prestretched films in equibiaxial stretch λ; breakdown scatters by tens of per cent and "
+        "falls with time, area "
+        "and flaws. The exponent is that of Huang et al. (2012) at one virgin thickness, 0.63 + "
+        "2·0.25. "
         "Constants as quoted from the source, not read in it again",
         film="vhb-49",
     ),
     "vhb-4910-embedded": LibraryStrength(
         PowerStrength(51e6, 0.63, 0.25, 1e-3),
-        "Huang, Shian, Diebold, Suo, Clarke, Appl. Phys. Lett. 101, 122905 (2012): E_b = 51 h^−0.25 λ^0.63, between "
+        "Huang, Shian, Diebold, Suo, Clarke, Appl. Phys. Lett. 101, 122905 (2012): E_b = 51 "
+        "h^−0.25 λ^0.63, between "
         "crossed wires embedded in a stiff polymer, without thinning",
-        "little area, few flaws and no thinning, so stronger than an actuator's film. Formula read in the "
+        "little area, few flaws and no thinning, so stronger than an actuator's film. Formula read "
+        "in the "
         "abstract, which gives no units: h in mm and E_b in MV/m are an inference",
     ),
 }
@@ -110,8 +122,9 @@ def default_strength(material: str) -> Strength | None:
 
     Examples
     --------
-    >>> default_strength("vhb-4910-gent"), default_strength("rubber")
-    (PowerStrength(strength=30600000.0, exponent=1.13, thickness_exponent=0.0, thickness=0.001), None)
+    >>> default_strength("vhb-4910-gent") == STRENGTH_LIBRARY["vhb-4910"].strength
+    True
+    >>> default_strength("rubber")
     """
     fitting = (entry for entry in STRENGTH_LIBRARY.values() if entry.film
                and material.startswith(entry.film))

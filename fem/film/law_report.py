@@ -1,4 +1,7 @@
-"""A law looked at on its own: true stress against stretch, and the first stretches where it fails."""
+"""A law looked at on its own.
+
+True stress against stretch, and the first stretches where it fails.
+"""
 
 from __future__ import annotations
 

@@ -42,60 +42,80 @@ class LibraryMaterial:
 
 DEFAULT = "vhb-4910"
 
-_VHB = ("density 960 kg/m³: 3M's data sheet; relative permittivity 4.7: Wissler, Mazza, Sens. Actuators A 138 (2007), "
-        "falling to about 2.6 at large prestretch by others; both as commonly quoted, not read again")
+_VHB = ("density 960 kg/m³: 3M's data sheet; relative permittivity 4.7: Wissler, Mazza, Sens. "
+        "Actuators A 138 (2007), "
+        "falling to about 2.6 at large prestretch by others; both as commonly quoted, not read "
+        "again")
 
 MATERIALS: dict[str, LibraryMaterial] = {
     DEFAULT: LibraryMaterial(
         Ogden((18.4e3, 210.0), (2.0, 4.0)),
-        "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, a Gent law with μ 18 kPa "
+        "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, a "
+        "Gent law with μ 18 kPa "
         "and J_lim 110, here as two Ogden terms fitted to its biaxial stress",
-        "within 4 % of that Gent spring for in-plane stretches from 1.8 to 3.2; at the mounted stretch √5 as stiff "
-        "as 19.5 kPa neo-Hooke. Sources on VHB 4910 differ by a factor of 1.7, and the tape creeps: in the first "
-        "seconds after loading it is up to three times stiffer. Constants as quoted from the source, not read in it "
+        "within 4 % of that Gent spring for in-plane stretches from 1.8 to 3.2; at the mounted "
+        "stretch √5 as stiff "
+        "as 19.5 kPa neo-Hooke. Sources on VHB 4910 differ by a factor of 1.7, and the tape "
+        "creeps: in the first "
+        "seconds after loading it is up to three times stiffer. Constants as quoted from the "
+        "source, not read in it "
         "again",
         960.0, 4.7, _VHB,
     ),
     "vhb-4910-gent": LibraryMaterial(
         Gent(18e3, 110.0),
-        "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, the Gent law itself",
-        "the relaxed tape only: it creeps, and in the first seconds after loading it is up to three times stiffer. "
+        "Foo, Cai, Koh, Bauer, Suo, J. Appl. Phys. 111, 034102 (2012): relaxed spring of VHB, the "
+        "Gent law itself",
+        "the relaxed tape only: it creeps, and in the first seconds after loading it is up to "
+        "three times stiffer. "
         "Constants as quoted from the source, not read in it again",
         960.0, 4.7, _VHB,
     ),
     "vhb-4910-neo-hooke": LibraryMaterial(
         Ogden((20e3,), (2.0,)),
-        "neo-Hookean modulus implied by the actuators' measured ranges (17.9 g and 22.45 g, 0 to 7 kV) with a "
+        "neo-Hookean modulus implied by the actuators' measured ranges (17.9 g and 22.45 g, 0 to 7 "
+        "kV) with a "
         "membrane instead of a cone",
         "one number: it does not stiffen at large stretch",
         960.0, 4.7, _VHB,
     ),
     "vhb-4910-long-time": LibraryMaterial(
         Ogden((13.5e3,), (2.0,)),
-        "Kumar, Lopez-Pamies, C. R. Mecanique 344 (2016): leading term 13.54 kPa of the equilibrium branch fitted to "
+        "Kumar, Lopez-Pamies, C. R. Mecanique 344 (2016): leading term 13.54 kPa of the "
+        "equilibrium branch fitted to "
         "Hossain, Vu, Steinmann, Comput. Mater. Sci. 59 (2012)",
-        "fully relaxed, after hours; the small second term is left out. Constants as quoted from the source, not read "
+        "fully relaxed, after hours; the small second term is left out. Constants as quoted from "
+        "the source, not read "
         "in it again",
         960.0, 4.7, _VHB,
     ),
     "vhb-4905": LibraryMaterial(
         NeoHooke(13.4e3),
-        "equilibrium branch 13.4 ± 0.24 kPa of the neo-Hookean viscoelastic fit in github.com/miguelmaso/"
-        "2026-ViscousPolyconvex (README), to the cyclic tests of Liao, Hossain, Yao, Mehnert, Steinmann, Int. J. "
+        "equilibrium branch 13.4 ± 0.24 kPa of the neo-Hookean viscoelastic fit in "
+        "github.com/miguelmaso/"
+        "2026-ViscousPolyconvex (README), to the cyclic tests of Liao, Hossain, Yao, Mehnert, "
+        "Steinmann, Int. J. "
         "Non-Linear Mech. 118, 103263 (2020)",
-        "constant read in the fit's README; the tests' paper was not read. Fully relaxed: the same fit adds 31.2 kPa "
-        "that relaxes in 6.5 s and 11.6 kPa in 140 s. One number: it does not stiffen at large stretch. 4905 is the "
+        "constant read in the fit's README; the tests' paper was not read. Fully relaxed: the same "
+        "fit adds 31.2 kPa "
+        "that relaxes in 6.5 s and 11.6 kPa in 140 s. One number: it does not stiffen at large "
+        "stretch. 4905 is the "
         "acrylic of 4910 at half the thickness (0.5 mm)",
         960.0, 4.7, _VHB,
     ),
     "ecoflex-00-30": LibraryMaterial(
         Ogden((14.17e3, 346.0), (2.0722, 3.8807)),
-        "silicone Ecoflex 00-30 (Smooth-On): fitted with `tympan material fit` to 40 readings, stretch 1.1 to 6, of "
-        "the tensile test in github.com/LucMarechal/Soft-Robotics-Materials-Database (Marechal, Balland, Lindenroth, "
+        "silicone Ecoflex 00-30 (Smooth-On): fitted with `tympan material fit` to 40 readings, "
+        "stretch 1.1 to 6, of "
+        "the tensile test in github.com/LucMarechal/Soft-Robotics-Materials-Database (Marechal, "
+        "Balland, Lindenroth, "
         "Petrou, Kontovounisios, Bello, Soft Robotics 8, 284 (2021))",
-        "one uniaxial test at 450 mm/min with strain from the crosshead, first loading (softening on later ones is not "
-        "in it); root mean square misfit 0.28 kPa. No equibiaxial test: the stress of a mounted film is the law's "
-        "extrapolation. Readings taken from the database's file; the paper was not read. No permittivity given",
+        "one uniaxial test at 450 mm/min with strain from the crosshead, first loading (softening "
+        "on later ones is not "
+        "in it); root mean square misfit 0.28 kPa. No equibiaxial test: the stress of a mounted "
+        "film is the law's "
+        "extrapolation. Readings taken from the database's file; the paper was not read. No "
+        "permittivity given",
         1070.0, None, "density: Smooth-On's data sheet, as commonly quoted, not read",
     ),
 }
@@ -109,11 +129,16 @@ EXAMINED: dict[str, Material] = {
 }
 
 REFUSED: dict[str, str] = {
-    "paper-table-1": "these are constants of the lumped model only (Eq. 8, referred to the prestretched state): their "
-    "stress falls with stretch, by 277 kPa per unit stretch at 1, so a membrane made of them has no "
-    "stable shape; use a library material instead, and `tympan material show paper-table-1` to see it",
-    "paper-table-1-thickness": "constants of the lumped model only (Eq. 8, with γ on the thickness): their stress "
-    "falls with stretch where the film is mounted; `tympan material show paper-table-1-thickness` shows it",
+    "paper-table-1": "these are constants of the lumped model only "
+    "(Eq. 8, referred to the prestretched state): their "
+    "stress falls with stretch, by 277 kPa per unit stretch at 1, so a membrane made of them has "
+    "no "
+    "stable shape; use a library material instead, and `tympan material show paper-table-1` to see "
+    "it",
+    "paper-table-1-thickness": "constants of the lumped model only "
+    "(Eq. 8, with γ on the thickness): their stress "
+    "falls with stretch where the film is mounted; `tympan material show paper-table-1-thickness` "
+    "shows it",
 }
 
 

@@ -24,7 +24,7 @@ except ImportError as error:
     raise missing_library(error) from None
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
-    """The flat film, ``covered`` and ``bare``, cut along the axes through the plate's centre and the electrode's edges.
+    """The flat film, ``covered`` and ``bare``, cut along axes through the plate's centre.
 
     Parameters
     ----------
@@ -103,19 +103,22 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
     """The ring's part within the region, and what is left of the film."""
     disc = cq.Face.makeFromWires(_wire(region.outline, region.offset), [])
     inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
-    lost = ring.Area() - sum(face.Area() for face in (*inside, *outside))
+    missing = ring.Area() - sum(face.Area() for face in (*inside, *outside))
     narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
                      for face in (*inside, *outside)),
                     default=0.0)
-    if not inside or abs(lost) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
-        raise InputError("must cover some of the film and cut no slivers from it: the electrode and what it leaves "
+    if not inside or abs(missing) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
+        raise InputError("must cover some of the film and cut no slivers from it: the electrode "
+                         "and what it leaves "
                          "bare must be wider than 1 % of the gap between plate and frame",
                          key="electrode.outline", given=str(region))
     return {"covered": inside, "bare": [*bare, *outside]}
 
 
 def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
-    """The parallel curve at a distance [m], outwards if positive; that of an ellipse or spline within 1e-8 of its size.
+    """The parallel curve at a distance [m], outwards if positive.
+
+    That of an ellipse or spline within 1e-8 of its size.
 
     OpenCASCADE's own offset curves do not survive STEP into gmsh.
 

@@ -51,7 +51,7 @@ class PartOptions:
                              given=f"{self.spacing:g} m")
 
     def holes(self, frame: Outline) -> Array:
-        """Centres of the screw holes around a frame, shape (holes, 2) [m], evenly along its edge."""
+        """Centres of the screw holes around a frame, evenly, shape (holes, 2) [m]."""
         length = float(frame.curve.length)
         count = max(4, int(np.ceil(length / self.spacing)))
         points = frame.points(4096).T
@@ -101,17 +101,18 @@ def _hole(centre: Array, radius: float) -> cq.Wire:
 
 def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
     """Wires of the faces in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
-    found = []
+    wires = []
     for face in (face for shape in shapes for face in shape.Faces() if _flat(face)):
         inner = sorted(face.innerWires(), key=lambda wire: -wire.Length())
-        found += [("outline", face.outerWire())]
-        found += [("opening" if number == 0 else "holes", wire)
+        wires += [("outline", face.outerWire())]
+        wires += [("opening" if number == 0 else "holes", wire)
                   for number, wire in enumerate(inner)]
-    return found
+    return wires
 
 
 def _flat(face: cq.Face) -> bool:
-    return face.geomType() == "PLANE" and abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
+    in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
+    return face.geomType() == "PLANE" and in_plane
 
 
 def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
@@ -126,12 +127,13 @@ def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 
 def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
-    """The flat wires as an SVG file, one millimetre of the part to a millimetre of paper: lines, arcs and Béziers."""
+    """The flat wires as an SVG file at their size: lines, arcs and Béziers."""
     wires = flat_wires(shapes)
     box = cq.Compound.makeCompound([wire for _, wire in wires]).BoundingBox()
     margin = 1.0
     width, height = box.xlen + 2 * margin, box.ylen + 2 * margin
-    lines = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.6f}mm" height="{height:.6f}mm" '
+    lines = [f'<svg xmlns="http://www.w3.org/2000/svg" '
+             f'width="{width:.6f}mm" height="{height:.6f}mm" '
              f'viewBox="{box.xmin - margin:.6f} {-box.ymax - margin:.6f} {width:.6f} {height:.6f}">',
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:

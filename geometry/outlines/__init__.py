@@ -20,14 +20,14 @@ from tympan.geometry.outlines.shapes.stadium import Stadium
 from tympan.geometry.outlines.shapes.superellipse import Superellipse
 
 __all__ = [
-    "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline", "Pieced",
-    "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium", "StepFile",
-    "Superellipse", "area", "check", "examples", "perimeter",
+    "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline",
+    "Pieced", "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium",
+    "StepFile", "Superellipse", "area", "check", "examples", "perimeter",
 ]
 
 
 def examples() -> dict[str, Outline]:
-    """A typical outline of every shape a file can spell out, about 45 mm high and 45 to 75 mm wide from the centre.
+    """A typical outline of every shape, 45 mm high and 45 to 75 mm wide from the centre.
 
     Examples
     --------

@@ -18,23 +18,26 @@ _AT_END = 1e-12
 
 @dataclass(frozen=True)
 class Curve:
-    """Pieces counterclockwise around a closed curve, each starting where the one before it ends [m]."""
+    """Pieces around a closed curve, each starting where the one before it ends [m]."""
 
     pieces: tuple[Piece, ...]
 
     def at(self, foot: Foot) -> tuple[Array, Array]:
-        """Points and derivatives at numbers of pieces and parameters along them, shape (n, 2) each [m]."""
+        """Points and derivatives at feet, shape (n, 2) each [m]."""
         number, t = foot
         parts = [(number == k, piece) for k, piece in enumerate(self.pieces)]
-        found = [(mask, piece.at(t[mask])) for mask, piece in parts if mask.any()]
-        kind = np.result_type(float, *(local[0] for _, local in found))
+        local_parts = [(mask, piece.at(t[mask])) for mask, piece in parts if mask.any()]
+        kind = np.result_type(float, *(local[0] for _, local in local_parts))
         value, slope = np.empty((len(t), 2), kind), np.empty((len(t), 2), kind)
-        for mask, local in found:
+        for mask, local in local_parts:
             value[mask], slope[mask] = local[:2]
         return value, slope
 
     def foot(self, places: Array) -> Foot:
-        """Where on the curve the points nearest to places of shape (n, 2) are: number of the piece, parameter."""
+        """Where on the curve the points nearest to places of shape (n, 2) are.
+
+        Number of the piece, parameter.
+        """
         t = np.array([piece.nearest(places) for piece in self.pieces])
         away = np.array([np.linalg.norm(piece.at(row)[0] - places, axis=1)
                          for piece, row in zip(self.pieces, t, strict=True)])
@@ -51,7 +54,10 @@ class Curve:
         return (side * np.linalg.norm(away, axis=1)).reshape(x.shape)
 
     def _normal(self, foot: Foot) -> Array:
-        """Outward normals; at a corner the sum of those of both sides, which tells inside from outside there."""
+        """Outward normals.
+
+        At a corner the sum of those of both sides, which tells inside from outside there.
+        """
         number, t = foot
         count = len(self.pieces)
         here = _unit_normal(self.at(foot)[1])
@@ -61,7 +67,7 @@ class Curve:
         return here + there
 
     def points(self, count: int) -> Array:
-        """Points around the curve, shape (2, count) [m], about evenly along it and one at every start of a piece."""
+        """Points about evenly around, one at each piece's start, shape (2, count) [m]."""
         lengths = np.array([np.real(piece_length(piece)) for piece in self.pieces])
         if count < 2 * len(lengths):
             fine = self.points(2 * len(lengths) * count)
@@ -94,14 +100,14 @@ class Curve:
         return (low_x, high_x), (low_y, high_y)
 
     def _extreme(self, axis: int, sign: int) -> Any:
-        found = np.array([_extreme(piece, axis, sign) for piece in self.pieces])
+        reached = np.array([_extreme(piece, axis, sign) for piece in self.pieces])
         # Where pieces reach equally far, the derivative is the mean of those to both sides.
-        largest = found.real.max()
-        return sign * found[found.real >= largest - 1e-13 * abs(largest)].mean().item()
+        largest = reached.real.max()
+        return sign * reached[reached.real >= largest - 1e-13 * abs(largest)].mean().item()
 
     @cached_property
     def mirror_planes(self) -> frozenset[str]:
-        """Axes whose coordinate may change sign without moving the curve by more than 1e-10 of its size."""
+        """Axes whose coordinate may change sign without moving the curve by 1e-10 of its size."""
         x, y = np.real(self.points(max(97, 3 * len(self.pieces))))
         size = max(np.abs(x).max(), np.abs(y).max())
         return frozenset(axis for axis, image in (("x", (-x, y)), ("y", (x, -y)))
@@ -118,7 +124,10 @@ class Curve:
         return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
 
     def beside(self, distance: Any) -> Curve:
-        """The parallel curve at a distance, outwards if positive; without corners, which would tear it."""
+        """The parallel curve at a distance, outwards if positive.
+
+        Without corners, which would tear it.
+        """
         return Curve(tuple(piece.beside(distance) for piece in self.pieces))
 
     def backwards(self) -> Curve:

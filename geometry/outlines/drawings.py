@@ -26,7 +26,10 @@ _FLAT = 1e-9
 
 
 def dxf_pieces(file: Path, layer: str) -> list[Piece]:
-    """Of all lines, arcs, ellipses, polylines and splines of a layer, ``*`` of all; without units in millimetres."""
+    """Of all lines, arcs, ellipses, polylines and splines of a layer, ``*`` of all.
+
+    Without units in millimetres.
+    """
     try:
         document = ezdxf.filemanagement.readfile(file)
     except (ezdxf.lldxf.const.DXFError, OSError, UnicodeDecodeError) as error:
@@ -36,7 +39,8 @@ def dxf_pieces(file: Path, layer: str) -> list[Piece]:
     pieces = [piece for entity in entities for piece in _of_entity(entity, unit)]
     if not pieces:
         names = sorted({entity.dxf.layer for entity in document.modelspace()})
-        raise InputError(f"has no lines, arcs or splines on that layer; its layers are {', '.join(names) or 'empty'}")
+        raise InputError("has no lines, arcs or splines on that layer; its layers are "
+                         f"{', '.join(names) or 'empty'}")
     return pieces
 
 
@@ -63,11 +67,13 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
     if kind not in ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"):
         if kind in ("TEXT", "MTEXT", "DIMENSION", "POINT", "HATCH"):
             return []
-        raise InputError(f"has a {kind}: outlines are made of lines, arcs, ellipses, polylines and splines")
+        raise InputError(f"has a {kind}: outlines are made of lines, arcs, ellipses, polylines and "
+                         "splines")
 
     def place(point: Any) -> tuple[float, float]:
         if abs(point[2]) * unit > _FLAT:
-            raise InputError(f"must be flat: a {kind} has a point at {point[0]:.6g}, {point[1]:.6g}, {point[2]:.6g}")
+            raise InputError(f"must be flat: a {kind} has a point at {point[0]:.6g}, "
+                             f"{point[1]:.6g}, {point[2]:.6g}")
         return unit * point[0], unit * point[1]
 
     if kind == "LINE":
@@ -92,7 +98,10 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
 
 
 def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[Piece]:
-    """Splines, exact where they are cubic, polynomial and of continuous curvature; parted where they are rougher."""
+    """Splines, exact where they are cubic, polynomial and of continuous curvature.
+
+    Parted where they are rougher.
+    """
     curve = BSpline(knots, np.column_stack([poles * weights[:, None], weights]), degree)
     low, high = knots[degree], knots[-degree - 1]
     inner, times = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)

@@ -37,7 +37,10 @@ class Outline(Protocol):
         """Whether it cannot cross itself, whatever its numbers."""
 
     def level(self, x: Array, y: Array) -> Array:
-        """Negative inside, zero on the curve, positive outside; near the curve, about the distance [m]."""
+        """Negative inside, zero on the curve, positive outside.
+
+        Near the curve, about the distance [m].
+        """
 
     def points(self, count: int) -> Array:
         """Points on the curve, shape (2, count) [m]."""
@@ -54,9 +57,12 @@ class Pieced(ABC):
     """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Its numbers alone: what was computed from them can be sixty times as long, and is computed again."""
-        own = {item.name for item in fields(cast(Any, self))}
-        return {name: value for name, value in vars(self).items() if name in own}
+        """Its numbers alone.
+
+        What was computed from them can be sixty times as long, and is computed again.
+        """
+        numbers = {item.name for item in fields(cast(Any, self))}
+        return {name: value for name, value in vars(self).items() if name in numbers}
 
     @property
     def simple(self) -> bool:
@@ -112,7 +118,7 @@ class Boxed(Pieced):
 @takes_units
 @dataclass(frozen=True)
 class Rotated(Boxed):
-    """Another outline turned counterclockwise by ``rotation`` about the centre of its bounding box."""
+    """Another outline turned counterclockwise about the centre of its bounding box."""
 
     outline: Outline
     rotation: Annotated[float, Key("of any shape, counterclockwise about the centre of its box",

@@ -1,4 +1,6 @@
-"""Pieces that outlines are made of and CAD draws exactly: straight lines, arcs of ellipses, cubic splines.
+"""Pieces that outlines are made of and CAD draws exactly.
+
+Straight lines, arcs of ellipses, cubic splines.
 
 A piece runs from ``t = 0`` to ``t = 1``. Its numbers may be complex, so that what is computed from
 a curve can be differentiated by its lengths with a complex step; what decides between cases looks
@@ -163,7 +165,7 @@ class Spline:
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array]:
-        """Coefficients between knots by the share of the way, shape (4, intervals, 2), and shares of the whole way."""
+        """Coefficients between knots, shape (4, intervals, 2), and shares of the whole way."""
         knots: Array = np.array(self.knots)
         points: Array = np.array(self.points)
         step, rise = np.diff(knots)[:, None], np.diff(points, axis=0)
@@ -212,7 +214,10 @@ Piece = Line | Arc | Spline
 
 @dataclass(frozen=True)
 class PieceSamples:
-    """Points along a curved piece from which the nearest ones are searched; ``each`` of them between two breaks."""
+    """Points along a curved piece from which the nearest ones are searched.
+
+    ``each`` of them between two breaks.
+    """
 
     piece: Arc | Spline
     each: int
@@ -228,7 +233,10 @@ class PieceSamples:
         return cKDTree(self.piece.at(self._t)[0])
 
     def nearest(self, places: Array) -> Array:
-        """Parameters of the points nearest to places: Newton's method from the two nearest samples."""
+        """Parameters of the points nearest to places.
+
+        Newton's method from the two nearest samples.
+        """
         seeds = self._tree.query(places, k=2)[1]
         near = [self._refined(places, seed) for seed in seeds.T]
         first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in near)
@@ -253,14 +261,17 @@ class PieceSamples:
 
 
 def spline_through(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
-    """The spline through a curve at knots; ``curve`` gives points and derivatives, shape (n, 2) each."""
+    """The spline through a curve at knots.
+
+    ``curve`` gives points and derivatives, shape (n, 2) each.
+    """
     points, slopes = curve(knots)
     first, last = _pairs(slopes[[0, -1]])
     return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
 def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: float) -> Array:
-    """Knots, halved from ``start`` until cubic pieces stay within 1e-10 of the ``size`` of a real curve."""
+    """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve."""
     knots = start
     for _ in range(40):
         low, high = knots[:-1], knots[1:]
@@ -308,7 +319,10 @@ def _pairs(points: Array) -> tuple[Point, ...]:
 
 
 def direction(x: Any, y: Any) -> Any:
-    """The angle of a vector from the x axis [rad]; of a complex one to first order in the imaginary part."""
+    """The angle of a vector from the x axis [rad].
+
+    Of a complex one to first order in the imaginary part.
+    """
     angle = np.arctan2(np.real(y), np.real(x))
     if not (np.iscomplexobj(x) or np.iscomplexobj(y)):
         return float(angle)

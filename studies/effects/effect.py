@@ -1,4 +1,7 @@
-"""What an effect is: a named, parameterised edit of the specimens or the rig that the nominal model leaves out."""
+"""What an effect is.
+
+A named, parameterised edit of the specimens or the rig that the nominal model leaves out.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ class Setup:
 
     def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0,
              direction: float = 0.0) -> Case:
-        """A reading to predict: nominal mass [kg] and voltage [V], so long after the run began [s], and which way."""
+        """A reading to predict.
+
+        Nominal mass [kg] and voltage [V], so long after the run began [s], and which way.
+        """
         return Case(self.specimen(specimen), mass=mass, voltage=voltage, rig=self.rig,
                     elapsed=elapsed, direction=direction)
 
@@ -41,8 +47,8 @@ class Setup:
         for specimen in self.specimens:
             if specimen.name == name:
                 return specimen
-        raise InputError(f"must be one of {', '.join(specimen.name for specimen in self.specimens)}",
-                         key="specimen", given=name)
+        names = ", ".join(specimen.name for specimen in self.specimens)
+        raise InputError(f"must be one of {names}", key="specimen", given=name)
 
     def with_films(self, change: Callable[[Film], Film], which: str | None = None) -> Setup:
         """Every film changed, or that of one specimen."""
@@ -233,10 +239,11 @@ def effect(explanation: str, *, columns: tuple[str, ...] = (),
     """
     def registered(edit: Callable[..., Setup]) -> Effect:
         hints = get_type_hints(edit, include_extras=True)
-        parameters = tuple(
-            replace(note, name=name) for name in inspect.signature(edit).parameters
-            for note in getattr(hints[name], "__metadata__", ()) if isinstance(note, EffectParameter))
-        made = Effect(edit.__name__, explanation, parameters, edit, "which" in hints, columns, lumped)
+        parameters = tuple(replace(note, name=name) for name in inspect.signature(edit).parameters
+                           for note in getattr(hints[name], "__metadata__", ())
+                           if isinstance(note, EffectParameter))
+        made = Effect(edit.__name__, explanation, parameters, edit, on_one="which" in hints,
+                      columns=columns, lumped=lumped)
         EFFECTS.register(made)
         return made
 
@@ -253,7 +260,10 @@ class Use:
 
 
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
-    """The setup with several effects, whatever their order: they are applied in that of the registry."""
+    """The setup with several effects, whatever their order.
+
+    They are applied in that of the registry.
+    """
     order = list(EFFECTS)
     for use in sorted(uses, key=lambda use: order.index(use.effect)):
         setup = EFFECTS[use.effect].apply(setup, use.values, use.which)

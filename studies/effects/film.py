@@ -34,7 +34,8 @@ def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
 def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
         "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-1.0, high=1.0, sign="signed", reason=(
             "VHB 4910: ε_r 4.7 unstretched and 2.6 at a stretch of 5 (Wissler, Mazza, Sens. "
-            "Actuators A 138, 2007, as commonly quoted, not read again) make n = ln(4.7/2.6)/ln(25) "
+            "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
+            "ln(4.7/2.6)/ln(25) "
             "= 0.18; others find no dependence"))]) -> Setup:
     """Every film's exponent raised by n."""
     return setup.with_films(
@@ -46,7 +47,8 @@ def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
 def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
         "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.1, high=0.1,
         sign="signed",
-        reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source")]) -> Setup:
+        reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no "
+               "source")]) -> Setup:
     """λ(1+a) along x, λ/(1+a) along y."""
     def change(film: Film) -> Film:
         x, y = film.prestretch

@@ -1,4 +1,7 @@
-"""All effects with their parameters and priors: as data, as text for a terminal, as a page of the documentation."""
+"""All effects with their parameters and priors.
+
+As data, as text for a terminal, as a page of the documentation.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,11 @@ from tympan.studies.effects import EFFECTS, Effect, EffectParameter
 
 _INTRODUCTION = """# Effects
 
-Written by `tympan effects --markdown`. An effect is something measured data may hold and the nominal model leaves out;
-it is an edit of the specimens or of the rig, so that `tympan solve` honours it. What is known of a parameter before any
-data is a normal distribution about no effect, with the standard deviation and limits given here, and the reason for it.
-A sign that is even cannot be seen on a specimen that is its own mirror image. Where a reason says "no source", it is a
+Written by `tympan effects --markdown`. An effect is something measured data may hold and the
+nominal model leaves out; it is an edit of the specimens or of the rig, so that `tympan solve`
+honours it. What is known of a parameter before any data is a normal distribution about no effect,
+with the standard deviation and limits given here, and the reason for it. A sign that is even cannot
+be seen on a specimen that is its own mirror image. Where a reason says "no source", it is a
 judgement: a diagnosis must say whether its verdict moves with it.
 """
 

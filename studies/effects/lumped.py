@@ -17,7 +17,8 @@ def cone_kinematics(setup: Setup, c: Annotated[float, EffectParameter(
         "film from the straight cone (0) to a weightless membrane hardly deflected (1)", "",
         width=1.0, low=0.0, high=1.5, sign="positive", reason=(
             "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: "
-            "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict both; "
+            "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict "
+            "both; "
             "no source"))]) -> Setup:
     """Every film's profile moved by c towards the membrane's."""
     def change(specimen: Specimen) -> Specimen:

@@ -39,6 +39,7 @@ def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
 @effect("A lead, a guide or a touching probe holds the plate like a spring.")
 def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
         "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=100.0, sign="positive",
-        reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 N/m")]) -> Setup:
+        reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 "
+               "N/m")]) -> Setup:
     """k added to the rig's parallel spring."""
     return setup.with_rig(spring=setup.rig.spring + k)

@@ -1,4 +1,6 @@
-"""Hyperelastic laws: a strain energy and its derivatives in the principal stretches, registered once.
+"""Hyperelastic laws.
+
+A strain energy and its derivatives in the principal stretches, registered once.
 
 W is per virgin volume [J/m³ = Pa], of an incompressible solid: λ₃ = 1/(λ₁λ₂).
 """

@@ -21,7 +21,9 @@ STRETCH_RANGE = (0.5, 6.0)
 def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
                         highest: float = STRETCH_RANGE[1],
                         include: float = 1.0) -> tuple[Array, Array]:
-    """A grid of principal stretches λ₁ ≥ λ₂ in a range, where W is not infinite; with the virgin state and ``include``.
+    """A grid of principal stretches λ₁ ≥ λ₂ in a range, where W is not infinite.
+
+    With the virgin state and ``include``.
 
     No stretch is above ``highest``, none in the plane below ``lowest``.
     """
@@ -35,7 +37,9 @@ def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
 
 
 def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
-    """Smallest stiffness of true stress against the logarithms of the stretches [Pa]; positive where Hill's holds.
+    """Smallest stiffness of true stress against the logarithms of the stretches [Pa].
+
+    Positive where Hill's holds.
 
     Hill's inequality for incompressible solids: W must be convex in the logarithms of the stretches
     (Ogden, *Non-Linear Elastic Deformations*, §6.2.7), so that true stress grows with stretch in
@@ -51,7 +55,7 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
 
 
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
-    """The smallest of five stiffnesses [Pa], positive where deformations within the film's plane are strongly elliptic.
+    """The smallest of five stiffnesses [Pa], positive where the film's plane is strongly elliptic.
 
     Where it is not, deformations of the plane can jump across lines. The five conditions, necessary
     and sufficient for an isotropic energy of two stretches, are those of Knowles and Sternberg (J.
@@ -74,7 +78,7 @@ def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
                          highest: float = STRETCH_RANGE[1], *,
                          margin: Margin = hill_margin, nearest: float = 1.0) -> tuple[float,
                                                                                       float] | None:
-    """The first stretches (λ₁, λ₂) in a range where the law softens against every intuition, or None.
+    """The first stretches (λ₁, λ₂) in a range where the law softens, or None.
 
     Parameters
     ----------
@@ -109,7 +113,8 @@ def checked(material: Material, lowest: float = STRETCH_RANGE[0],
         reach = reachable_stretches(material, lowest, highest)[0].max()
         limit = f" (of which it reaches {reach:.2g} at most)" if reach < highest else ""
         raise InputError(
-            "is outside its admissible range: true stress must grow with stretch (Hill's inequality) for "
+            "is outside its admissible range: true stress must grow with stretch (Hill's "
+            "inequality) for "
             f"stretches from {lowest} to {highest}{limit}, but it falls at "
             f"({stretch[0]:.3g}, {stretch[1]:.3g})", given=str(material))
     return material

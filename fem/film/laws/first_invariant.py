@@ -20,7 +20,9 @@ _ABOVE_ONE: Rule = (lambda x: 1 < x < float("inf"),
 @LAWS.register
 @dataclass(frozen=True)
 class NeoHooke(FirstInvariantLaw):
-    """The neo-Hookean law (Rivlin, Phil. Trans. R. Soc. A 240, 459, 1948; Treloar's Gaussian network).
+    """The neo-Hookean law (Rivlin, Phil. Trans. R. Soc. A 240, 459, 1948.
+
+    Treloar's Gaussian network).
 
     W = μ/2 (I₁ − 3), μ in Pa. It follows unfilled rubber up to stretches of about 1.5 to 2, and
     does not stiffen beyond as rubber does.
@@ -74,7 +76,7 @@ class Yeoh(FirstInvariantLaw):
 @LAWS.register
 @dataclass(frozen=True)
 class Gent(FirstInvariantLaw):
-    """Gent's law (Rubber Chem. Technol. 69, 59, 1996), whose stress grows without bound at a finite stretch.
+    """Gent's law (Rubber Chem. Technol. 69, 59, 1996), unbounded at a finite stretch.
 
     W = −μ J/2 ln(1 − (I₁ − 3)/J), μ in Pa, J = ``j_lim`` without unit. It follows rubber up to I₁ −
     3 = J, where its chains are taut; beyond, the film cannot be stretched, W = +∞.
@@ -110,7 +112,7 @@ class Gent(FirstInvariantLaw):
 @LAWS.register
 @dataclass(frozen=True)
 class ArrudaBoyce(FirstInvariantLaw):
-    """The eight-chain law of Arruda and Boyce (J. Mech. Phys. Solids 41, 389, 1993), as their series of five terms.
+    """The eight-chain law of Arruda and Boyce (J. Mech. Phys. Solids 41, 389, 1993), five terms.
 
     W = μ Σ C_i/λ_lock^(2i−2) (I₁ⁱ − 3ⁱ), C = 1/2, 1/20, 11/1050, 19/7000, 519/673750. μ = n k T
     [Pa] is the rubbery modulus of the chains (C_R of the paper, ``MU`` of Abaqus) and not the

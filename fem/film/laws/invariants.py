@@ -1,4 +1,4 @@
-"""Invariants of an incompressible solid as functions of the in-plane stretches, and energies of the first one.
+"""Invariants of an incompressible solid by the in-plane stretches; energies of the first one.
 
 A function of the stretches is the tuple of its value and its derivatives by 1, 2, 11, 12, 22.
 """
@@ -36,7 +36,10 @@ class FirstInvariantLaw(ABC):
 
     @property
     def locking(self) -> float:
-        """The I₁ − 3 from which on the law is not defined: W is +∞ there and its derivatives are nan."""
+        """The I₁ − 3 from which on the law is not defined.
+
+        W is +∞ there and its derivatives are nan.
+        """
         return inf
 
     @abstractmethod

@@ -13,9 +13,10 @@ from tympan.geometry.specimen import LAWS
 @LAWS.register
 @dataclass(frozen=True)
 class MooneyRivlin:
-    """The law of Mooney (J. Appl. Phys. 11, 582, 1940) and Rivlin (Phil. Trans. R. Soc. A 241, 379, 1948).
+    """The law of Mooney (J. Appl. Phys. 11, 582, 1940) and Rivlin.
 
-    W = c₁₀ (I₁ − 3) + c₀₁ (I₂ − 3), c₁₀ and c₀₁ in Pa. It follows unfilled rubber in tension up to
+    W = c₁₀ (I₁ − 3) + c₀₁ (I₂ − 3), c₁₀ and c₀₁ in Pa (Rivlin, Phil. Trans. R. Soc. A 241, 379,
+    1948). It follows unfilled rubber in tension up to
     stretches of about 2 to 3; in equibiaxial tension its second term is apt to be far too stiff
     (Treloar, *The Physics of Rubber Elasticity*, 3rd ed. 1975), so constants fitted to uniaxial
     tests alone are not for films. It does not lock.

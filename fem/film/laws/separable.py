@@ -1,4 +1,7 @@
-"""Laws written for a film that is already stretched: Eq. (8) of the source paper as a membrane material."""
+"""Laws written for a film that is already stretched.
+
+Eq. (8) of the source paper as a membrane material.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _REFERENCE: Rule = (lambda x: 0.2 <= x <= 10,
 
 @dataclass(frozen=True)
 class Prestretched(ABC):
-    """Energies of the relative stretches lᵢ = λᵢ/λ_r, λ_r = ``reference``, built to give Eq. (8) of the source paper.
+    """Energies of relative stretches lᵢ = λᵢ/λ_r, built to give Eq. (8) of the source paper.
 
     Eq. (8) is σ(l) = Σ (β_p l^α_p − γ_p l^−α_p), α = 2, 4, 6: the true stress along a film that is
     stretched by l from the mounted state while its width is held. One stress in one such test does
@@ -41,7 +44,8 @@ class Prestretched(ABC):
         if not len(self.beta) == len(self.gamma) == len(self.alpha) > 0:
             raise InputError("beta, gamma and alpha must be lists of the same length, at least one",
                              key="beta",
-                             given=f"{len(self.beta)}, {len(self.gamma)} and {len(self.alpha)} values")
+                             given=f"{len(self.beta)}, {len(self.gamma)} and {len(self.alpha)} "
+                                   "values")
         require(self)
 
     @classmethod
@@ -53,11 +57,11 @@ class Prestretched(ABC):
     @property
     @abstractmethod
     def shear_modulus(self) -> float:
-        """Incremental shear modulus ½ ∂(σ₁ − σ₂)/∂ln λ₁ in the film's plane at the reference [Pa]."""
+        """Incremental shear modulus ½ ∂(σ₁ − σ₂)/∂ln λ₁ at the reference [Pa]."""
 
     @abstractmethod
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches from the virgin film (arrays of one shape)."""
+        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at stretches from the virgin film (arrays of one shape)."""
 
     def _terms(self) -> Any:
         return zip(self.beta, self.gamma, self.alpha, strict=True)
@@ -66,7 +70,9 @@ class Prestretched(ABC):
 @LAWS.register
 @dataclass(frozen=True)
 class Separable(Prestretched):
-    """Eq. (8) of the source paper with every in-plane stretch on its own: W = w(λ₁/λ_r) + w(λ₂/λ_r).
+    """Eq. (8) of the source paper with every in-plane stretch on its own.
+
+    W = w(λ₁/λ_r) + w(λ₂/λ_r).
 
     w(l) = Σ (β_p l^α_p + γ_p l^−α_p − β_p − γ_p)/α_p, so that the true stress σᵢ = Σ (β_p lᵢ^α_p −
     γ_p lᵢ^−α_p) is Eq. (8) whatever the other stretch: a film without coupling between its axes.
@@ -109,7 +115,9 @@ class Separable(Prestretched):
 @LAWS.register
 @dataclass(frozen=True)
 class PrestretchedOgden(Prestretched):
-    """Eq. (8) of the source paper with γ carried by the thickness: an Ogden law written for the mounted film.
+    """Eq. (8) of the source paper with γ carried by the thickness.
+
+    An Ogden law written for the mounted film.
 
     W = Σ (β_p (l₁^α_p + l₂^α_p − 2) + γ_p (l₃^α_p − 1))/α_p, l₃ = 1/(l₁ l₂), so σᵢ = Σ (β_p lᵢ^α_p
     − γ_p l₃^α_p): Eq. (8) where l₂ = 1, its l^−α being the paper's λ_z^α by its Eqs. (2) and (3).

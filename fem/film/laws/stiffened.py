@@ -1,4 +1,4 @@
-"""A law that hardens more, or less, than another one, with the same stress where the film is mounted."""
+"""A law that hardens more, or less, than another, with the same stress when mounted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ _INVARIANT: Rule = (lambda x: 3 <= x <= 1000, "must be from 3 (the virgin film's
 @LAWS.register
 @dataclass(frozen=True)
 class Stiffened:
-    """Another law, plus an energy φ of the first invariant that hardens it without stress where the film is mounted.
+    """Another law, plus an energy φ of the first invariant that hardens it.
+
+    Where the film is mounted, φ adds no stress.
 
     φ = S [I_m/(1+h) (I₁/I_m)^(1+h) − I₁], so that φ′ = S [(I₁/I_m)^h − 1]: nothing at I₁ = I_m. S
     is the slope of the neo-Hookean law with the modulus of the ``nominal`` one, ∂²W/∂λ₁²/8 of the
@@ -51,12 +53,11 @@ class Stiffened:
 
     @property
     def stress_free_when_virgin(self) -> bool:
-        """As the nominal law."""
         return bool(getattr(self.nominal, "stress_free_when_virgin", True))
 
     @property
     def shear_modulus(self) -> float:
-        """Of small strains from the virgin film, or of the nominal law where it states another [Pa]."""
+        """From the virgin film, or as the nominal law states it [Pa]."""
         extra = 2 * self._scale * ((3 / self.invariant) ** self.exponent - 1)
         return float(np.real(getattr(self.nominal, "shear_modulus", 2 * self._scale) + extra))
 

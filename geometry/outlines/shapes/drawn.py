@@ -62,7 +62,7 @@ class Drawn(Boxed):
 
 
 def joined(pieces: list[Piece], which: str | None) -> Drawn:
-    """The one closed curve that pieces in any order and direction make, or the ``outer`` or ``inner`` one of two.
+    """The closed curve that pieces in any order make, or the ``outer`` or ``inner`` one of two.
 
     Raises
     ------

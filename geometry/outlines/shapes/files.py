@@ -1,4 +1,7 @@
-"""Outlines from drawings: ``shape = "dxf"`` and ``shape = "step"``, read once and kept as pieces."""
+"""Outlines from drawings.
+
+``shape = "dxf"`` and ``shape = "step"``, read once and kept as pieces.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number
 @OUTLINES.register
 @dataclass(frozen=True)
 class RegularPolygon(Boxed):
-    """Equal ``sides``, corners on a circle of ``radius``, one on the x axis, rounded by ``fillet`` [m].
+    """Equal sides, corners on a circle, one of them on the x axis, sharp or rounded.
 
     The bounding box is centred, so the corners' circle is off centre where the number of sides is
     odd.

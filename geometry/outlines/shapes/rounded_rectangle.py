@@ -17,7 +17,10 @@ from tympan.geometry.outlines.pieces import Piece
 @OUTLINES.register
 @dataclass(frozen=True)
 class RoundedRectangle(Symmetric):
-    """A rectangle of given half sides along x and y and corner radius [m]; 0 leaves its corners sharp."""
+    """A rectangle of given half sides along x and y and corner radius [m].
+
+    0 leaves its corners sharp.
+    """
 
     shape: ClassVar[str] = "rounded_rectangle"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
@@ -26,7 +29,8 @@ class RoundedRectangle(Symmetric):
     def __post_init__(self) -> None:
         """Refuse corners larger than the rectangle."""
         if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):
-            raise InputError("must not exceed the smaller half side: use a stadium or a circle there",
+            raise InputError("must not exceed the smaller half side: use a stadium or a circle "
+                             "there",
                              key="corner_radius",
                              given=f"{np.real(self.corner_radius) * 1e3:.4g} mm")
 

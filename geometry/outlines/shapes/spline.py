@@ -15,7 +15,7 @@ from tympan.geometry.outlines.pieces import Array, Piece, Spline
 @OUTLINES.register
 @dataclass(frozen=True)
 class ClosedSpline(Boxed):
-    """The periodic cubic spline through ``through``, points counterclockwise [m], over the length of their chords."""
+    """The periodic cubic spline through points, over the length of their chords."""
 
     shape: ClassVar[str] = "spline"
     through: Annotated[tuple[tuple[float, float], ...],

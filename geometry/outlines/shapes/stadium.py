@@ -15,7 +15,7 @@ from tympan.geometry.outlines.pieces import Arc, Line, Piece
 @OUTLINES.register
 @dataclass(frozen=True)
 class Stadium(Symmetric):
-    """Half circles at both ends of the longer one of the semi-axes [m], of the shorter one's radius."""
+    """Half circles at both ends of the longer half extent, of the shorter one's radius."""
 
     shape: ClassVar[str] = "stadium"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]

@@ -20,7 +20,7 @@ _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (n
 @OUTLINES.register
 @dataclass(frozen=True)
 class Superellipse(Symmetric):
-    """The curve |x/a|ⁿ + |y/b|ⁿ = 1 of semi-axes a, b [m] and exponent n, as splines within 1e-9 of its size."""
+    """The curve |x/a|ⁿ + |y/b|ⁿ = 1, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
