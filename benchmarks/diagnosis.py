@@ -21,12 +21,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
-from tympan.studies.diagnosis.diagnose import chosen_fit
-from tympan.studies.diagnosis.inference.identifiability import knowable
+from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.next_experiment.proposals import propose
-from tympan.studies.diagnosis.reading_table import States, Table, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.result import chosen_fit
 from tympan.studies.diagnosis.validation.gain import gain_of
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
@@ -37,7 +37,7 @@ OTHER_MESH = Settings(mesh=MeshSettings(order=3, around_plate=17, growth=0.45, a
 AIM = 60.0
 
 
-def readings(setup: Setup) -> Table:
+def readings(setup: Setup) -> ReadingTable:
     """What the hidden effect makes of the readings, noise included."""
     true = extended(setup, [HIDDEN])
     grid = np.meshgrid(np.arange(3.0), MASSES, VOLTAGES, indexing="ij")
@@ -81,7 +81,7 @@ def main() -> None:
         for widen in (0.5, 2.0):
             judge(simulation, table, causes, widen=widen)
     with stage("what can be known", spent):
-        knowable(simulation, table, judged.nominal.unknowns, causes)
+        effect_identifiability(simulation, table, judged.nominal.unknowns, causes)
     with stage("gain on readings held out", spent):
         gain_of(simulation, table, causes, judged)
     with stage("next experiment", spent):

@@ -24,8 +24,8 @@ _DEGREE, _SMALL = 24, 1e-10
 
 def readings(design: Design, truth: Truth) -> FloatArray | None:
     """Readings of a design of circular specimens [m]; None where a state has no equilibrium."""
-    sizes = {cause.effect: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
-    which = {cause.effect: cause.which for cause in truth.hypothesis}
+    sizes = {cause.name: truth.sizes[number] for number, cause in enumerate(truth.hypothesis)}
+    which = {cause.name: cause.which for cause in truth.hypothesis}
     states = design.table.states
     shown = np.empty(len(design.table))
     for ramp in design.ramps():

@@ -29,10 +29,11 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Material, Plate, Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.sampling import force_laws
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS, Setup, extended
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ class Design:
 
     name: str
     setup: Setup
-    table: Table
+    table: ReadingTable
     causes: tuple[Cause, ...]
 
     def ramps(self) -> Iterator[NDArray[np.int64]]:
@@ -92,7 +93,7 @@ class Design:
         return replace(self, table=replace(self.table, states=states))
 
 
-def _read(states: States) -> Table:
+def _read(states: States) -> ReadingTable:
     return replace(rows(states, "displacement", NOISE), order=np.arange(len(states), dtype=float))
 
 
@@ -232,7 +233,7 @@ def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
          stranger: Stranger = NOBODY) -> Truth:
     """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors."""
     sizes = [float(item.draw(generator, 1)[0]) for cause in hypothesis
-             for item in cause.of_registry.parameters]
+             for item in cause.effect.parameters]
     return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
                  hypothesis,
                  tuple(sizes), means, int(generator.integers(len(MESHES))), stranger)

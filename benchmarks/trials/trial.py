@@ -23,8 +23,9 @@ from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.validation.gain import gain_of
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
@@ -111,7 +112,7 @@ class Lab:
 
 
 def measured(design: Design, values: Array, generator: np.random.Generator | None,
-             number: int) -> Table:
+             number: int) -> ReadingTable:
     """Readings with the noise of that trial, and its standard deviation; without a generator only the latter."""
     sigma = _NOISES[number // 4 % len(_NOISES)]
     noise = 0.0 if generator is None else generator.normal(0, sigma, len(values))
@@ -179,11 +180,11 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
 
 
 def _visible(design: Design) -> list[Cause]:
-    return [cause for cause in design.causes if cause.effect not in ALIASES]
+    return [cause for cause in design.causes if cause.name not in ALIASES]
 
 
 def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: Table,
+            table: ReadingTable,
             values: Array, again: int) -> Record:
     """A trial with one effect."""
     seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
@@ -192,12 +193,12 @@ def _of_one(population: str, number: int, design: Design, simulation: Simulation
     return judged(record, design, simulation, table, truth)
 
 
-def _deleted(record: Record, design: Design, simulation: Simulation, table: Table,
+def _deleted(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
              truth: Truth) -> list[Record]:
     """The same readings with the true effect not in the library, if it is identifiable."""
     if not record.identifiable:
         return []
-    kept = tuple(cause for cause in design.causes if cause.effect != truth.hypothesis[0].effect)
+    kept = tuple(cause for cause in design.causes if cause.name != truth.hypothesis[0].name)
     blank = Record("deleted", record.number, record.means, record.truth, record.again, record.seen,
                    record.told)
     return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
@@ -229,7 +230,7 @@ def _pairs(design: Design) -> list[Hypothesis]:
 
 
 def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: Table,
+            table: ReadingTable,
             values: Array, again: int) -> Record:
     """A trial with two effects."""
     seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
@@ -300,15 +301,15 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain}
 
 
-def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: Table,
+def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
                  nominal: Fit) -> float:
     """Of the best fit, the priors counting for little."""
     first = fit(simulation, hypothesis, table, nominal.unknowns)
-    found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.found else first
+    found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.possible else first
     return min(found.chi_squared, first.chi_squared)
 
 
-def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: Sequence[Hypothesis]
+def stands_out(simulation: Simulation, truth: Hypothesis, exact: ReadingTable, rivals: Sequence[Hypothesis]
                ) -> tuple[float, float]:
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does.
 
@@ -316,7 +317,7 @@ def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: 
     told from one.
     """
     nominal = fit(simulation, (), exact)
-    if not nominal.found:
+    if not nominal.possible:
         return 0.0, 0.0
     own = _chi_squared(simulation, truth, exact, nominal)
     seen, told = nominal.chi_squared - own, np.inf
@@ -329,22 +330,22 @@ def stands_out(simulation: Simulation, truth: Hypothesis, exact: Table, rivals: 
     return seen, float(told)
 
 
-def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: Table) -> float:
+def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: ReadingTable) -> float:
     """χ² by which the best of the library misses readings without noise."""
     nominal = fit(simulation, (), exact)
-    if not nominal.found or nominal.chi_squared < SEEN:
-        return nominal.chi_squared if nominal.found else 0.0
+    if not nominal.possible or nominal.chi_squared < SEEN:
+        return nominal.chi_squared if nominal.possible else 0.0
     return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns,
                                                   _LOOSE))
 
 
-def judged(record: Record, design: Design, simulation: Simulation, table: Table,
+def judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
            truth: Truth) -> Record:
     """The record with what the diagnosis said."""
     return _judged(record, design, simulation, table, truth)[0]
 
 
-def _judged(record: Record, design: Design, simulation: Simulation, table: Table, truth: Truth
+def _judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable, truth: Truth
             ) -> tuple[Record, Judgement | None]:
     try:
         found = judge(simulation, table, design.causes, seed=record.number)
@@ -356,22 +357,22 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Table
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
         record = replace(record, inside=_inside(simulation, found, truth))
-    if found.weighing is None or found.after is None:
+    if found.posterior is None or found.after is None:
         return record, found
-    weighing = found.weighing
+    posterior = found.posterior
     ranked = tuple((str(cause), float(share))
-                   for cause, share in list(weighing.of_causes().items())[:5])
+                   for cause, share in list(posterior.of_causes().items())[:5])
     covered = any(set(one.hypothesis) == set(truth.hypothesis)
-                  for one in weighing.credible()) if asked else None
-    return replace(record, ranked=ranked, best=tuple(map(str, weighing.best.hypothesis)),
-                   wrong=weighing.wrong,
-                   unknown=weighing.unknown, after=found.after.p_value, covered=covered), found
+                  for one in posterior.credible()) if asked else None
+    return replace(record, ranked=ranked, best=tuple(map(str, posterior.best.hypothesis)),
+                   wrong=posterior.wrong,
+                   unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
 
 
 def _inside(simulation: Simulation, found: Judgement, truth: Truth) -> tuple[bool, ...]:
     """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
     one = fit(simulation, truth.hypothesis, found.table, found.nominal.unknowns)
-    if not one.found:
+    if not one.possible:
         return tuple(False for _ in truth.sizes)
     limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]
     sizes = [abs(size) if one.bounds[0, 2 + number] >= 0 else size

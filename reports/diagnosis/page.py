@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +9,11 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
-from tympan.geometry.errors import InputError
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
 from tympan.reports.template import embedded_picture, sentence, template
+from tympan.studies.diagnosis.result import load
+from tympan.studies.diagnosis.validation.gain import LENGTHS
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 
@@ -31,7 +30,14 @@ def build_diagnosis_page(folder: Path) -> Path:
     InputError
         When diagnosis.json or readings.csv is missing or damaged.
     """
-    content, table = _read(folder)
+    saved = load(folder)
+    content, columns = saved.content, saved.columns
+    lengths = np.isin(columns["kind"], LENGTHS)
+    columns = {name: values[lengths] for name, values in columns.items()}
+    table = Residuals(columns["specimen"], columns["mass_g"], columns["voltage_kV"],
+                      1e6 * (columns["read"] - columns["baseline"]),
+                      1e6 * (columns["read"] - columns["extended"]),
+                      1e6 * columns["sigma"])
     residuals.draw_residuals(table, folder)
     file = folder / "diagnosis.html"
     write_text(file, render_diagnosis(content, embedded_picture(folder / "residuals.svg")))
@@ -114,21 +120,3 @@ def chance(p_value: float) -> str:
         return f"{100 * p_value:.0f} times in a hundred"
     times = 10 ** max(3, round(-np.log10(max(p_value, 1e-9))))
     return f"once in {times:,} times or less".replace(",", " ")
-
-
-def _read(folder: Path) -> tuple[Content, Residuals]:
-    try:
-        content = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-        with (folder / "readings.csv").open(encoding="utf-8", newline="") as stream:
-            rows = [row for row in csv.DictReader(stream) if row["kind"] in ("displacement",
-                                                                             "range")]
-        column = {name: np.array([float(row[name]) for row in rows])
-                  for name in ("mass_g", "voltage_kV", "read", "sigma", "baseline", "extended")}
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"cannot be read: {error}; run tympan diagnose again",
-                         file=folder) from None
-    return content, Residuals(np.array([row["specimen"] for row in rows]), column["mass_g"],
-                              column["voltage_kV"],
-                              1e6 * (column["read"] - column["baseline"]),
-                              1e6 * (column["read"] - column["extended"]),
-                              1e6 * column["sigma"])

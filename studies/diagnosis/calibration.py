@@ -14,10 +14,16 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Specimen
 from tympan.studies.case import build_model
 from tympan.studies.diagnosis.inference.fit import Fit, nominal_fit
-from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
+from tympan.studies.diagnosis.reduced.hypothesis import (
+    FACTORS,
+    PERMITTIVITY,
+    STIFFNESS,
+    Hypothesis,
+)
 from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
-from tympan.studies.diagnosis.reduced.simulation import Hypothesis, Simulation
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
@@ -31,7 +37,7 @@ _ROOM = (1.3, 1.3)
 _ROUNDS = 5
 
 
-def calibrated(setup: Setup, table: Table) -> tuple[Simulation, Fit]:
+def calibrated(setup: Setup, table: ReadingTable) -> tuple[Simulation, Fit]:
     """The nominal simulation over what the readings need, with stiffness and permittivity fitted.
 
     Raises
@@ -40,20 +46,20 @@ def calibrated(setup: Setup, table: Table) -> tuple[Simulation, Fit]:
         When the films cannot be solved, or no stiffness and permittivity make equilibria of the
         states that were read.
     """
-    heave, charge = _first_reach(setup, table)
+    heave, voltage_squared = _first_reach(setup, table)
     for _ in range(_ROUNDS):
-        simulation = Simulation(setup, _nominal(setup, heave, charge))
+        simulation = Simulation(setup, _nominal(setup, heave, voltage_squared))
         found = nominal_fit(simulation, table)
         wanted = _needed(simulation, found, table)
-        have = np.array([[law.grid.heave, law.grid.charge] for law in simulation.laws]).T
-        if found.found and np.all(wanted <= 1.05 * np.array([heave, charge])):
+        have = np.array([[law.grid.heave, law.grid.voltage_squared] for law in simulation.laws]).T
+        if found.possible and np.all(wanted <= 1.05 * np.array([heave, voltage_squared])):
             break
         # Never less than before: a fit held back by the reach of its laws must not take that reach
         # away.
-        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.found else 1.5 * heave)
-        charge = np.where(have[1] < 0.99 * charge, charge,
-                          np.maximum(charge, np.minimum(wanted[1], 2 * charge)))
-    if not found.found:
+        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.possible else 1.5 * heave)
+        voltage_squared = np.where(have[1] < 0.99 * voltage_squared, voltage_squared,
+                          np.maximum(voltage_squared, np.minimum(wanted[1], 2 * voltage_squared)))
+    if not found.possible:
         raise InputError("no stiffness and permittivity make equilibria of all states that were read: are masses, "
                          "voltages and sizes right?", key="readings",
                          given=f"{len(table)} readings")
@@ -67,54 +73,54 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
 
 
-def _nominal(setup: Setup, heave: Array, charge: Array) -> tuple[ForceLaw, ...]:
+def _nominal(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
     try:
         return tuple(nominal_law(setup, specimen.name, float(w), float(q))
-                     for specimen, w, q in zip(setup.specimens, heave, charge, strict=True))
+                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
     except NotSampled as error:
         raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
                          given=", ".join(one.name for one in setup.specimens)) from None
 
 
-def _first_reach(setup: Setup, table: Table) -> tuple[Array, Array]:
+def _first_reach(setup: Setup, table: ReadingTable) -> tuple[Array, Array]:
     """Heaves and U² to begin with, for each specimen: by the largest readings, or a share of the gap."""
-    heaves, charges = [], []
+    heaves, voltages_squared = [], []
     for number, specimen in enumerate(setup.specimens):
         own = (table.specimen == number) & (table.kind == "displacement")
         largest = float(np.abs(table.value[own]).max(initial=0.0))
         heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), _LARGEST * specimen.gap)
                       if own.any()
                       else 0.2 * specimen.gap)
-        charges.append(_ROOM[1] * largest_charge(setup, table, number))
-    return np.array(heaves), np.maximum(charges, 1e4)
+        voltages_squared.append(_ROOM[1] * largest_voltage_squared(setup, table, number))
+    return np.array(heaves), np.maximum(voltages_squared, 1e4)
 
 
-def largest_charge(setup: Setup, table: Table, number: int) -> float:
+def largest_voltage_squared(setup: Setup, table: ReadingTable, number: int) -> float:
     """The largest U² a specimen's film sees."""
     states, own = table.states, table.states.specimen == number
     seen = np.asarray(setup.rig.film_voltage(states.voltage[own], states.direction[own]))
     return float((seen**2).max(initial=0.0))
 
 
-def _needed(simulation: Simulation, found: Fit, table: Table) -> Array:
+def _needed(simulation: Simulation, found: Fit, table: ReadingTable) -> Array:
     """Heaves and U² that the fit and its surroundings need, shape (2, specimens)."""
     heave = np.nan_to_num(simulation.heaves((), found.unknowns,
-                                            table.states)) if found.found else None
-    share = float(np.exp(found.unknowns[1] - found.unknowns[0])) if found.found else 1.0
-    heaves, charges = _first_reach(simulation.setup, table)
+                                            table.states)) if found.possible else None
+    share = float(np.exp(found.unknowns[PERMITTIVITY] - found.unknowns[STIFFNESS])) if found.possible else 1.0
+    heaves, voltages_squared = _first_reach(simulation.setup, table)
     for number, specimen in enumerate(simulation.setup.specimens):
         own = table.states.specimen == number
-        charges[number] = max(_ROOM[1] * share * largest_charge(simulation.setup, table, number),
+        voltages_squared[number] = max(_ROOM[1] * share * largest_voltage_squared(simulation.setup, table, number),
                               1e4)
         if heave is not None:
             largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
             heaves[number] = min(largest, _LARGEST * specimen.gap)
-    return np.array([heaves, charges])
+    return np.array([heaves, voltages_squared])
 
 
-def baseline(setup: Setup, unknowns: Array) -> Setup:
+def refitted(setup: Setup, unknowns: Array) -> Setup:
     """The setup with the stiffness and the permittivity found."""
-    stiffness, permittivity = np.exp(unknowns[:2]).tolist()
+    stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
 
     def change(film: Film) -> Film:
         return replace(film, material=scaled(film.material, stiffness),
@@ -125,10 +131,10 @@ def baseline(setup: Setup, unknowns: Array) -> Setup:
 
 def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
     """The setup with stiffness, permittivity and effects as found."""
-    return extended(baseline(simulation.setup, unknowns), simulation.uses(hypothesis, unknowns))
+    return extended(refitted(simulation.setup, unknowns), simulation.uses(hypothesis, unknowns))
 
 
-def law_error(simulation: Simulation, one: Fit, table: Table, count: int = 6) -> float:
+def law_error(simulation: Simulation, one: Fit, table: ReadingTable, count: int = 6) -> float:
     """Largest error of the reduced model's heaves [m] at a fit, against finite elements on a fine mesh.
 
     At ``count`` of the states, from small to large heaves; states the finite elements do not reach

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import Lumped
-from tympan.studies.diagnosis.reduced.axes import Film, edited, film_axes
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, fitted, grid_of, samples
+from tympan.studies.diagnosis.reduced.axes import HeldFilm, edited, film_axes
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, grid_of, law_through, samples
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -55,29 +55,29 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
 
 
 def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
-    film = Film.of(setup, name)
+    film = HeldFilm.of(setup, name)
     if film.heavy or not grid.odd or film.loading.arm != (0.0, 0.0):
         raise InputError("must be without gas pressure, weight of its own and offset weights in the lumped model",
                          key="specimen", given=name)
-    nominal = at_nodes(film.specimen, grid)
+    nominal = lumped_nodes(film.specimen, grid)
     every = film_axes(setup, name)
-    moved = [at_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid) for axis in every]
+    moved = [lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid) for axis in every]
     axes = tuple(axis for axis, nodes in zip(every, moved, strict=True)
                  if not np.array_equal(nodes, nominal))
     where = samples(axes)
-    nodes = [at_nodes(edited(setup, name, [axes[index] for index in sample.axes],
+    nodes = [lumped_nodes(edited(setup, name, [axes[index] for index in sample.axes],
                              [axes[index].size(at) for index, at in zip(sample.axes, sample.at,
                                                                         strict=True)]).specimen,
                       grid_of(grid, sample)) for sample in where]
-    return fitted(grid, axes, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes])
+    return law_through(grid, axes, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes])
 
 
-def at_nodes(specimen: Specimen, grid: Grid) -> Array:
-    """Force [N] and capacitance [F] at the nodes of a grid, shape (2, heaves, charges)."""
+def lumped_nodes(specimen: Specimen, grid: Grid) -> Array:
+    """Force [N] and capacitance [F] at the nodes of a grid, shape (2, heaves, voltages)."""
     if not isinstance(specimen, Lumped):
         raise InputError("must be a specimen of the lumped model", key="specimen",
                          given=specimen.name)
-    heaves, charges = grid.nodes
-    force = [[specimen.force(heave, charge**0.5) for charge in charges] for heave in heaves]
-    capacitance = [[specimen.capacitance(heave)] * len(charges) for heave in heaves]
+    heaves, voltages_squared = grid.nodes
+    force = [[specimen.force(heave, voltage_squared**0.5) for voltage_squared in voltages_squared] for heave in heaves]
+    capacitance = [[specimen.capacitance(heave)] * len(voltages_squared) for heave in heaves]
     return np.array([force, capacitance])

@@ -66,7 +66,7 @@ class States:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ReadingTable:
     """Rows to predict: ``kind``, the ``state`` read and for a range the one it is counted from (``since``, else -1).
 
     ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in
@@ -88,11 +88,11 @@ class Table:
     def __len__(self) -> int:
         return len(self.state)
 
-    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> Table:
+    def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> ReadingTable:
         """Some of the rows; states are all kept."""
         named = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__
                  if name != "states"}
-        return Table(self.states, **named)
+        return ReadingTable(self.states, **named)
 
     @property
     def specimen(self) -> Numbers:
@@ -114,29 +114,29 @@ class Table:
         """Rows of each kind."""
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
 
-    def with_values(self, value: Array) -> Table:
+    def with_values(self, value: Array) -> ReadingTable:
         """The same rows with other readings."""
         return replace(self, value=value)
 
-    def with_sigma(self, sigma: Array) -> Table:
+    def with_sigma(self, sigma: Array) -> ReadingTable:
         """The same rows with another noise."""
         return replace(self, sigma=sigma)
 
-    def joined(self, other: Table) -> Table:
+    def joined(self, other: ReadingTable) -> ReadingTable:
         """These rows and others."""
         named = {name: np.concatenate([getattr(self, name), getattr(other, name)])
                  for name in self.__dataclass_fields__ if name not in ("states", "state", "since")}
         count = len(self.states)
-        return Table(self.states.joined(other.states),
+        return ReadingTable(self.states.joined(other.states),
                      state=np.concatenate([self.state, other.state + count]),
                      since=np.concatenate([self.since, np.where(other.since < 0, -1,
                                                                 other.since + count)]), **named)
 
 
-def rows(states: States, kind: Kind, sigma: float | Array, value: Array | None = None) -> Table:
+def rows(states: States, kind: Kind, sigma: float | Array, value: Array | None = None) -> ReadingTable:
     """One row of a kind for each state."""
     count = len(states)
-    return Table(states, np.full(count, kind), np.arange(count), np.full(count, -1),
+    return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1),
                  np.zeros(count) if value is None
                  else value, np.broadcast_to(np.asarray(sigma, float), (count,)).copy(),
                  np.full(count, np.nan),

@@ -13,8 +13,8 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
 from tympan.studies.data.readings import Ranges, StaticReadings
 from tympan.studies.diagnosis.inference.residual_tests import STATED
-from tympan.studies.diagnosis.reading_table import Kind, States, Table, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
 from tympan.studies.effects import EFFECTS, Setup
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ _BINS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class PreparedReadings:
     """The setup with the specimens that were read, the table, and how well its noise is known.
 
     ``stated``: degrees of freedom the noise in the table counts as before the readings' own
@@ -40,7 +40,7 @@ class Readings:
     """
 
     setup: Setup
-    table: Table
+    table: ReadingTable
     stated: float
     noise_from: str
     assumed: bool
@@ -57,7 +57,7 @@ class Readings:
                      for which in effect.choices(self.setup))
 
 
-def readings_of(dataset: Dataset) -> Readings:
+def prepared_readings(dataset: Dataset) -> PreparedReadings:
     """The static readings and ranges of a dataset.
 
     Raises
@@ -86,7 +86,7 @@ def readings_of(dataset: Dataset) -> Readings:
     return _with_noise(dataset, setup, table)
 
 
-def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
+def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> PreparedReadings:
     """A noise for every row, and how well it is known."""
     unknown = np.isnan(table.sigma)
     repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
@@ -107,10 +107,10 @@ def _with_noise(dataset: Dataset, setup: Setup, table: Table) -> Readings:
         remarks.append(f"{before} readings were averaged to {len(table)} of nearly the same state")
     if words == "assumed" and stated == 0:
         words = "from the scatter about smooth curves"
-    return Readings(setup, table, stated, words, words == "assumed", tuple(remarks))
+    return PreparedReadings(setup, table, stated, words, words == "assumed", tuple(remarks))
 
 
-def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> list[Table]:
+def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
     """One row for each displacement, and for each reading of a further channel."""
     direction = np.where(readings.direction == "up", 1.0,
                          np.where(readings.direction == "down", -1.0, 0.0))
@@ -118,7 +118,7 @@ def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> 
                        readings.voltage,
                        np.nan_to_num(readings.elapsed), direction)
 
-    def located(table: Table) -> Table:
+    def located(table: ReadingTable) -> ReadingTable:
         return replace(table, order=readings.order, run=readings.run,
                        file=np.full(len(readings), "static.csv"),
                        line=readings.line)
@@ -133,19 +133,19 @@ def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> 
     return found
 
 
-def _ranges(ranges: Ranges, numbers: dict[str, int]) -> Table:
+def _ranges(ranges: Ranges, numbers: dict[str, int]) -> ReadingTable:
     """One row for each range, of two states."""
     count = len(ranges)
     specimen = [numbers[name] for name in ranges.specimen.tolist()]
     states = States.of(specimen, ranges.mass, ranges.voltage_max).joined(
         States.of(specimen, ranges.mass, ranges.voltage_min))
-    return Table(states, np.full(count, "range"), np.arange(count), count + np.arange(count),
+    return ReadingTable(states, np.full(count, "range"), np.arange(count), count + np.arange(count),
                  ranges.range,
                  ranges.sigma, np.full(count, np.nan), np.full(count, ""),
                  np.full(count, "range.csv"), ranges.line)
 
 
-def averaged(table: Table) -> Table:
+def averaged(table: ReadingTable) -> ReadingTable:
     """Rows of nearly the same state as one, with the mean of what they say and its noise.
 
     States are nearly the same within a two-hundredth of the voltages and a twentieth of the times.
@@ -173,7 +173,7 @@ def averaged(table: Table) -> Table:
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))
     merged = merged.joined(states[table.since[first][origin]])
-    return Table(merged, table.kind[first], np.arange(len(first)), since, mean(table.value), sigma,
+    return ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value), sigma,
                  mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all()
                  else np.full(len(first), np.nan),
                  table.run[first], table.file[first], table.line[first])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tympan.studies.diagnosis.reading_table import States, Table, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS
 
 MASSES = (17.9e-3, 22.45e-3)
@@ -18,7 +19,7 @@ def every_cause(simulation: Simulation) -> list[Cause]:
             for which in effect.choices(simulation.setup)]
 
 
-def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES) -> Table:
+def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES) -> ReadingTable:
     """Displacements of every shape under every mass at every voltage, in this order."""
     grid = np.meshgrid(np.arange(3.0), masses, np.linspace(0, 6.5e3, voltages), indexing="ij")
     specimen, mass, voltage = (axis.ravel() for axis in grid)
@@ -26,8 +27,8 @@ def design(sigma: float, voltages: int = 15, masses: tuple[float, ...] = MASSES)
     return rows(States.of(specimen.astype(np.int64), mass, voltage, elapsed), "displacement", sigma)
 
 
-def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: list[float],
-         seed: int) -> Table:
+def read(simulation: Simulation, table: ReadingTable, hypothesis: Hypothesis, sizes: list[float],
+         seed: int) -> ReadingTable:
     """The table with noisy readings of films 5 % stiffer and 3 % less permittive than nominal."""
     values = simulation.predict(hypothesis, np.array([0.05, -0.03, *sizes]), table)
     return table.with_values(values + table.sigma
@@ -36,5 +37,5 @@ def read(simulation: Simulation, table: Table, hypothesis: Hypothesis, sizes: li
 
 def size_of(cause: Cause, deviations: float) -> float:
     """The size of its first parameter, in standard deviations of the prior, within its limits."""
-    parameter = cause.of_registry.parameters[0]
+    parameter = cause.effect.parameters[0]
     return float(np.clip(deviations * parameter.deviation, *parameter.limits))

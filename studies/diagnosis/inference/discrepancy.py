@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.fit import NUISANCE, Fit
-from tympan.studies.diagnosis.inference.residual_tests import Pattern, orthonormal
+from tympan.studies.diagnosis.inference.residual_tests import ResidualPattern, orthonormal
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _SIZES = np.geomspace(0.3, 100.0, 12)
 
 
-def unknown_evidence(nominal: Fit, groups: tuple[Pattern, ...], sigma: Array) -> float:
+def discrepancy_evidence(nominal: Fit, groups: tuple[ResidualPattern, ...], sigma: Array) -> float:
     """Logarithm of the probability of the readings if the nominal model is off by some smooth pattern.
 
     A pattern's columns have independent normal coefficients that make it a typical size, the same

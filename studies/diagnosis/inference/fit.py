@@ -4,14 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Hypothesis, Simulation, bounds_of, sizes_of
-from tympan.studies.estimation.least_squares import LeastSquares, Point, Unreachable, minimise
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import (
+    FACTORS,
+    SIZES,
+    Cause,
+    Hypothesis,
+    parameters_of,
+    sizes_of,
+    unknown_count,
+)
+from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
+from tympan.studies.estimation.least_squares import (
+    LeastSquares,
+    Minimum,
+    Point,
+    Unreachable,
+    minimise,
+)
 
 Array = NDArray[np.float64]
 
@@ -36,7 +52,7 @@ class Fit:
     derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
     of the cost with the priors, by which the unknowns are about normal; ``cost``: minus the
     logarithm of posterior density, up to what all hypotheses share; ``evidence``: logarithm of the
-    probability of the readings, up to the same. ``found`` is False where no unknowns make a state
+    probability of the readings, up to the same. ``possible`` is False where no unknowns make a state
     of equilibrium of every state that was read.
     """
 
@@ -49,7 +65,7 @@ class Fit:
     cost: float
     evidence: float
     heave: Array
-    found: bool = True
+    possible: bool = True
 
     @property
     def chi_squared(self) -> float:
@@ -61,17 +77,112 @@ class Fit:
         """Standard deviations of the unknowns."""
         return np.sqrt(np.diag(np.linalg.inv(self.precision)))
 
+    def sizes(self, cause: Cause) -> Array:
+        """The sizes found of a cause's parameters."""
+        return self.unknowns[sizes_of(self.hypothesis, cause)]
+
 
 def prior_widths(hypothesis: Hypothesis, widen: float = 1.0) -> Array:
-    """Standard deviations of the unknowns beforehand."""
-    own = [widen * item.deviation for cause in hypothesis for item in cause.of_registry.parameters]
-    return np.concatenate([NUISANCE, own])
+    """Standard deviations of the unknowns beforehand, shape (p,)."""
+    sizes = [widen * parameter.deviation for parameter in parameters_of(hypothesis)]
+    return np.concatenate([NUISANCE, sizes])
 
 
-def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Array | None = None,
-        widen: float = 1.0
-        ) -> Fit:
-    """Fit a hypothesis to readings, from sizes at none and, where a sign changes nothing, from the prior's width.
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A hypothesis to be fitted to a table, the effects' priors ``widen`` times as wide."""
+
+    simulation: Simulation
+    hypothesis: Hypothesis
+    table: ReadingTable
+    widen: float
+
+    @cached_property
+    def bounds(self) -> Array:
+        return bounds_of(self.simulation, self.hypothesis)
+
+    @cached_property
+    def widths(self) -> Array:
+        return prior_widths(self.hypothesis, self.widen)
+
+    @cached_property
+    def problem(self) -> LeastSquares:
+        return LeastSquares(self._evaluate, self.bounds[0], self.bounds[1],
+                            prior=self.widths**-2.0)
+
+    def _evaluate(self, unknowns: Array, near: Point | None) -> Point:
+        """Readings minus predictions over their noise; a point's state are the heaves."""
+        simulation, table = self.simulation, self.table
+        heave = simulation.heaves(self.hypothesis, unknowns, table.states,
+                                  None if near is None else near.state)
+        values = simulation.values(self.hypothesis, unknowns, table, heave)
+
+        def slopes() -> Array:
+            by_unknowns = simulation.jacobian(self.hypothesis, unknowns, table, heave, self.bounds)
+            return -by_unknowns / table.sigma[:, None]
+
+        return Point((table.value - values) / table.sigma, slopes, heave)
+
+    def starts(self, start: Array | None) -> list[Array]:
+        """Where to begin: at the unknowns given, and sizes of which a sign changes nothing at some size."""
+        first = np.zeros(len(self.widths))
+        if start is not None:
+            first[: len(start)] = start[: len(first)]
+        even = np.array([parameter.sign == "even" for parameter in parameters_of(self.hypothesis)],
+                        bool)
+        if not even.any() or (start is not None and len(start) >= len(first)):
+            return [np.clip(first, *self.bounds)]
+        moved = np.zeros(len(first))
+        moved[SIZES] = np.where(even, self.widths[SIZES], 0.0)
+        return [np.clip(first + share * moved, *self.bounds) for share in (0.5, 2.0)]
+
+    def fit(self, start: Array) -> Fit:
+        """The minimum from a start, and the evidence by the curvature there."""
+        try:
+            minimum = minimise(self.problem, start, quick=_SMALL, iterations=_ITERATIONS)
+        except Unreachable:
+            return self._impossible(start)
+        point = minimum.point
+        return Fit(self.hypothesis, minimum.unknowns, self.bounds, point.residual, -point.jacobian,
+                   self.problem.curvature(point), minimum.cost,
+                   self._log_mass(minimum) - minimum.cost, point.state)
+
+    def _impossible(self, start: Array) -> Fit:
+        """A hypothesis that cannot be at the states that were read."""
+        rows, count = len(self.table), len(start)
+        heave = self.simulation.heaves(self.hypothesis, start, self.table.states)
+        return Fit(self.hypothesis, start, self.bounds, np.full(rows, np.inf),
+                   np.zeros((rows, count)), np.eye(count), np.inf, -np.inf, heave, possible=False)
+
+    def _log_mass(self, minimum: Minimum) -> float:
+        """Logarithm of the integral of prior times likelihood, relative to its largest value.
+
+        Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
+        stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their
+        limits, where the largest value may lie on a limit.
+        """
+        precision = self.problem.curvature(minimum.point)
+        slope = self.problem.slope(minimum.unknowns, minimum.point)
+        inner = precision[FACTORS, FACTORS]
+        mass = -0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum()
+        if not self.hypothesis:
+            return float(mass)
+        # The sizes' own parabola, stiffness and permittivity at their best for each.
+        gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
+        curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
+        pull = slope[SIZES] - gain.T @ slope[FACTORS]
+        widths, (low, high) = self.widths[SIZES], self.bounds[:, SIZES]
+        share = ndtr(high / widths) - ndtr(low / widths)
+        mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
+        sizes = minimum.unknowns[SIZES]
+        return float(mass + _log_quadrature(curvature, pull, low - sizes, high - sizes))
+
+
+def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
+        start: Array | None = None, widen: float = 1.0) -> Fit:
+    """The best fit of a hypothesis to readings.
+
+    It begins with no effects and, where a sign changes nothing, with some of the prior's width.
 
     Parameters
     ----------
@@ -80,93 +191,23 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Arr
     widen
         Factor on the widths of the effects' priors.
     """
-    count = 2 + sizes_of(hypothesis)
-    first = np.zeros(count)
-    if start is not None:
-        first[: min(len(start), count)] = start[:count]
-    bounds = bounds_of(simulation, hypothesis)
-    starts = [np.clip(first, *bounds)]
-    even = np.array([item.sign == "even" for cause in hypothesis
-                     for item in cause.of_registry.parameters], bool)
-    if even.any() and (start is None or len(start) < count):
-        width = prior_widths(hypothesis, widen)[2:]
-        starts = [np.clip(first + np.r_[0.0, 0.0, np.where(even, size * width, 0.0)], *bounds)
-                  for size in (0.5, 2.0)]
-    fits = [_descend(simulation, hypothesis, table, one, bounds, widen) for one in starts]
-    return max(fits, key=lambda one: (one.found, one.evidence))
+    search = _Search(simulation, hypothesis, table, widen)
+    return best_of([search.fit(first) for first in search.starts(start)])
 
 
-def nominal_fit(simulation: Simulation, table: Table) -> Fit:
+def best_of(fits: Sequence[Fit]) -> Fit:
+    """The most probable, possible ones first."""
+    return max(fits, key=lambda fit: (fit.possible, fit.evidence))
+
+
+def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
     """The nominal model fitted, from the first start that has equilibria everywhere."""
-    found = fit(simulation, (), table)
+    nominal = fit(simulation, (), table)
     for start in _STARTS[1:]:
-        if found.found:
+        if nominal.possible:
             break
-        found = fit(simulation, (), table, np.array(start))
-    return found
-
-
-def _descend(simulation: Simulation, hypothesis: Hypothesis, table: Table, start: Array,
-             bounds: Array, widen: float
-             ) -> Fit:
-    """The minimum from a start, and the evidence by the curvature there."""
-
-    def evaluate(unknowns: Array, near: Point | None) -> Point:
-        heave = simulation.heaves(hypothesis, unknowns, table.states,
-                                  None if near is None else near.state)
-        values = simulation.values(hypothesis, unknowns, table, heave)
-        return Point((table.value - values) / table.sigma,
-                     lambda: -simulation.jacobian(hypothesis, unknowns, table, heave,
-                                                  bounds) / table.sigma[:, None], heave)
-
-    problem = LeastSquares(evaluate, bounds[0], bounds[1],
-                           prior=prior_widths(hypothesis, widen) ** -2.0)
-    try:
-        minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
-    except Unreachable:
-        return _lost(hypothesis, start, bounds, table,
-                     simulation.heaves(hypothesis, start, table.states))
-    unknowns, point = minimum.unknowns, minimum.point
-    precision, slope = problem.curvature(point), problem.slope(unknowns, point)
-    evidence = -minimum.cost + _log_mass(hypothesis, unknowns, precision, slope, bounds, widen)
-    return Fit(hypothesis, unknowns, bounds, point.residual, -point.jacobian, precision,
-               minimum.cost, evidence, point.state)
-
-
-def _lost(hypothesis: Hypothesis, unknowns: Array, bounds: Array, table: Table,
-          heave: Array) -> Fit:
-    """A hypothesis that cannot be at the states that were read."""
-    count = len(unknowns)
-    return Fit(hypothesis, unknowns, bounds, np.full(len(table), np.inf),
-               np.zeros((len(table), count)), np.eye(count),
-               np.inf, -np.inf, heave, found=False)
-
-
-def _log_mass(hypothesis: Hypothesis, unknowns: Array, precision: Array, slope: Array,
-              bounds: Array, widen: float
-              ) -> float:
-    """Logarithm of the integral of prior times likelihood over the unknowns, relative to its largest value.
-
-    Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
-    stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their limits,
-    where the largest value may lie on a limit.
-    """
-    nuisance, own = slice(0, 2), slice(2, None)
-    inner = precision[nuisance, nuisance]
-    mass = np.log(2
-                  * np.pi) - 0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum() - np.log(2
-                                                                                                 * np.pi)
-    if len(unknowns) == 2:
-        return float(mass)
-    # The sizes' own parabola, stiffness and permittivity at their best for each.
-    gain = np.linalg.solve(inner, precision[nuisance, own])
-    left = precision[own, own] - precision[own, nuisance] @ gain
-    pull = slope[own] - gain.T @ slope[nuisance]
-    widths = prior_widths(hypothesis, widen)[own]
-    share = ndtr(bounds[1, own] / widths) - ndtr(bounds[0, own] / widths)
-    mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
-    return float(mass + _log_quadrature(left, pull, bounds[0, own] - unknowns[own],
-                                        bounds[1, own] - unknowns[own]))
+        nominal = fit(simulation, (), table, np.array(start))
+    return nominal
 
 
 def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> float:
@@ -176,34 +217,38 @@ def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> 
     lower = np.clip(np.minimum(centre - reach, 0.0), low, high)
     upper = np.clip(np.maximum(centre + reach, 0.0), low, high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES if len(slope) < 4 else 10)
-    at = [(one + other) / 2 + (other - one) / 2 * nodes
-          for one, other in zip(lower, upper, strict=True)]
+    at = [(first + last) / 2 + (last - first) / 2 * nodes
+          for first, last in zip(lower, upper, strict=True)]
     grid = np.stack([axis.ravel() for axis in np.meshgrid(*at, indexing="ij")], axis=1)
     weight = np.ones(1)
-    for one, other in zip(lower, upper, strict=True):
-        weight = np.multiply.outer(weight, (other - one) / 2 * weights).ravel()
+    for first, last in zip(lower, upper, strict=True):
+        weight = np.multiply.outer(weight, (last - first) / 2 * weights).ravel()
     exponent = -grid @ slope - 0.5 * np.einsum("ni,ij,nj->n", grid, precision, grid)
     top = exponent.max()
     return float(top + np.log(max(float(weight @ np.exp(exponent - top)), 1e-300)))
 
 
-def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Table, start: Array,
-            widen: float = 1.0,
-            known: Sequence[Fit] = ()) -> list[Fit]:
-    """Every hypothesis fitted but the ``known``, from the nominal one's unknowns; pairs from their members' fits."""
-    found = {one.hypothesis: one for one in known}
+def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: ReadingTable,
+            start: Array, widen: float = 1.0, fitted: Sequence[Fit] = ()) -> list[Fit]:
+    """Every hypothesis fitted but those that are ``fitted``.
+
+    They start from the nominal one's unknowns, pairs from their members' fits.
+    """
+    fits = {fit.hypothesis: fit for fit in fitted}
     for hypothesis in hypotheses:
-        if hypothesis not in found:
-            members = [found[cause,] for cause in hypothesis if len(hypothesis) > 1
-                       and (cause,) in found]
-            starts = [_beside(one, hypothesis) for one in members if one.found] or [start[:2]]
-            fits = [fit(simulation, hypothesis, table, first, widen) for first in starts]
-            found[hypothesis] = max(fits, key=lambda one: (one.found, one.evidence))
-    return [found[hypothesis] for hypothesis in hypotheses]
+        if hypothesis not in fits:
+            members = [fits[cause,] for cause in hypothesis if len(hypothesis) > 1
+                       and (cause,) in fits]
+            starts = [_beside(member, hypothesis) for member in members if member.possible]
+            fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
+                                        for first in starts or [start[FACTORS]]])
+    return [fits[hypothesis] for hypothesis in hypotheses]
 
 
 def _beside(member: Fit, hypothesis: Hypothesis) -> Array:
     """Unknowns of a pair to start from: those of one member, the other not there."""
-    sizes = [member.unknowns[2:] if (cause,) == member.hypothesis else np.zeros(sizes_of((cause,)))
-             for cause in hypothesis]
-    return np.concatenate([member.unknowns[:2], *sizes])
+    unknowns = np.zeros(unknown_count(hypothesis))
+    unknowns[FACTORS] = member.unknowns[FACTORS]
+    for cause in member.hypothesis:
+        unknowns[sizes_of(hypothesis, cause)] = member.sizes(cause)
+    return unknowns

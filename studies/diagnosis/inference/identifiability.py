@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.fit import fit, prior_widths
+from tympan.studies.diagnosis.inference.fit import fit
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, bounds_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, SIZES, Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
 
 Array = NDArray[np.float64]
 
@@ -55,9 +57,15 @@ class Detectable:
     rival: str | None
     prior: float
 
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {"effect": str(self.cause), "parameter": self.parameter, "unit": self.unit,
+                "seen_from": self.seen, "told_from": self.told, "rival": self.rival,
+                "prior_width": self.prior}
+
 
 @dataclass(frozen=True)
-class Knowable:
+class EffectIdentifiability:
     """What readings can tell.
 
     ``invisible``: causes that stiffness and permittivity take up; ``classes``: causes that make the
@@ -69,7 +77,7 @@ class Knowable:
     classes: tuple[tuple[Cause, ...], ...]
 
 
-def signatures(simulation: Simulation, table: Table, unknowns: Array,
+def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> list[Signature]:
     """The signatures of causes about a nominal fit, each at its typical size."""
     heave = simulation.heaves((), unknowns, table.states)
@@ -79,13 +87,13 @@ def signatures(simulation: Simulation, table: Table, unknowns: Array,
     found = []
     for cause in causes:
         columns = [_left_over(simulation, cause, index, unknowns, table)
-                   for index in range(len(cause.of_registry.parameters))]
+                   for index in range(len(cause.effect.parameters))]
         found.append(Signature(cause, without(taken, np.stack(columns, 1))))
     return found
 
 
 def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
-               table: Table) -> Array:
+               table: ReadingTable) -> Array:
     """Readings over their noise with one parameter at its typical size, less the nominal model fitted to them.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
@@ -93,12 +101,14 @@ def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array
     bounds = bounds_of(simulation, (cause,))
     share = TYPICAL
     while True:
-        sizes = np.zeros(bounds.shape[1] - 2)
-        sizes[index] = share * prior_widths((cause,))[2 + index]
-        values = simulation.predict((cause,), np.clip(np.r_[unknowns[:2], sizes], *bounds), table)
+        moved = np.zeros(bounds.shape[1])
+        moved[FACTORS] = unknowns[FACTORS]
+        moved[SIZES][index] = share * cause.effect.parameters[index].deviation
+        values = simulation.predict((cause,), np.clip(moved, *bounds), table)
         if np.isfinite(values).all():
-            refitted = fit(simulation, (), table.with_values(values), unknowns[:2])
-            if refitted.found:
+            refitted = fit(simulation, (), table.with_values(values),
+                           unknowns[FACTORS])
+            if refitted.possible:
                 return refitted.residual * TYPICAL / share
         share /= 2
 
@@ -127,8 +137,8 @@ def classes_of(found: Sequence[Signature]) -> tuple[tuple[Cause, ...],
                                    if len(group) > 1)
 
 
-def knowable(simulation: Simulation, table: Table, unknowns: Array,
-             causes: Sequence[Cause]) -> Knowable:
+def effect_identifiability(simulation: Simulation, table: ReadingTable, unknowns: Array,
+             causes: Sequence[Cause]) -> EffectIdentifiability:
     """What a table's readings can tell, whatever they will be."""
     found = signatures(simulation, table, unknowns, causes)
     invisible, classes = classes_of(found)
@@ -137,15 +147,15 @@ def knowable(simulation: Simulation, table: Table, unknowns: Array,
     for one in found:
         rivals = [other for other in found if other is not one and other.cause not in invisible
                   and other.cause not in alike.get(one.cause, ())
-                  and other.cause.effect != one.cause.effect]
+                  and other.cause.name != one.cause.name]
         effects.append(_detectable(one, min(rivals, key=partial(distance, one), default=None)))
-    return Knowable(tuple(effects), invisible, classes)
+    return EffectIdentifiability(tuple(effects), invisible, classes)
 
 
 def _detectable(one: Signature, nearest: Signature | None) -> Detectable:
     """Sizes at which the strongest parameter is seen and told, in proportion to its typical size."""
     index = int(np.argmax((one.columns**2).sum(0)))
-    parameter = one.cause.of_registry.parameters[index]
+    parameter = one.cause.effect.parameters[index]
     typical = TYPICAL * parameter.deviation
 
     def reached(needed: float, have: float) -> float | None:

@@ -9,35 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.fit import Fit
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 
 Array = NDArray[np.float64]
 
 #: What is thought of them before any data: that something is wrong at all is as probable as not;
 #: then that it is one effect of the library, two, or none of them. Effects share theirs equally, an
 #: effect on one specimen among these.
-NOTHING, SINGLE, PAIR, UNKNOWN = 0.5, 0.3, 0.1, 0.1
+NOTHING, SINGLE, PAIR, DISCREPANCY = 0.5, 0.3, 0.1, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Weighing:
+class Posterior:
     """Probabilities given the readings.
 
-    ``fits`` are the hypotheses with an effect, ``posterior`` theirs; ``nothing`` that of the
-    nominal model; ``unknown`` that of some discrepancy no effect makes. They add up to 1.
+    ``fits`` are the hypotheses with an effect, ``probabilities`` theirs; ``nothing`` that of the
+    nominal model; ``discrepancy`` that of some discrepancy no effect makes. They add up to 1.
     """
 
     nominal: Fit
     fits: tuple[Fit, ...]
-    posterior: Array
+    probabilities: Array
     nothing: float
-    unknown: float
+    discrepancy: float
 
     @classmethod
-    def of(cls, nominal: Fit, fits: Sequence[Fit], unknown_evidence: float) -> Weighing:
+    def of(cls, nominal: Fit, fits: Sequence[Fit], discrepancy_evidence: float) -> Posterior:
         """By evidence and prior."""
-        logs = np.array([nominal.evidence, unknown_evidence, *(one.evidence for one in fits)])
-        logs = logs + np.log([NOTHING, UNKNOWN, *priors([one.hypothesis for one in fits])])
+        logs = np.array([nominal.evidence, discrepancy_evidence, *(one.evidence for one in fits)])
+        logs = logs + np.log([NOTHING, DISCREPANCY, *priors([one.hypothesis for one in fits])])
         weight = np.exp(logs - logs.max())
         weight /= weight.sum()
         return cls(nominal, tuple(fits), weight[2:], float(weight[0]), float(weight[1]))
@@ -50,7 +50,7 @@ class Weighing:
     def of_causes(self) -> dict[Cause, float]:
         """Probability of each cause, alone or with another, given that something is wrong; most probable first."""
         found: dict[Cause, float] = {}
-        for one, share in zip(self.fits, self.posterior.tolist(), strict=True):
+        for one, share in zip(self.fits, self.probabilities.tolist(), strict=True):
             for cause in one.hypothesis:
                 found[cause] = found.get(cause, 0.0) + share / max(self.wrong, 1e-300)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
@@ -58,7 +58,7 @@ class Weighing:
     @property
     def best(self) -> Fit:
         """The most probable hypothesis with an effect."""
-        return self.fits[int(np.argmax(self.posterior))]
+        return self.fits[int(np.argmax(self.probabilities))]
 
     def fit_of(self, causes: Sequence[Cause]) -> Fit | None:
         """The fit of these causes together."""
@@ -67,12 +67,12 @@ class Weighing:
     def with_cause(self, cause: Cause) -> Fit:
         """The most probable hypothesis that has a cause."""
         return self.fits[max((k for k, one in enumerate(self.fits) if cause in one.hypothesis),
-                             key=lambda k: self.posterior[k])]
+                             key=lambda k: self.probabilities[k])]
 
     def credible(self, share: float = 0.95) -> tuple[Fit, ...]:
         """The fewest hypotheses with an effect that together have this share of what those with an effect have."""
-        order = np.argsort(-self.posterior, kind="stable")
-        total = np.cumsum(self.posterior[order])
+        order = np.argsort(-self.probabilities, kind="stable")
+        total = np.cumsum(self.probabilities[order])
         count = int(np.searchsorted(total, share * total[-1])) + 1 if len(total) else 0
         return tuple(self.fits[k] for k in order[:count])
 
@@ -90,4 +90,4 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
 
 def _variants(hypotheses: Sequence[Hypothesis], cause: Cause) -> int:
     """How many specimens an effect may happen to."""
-    return len({other for one in hypotheses for other in one if other.effect == cause.effect})
+    return len({other for one in hypotheses for other in one if other.name == cause.name})

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class _Stroke:
     sigma: float
 
 
-def ratios(table: Table, predicted: Array, names: Sequence[str]) -> tuple[Ratio, ...]:
+def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple[Ratio, ...]:
     """Ratios to the first specimen under the same mass, and to the smallest mass on the same specimen.
 
     A stroke is a range, or the mean reading at the largest voltage less that at the smallest one.
@@ -74,7 +74,7 @@ def _ratio(kind: str, what: str, one: _Stroke, base: _Stroke) -> Ratio:
     return Ratio(kind, what, read, one.simulated / base.simulated, noise)
 
 
-def _strokes(table: Table, predicted: Array) -> dict[tuple[int, float], _Stroke]:
+def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], _Stroke]:
     """Strokes by specimen and mass, those too small to divide by left out."""
     found = {}
     for number, mass in {(int(s), float(m)) for s, m in zip(table.specimen, table.mass,
@@ -86,7 +86,7 @@ def _strokes(table: Table, predicted: Array) -> dict[tuple[int, float], _Stroke]
     return found
 
 
-def _range(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
+def _range(table: ReadingTable, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
     rows = own & (table.kind == "range")
     if not rows.any():
         return None
@@ -94,7 +94,7 @@ def _range(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | 
                    _mean_sigma(table.sigma[rows]))
 
 
-def _swing(table: Table, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
+def _swing(table: ReadingTable, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
     rows = own & (table.kind == "displacement")
     voltage = table.voltage
     if not rows.any() or np.ptp(voltage[rows]) == 0:

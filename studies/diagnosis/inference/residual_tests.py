@@ -15,7 +15,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ _ROUGH = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Pattern:
+class ResidualPattern:
     """Columns a misfit may be a combination of, in units of the readings, and the words for it."""
 
     name: str
@@ -39,28 +39,28 @@ class Pattern:
     columns: Array
 
 
-def patterns(table: Table, names: Sequence[str], predicted: Array) -> tuple[Pattern, ...]:
+def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> tuple[ResidualPattern, ...]:
     """The patterns of a table; ``names`` are its specimens', ``predicted`` what the nominal model says."""
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
     voltage, mass = _voltage(table), _standard(table.mass)
-    common = [Pattern("level", "all readings are off by about the same length",
+    common = [ResidualPattern("level", "all readings are off by about the same length",
                       size[:, None] * voltage[:, :1]),
-              Pattern("voltage", "the way it depends on voltage is wrong",
+              ResidualPattern("voltage", "the way it depends on voltage is wrong",
                       size[:, None] * voltage[:, 1:])]
-    shapes = [Pattern(f"specimen {names[k]}", f"{names[k]} is off against the other specimens",
+    shapes = [ResidualPattern(f"specimen {names[k]}", f"{names[k]} is off against the other specimens",
                       (size * own)[:, None] * voltage[:, :3]) for k, own in _contrasts(table)]
-    loads = [Pattern("mass", "the way it depends on mass is wrong",
+    loads = [ResidualPattern("mass", "the way it depends on mass is wrong",
                      (size * mass)[:, None] * voltage[:, :3])]
-    further = [Pattern("fitted value", "large deflections are off against small ones",
+    further = [ResidualPattern("fitted value", "large deflections are off against small ones",
                        np.stack([predicted, predicted * abs(predicted) / size.max()], 1))]
     found = [*common, *shapes, *loads, *_in_time(table, size, voltage), *further]
     whole = np.concatenate([pattern.columns for pattern in found] + [_ramps(table, size, voltage)],
                            axis=1)
-    found.append(Pattern("ramps", "single ramps are off in different ways", whole))
+    found.append(ResidualPattern("ramps", "single ramps are off in different ways", whole))
     return tuple(pattern for pattern in found if np.abs(pattern.columns).max(initial=0.0) > 0)
 
 
-def _voltage(table: Table) -> Array:
+def _voltage(table: ReadingTable) -> Array:
     """Legendre polynomials in U², shape (rows, up to 5)."""
     squared = table.voltage**2
     distinct = len(np.unique(squared))
@@ -75,29 +75,29 @@ def _standard(values: Array) -> Array:
             - values.mean()) / spread if spread > 1e-12 * float(np.abs(values).max()) else 0 * values
 
 
-def _contrasts(table: Table) -> list[tuple[int, Array]]:
+def _contrasts(table: ReadingTable) -> list[tuple[int, Array]]:
     """For each specimen that has readings, where there are several: its rows against the others."""
     numbers = np.unique(table.specimen)
     return [(int(k), _standard((table.specimen == k).astype(float)))
             for k in numbers] if len(numbers) > 1 else []
 
 
-def _in_time(table: Table, size: Array, voltage: Array) -> list[Pattern]:
+def _in_time(table: ReadingTable, size: Array, voltage: Array) -> list[ResidualPattern]:
     found = []
     elapsed = np.nan_to_num(table.states.elapsed[table.state])
     for name, values in (("order", np.nan_to_num(table.order)), ("time", elapsed)):
         if np.ptp(values) > 0:
             line = _standard(values)
             words = f"readings wander with {'their order' if name == 'order' else 'the time since the run began'}"
-            found.append(Pattern(name, words, size[:, None] * np.stack([line, line**2 - 1], 1)))
+            found.append(ResidualPattern(name, words, size[:, None] * np.stack([line, line**2 - 1], 1)))
     direction = table.states.direction[table.state]
     if np.ptp(direction) > 0:
-        found.append(Pattern("direction", "readings differ on the way up and on the way down",
+        found.append(ResidualPattern("direction", "readings differ on the way up and on the way down",
                              (size * direction)[:, None] * voltage[:, :3]))
     return found
 
 
-def _ramps(table: Table, size: Array, voltage: Array) -> Array:
+def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
     """A polynomial for each specimen under each mass that leaves some scatter, but for a reading that stands alone."""
     keys = np.stack([table.specimen.astype(float), table.mass], 1)
     ramps, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
@@ -110,7 +110,7 @@ def _ramps(table: Table, size: Array, voltage: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class TestResult:
     """What tests found.
 
     ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
@@ -131,11 +131,12 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Tests:
-    """Tests of residuals over their noise against patterns, what a model's unknowns can take up left out.
+class ResidualTests:
+    """Tests of residuals over their noise against patterns, less what a model's unknowns take up.
 
-    ``bases`` are orthonormal columns by name, ``known``: whether each is of one sign only (a cause
-    that is); ``smooth`` spans all of them, ``taken`` what the model's unknowns take up.
+    ``bases`` are orthonormal columns by name, shape (rows, columns); of those in ``one_sided`` only
+    a positive part counts. ``smooth`` spans all of them, ``taken`` what the model's unknowns take
+    up. ``freedom`` is that of the scatter about both, ``stated`` what the stated noise counts as.
     """
 
     bases: dict[str, Array]
@@ -146,9 +147,9 @@ class Tests:
     stated: float
 
     @classmethod
-    def of(cls, table: Table, jacobian: Array, groups: Sequence[Pattern],
+    def of(cls, table: ReadingTable, jacobian: Array, groups: Sequence[ResidualPattern],
            further: dict[str, Array] | None = None,
-           one_sided: frozenset[str] = frozenset(), stated: float = STATED) -> Tests:
+           one_sided: frozenset[str] = frozenset(), stated: float = STATED) -> ResidualTests:
         """For a table, the model's derivatives over the noise, shape (rows, unknowns), and patterns.
 
         Parameters
@@ -187,12 +188,12 @@ class Tests:
                         self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
-    def __call__(self, residual: Array, generator: np.random.Generator) -> Found:
+    def __call__(self, residual: Array, generator: np.random.Generator) -> TestResult:
         """Test residuals at a model's best fit, shape (rows,), against the noise they and the stated one show."""
         return self.against(residual, self.freedom + self.stated, generator, self.noise(residual))
 
     def against(self, residual: Array, freedom: float, generator: np.random.Generator,
-                noise: float = 1.0) -> Found:
+                noise: float = 1.0) -> TestResult:
         """Test residuals against a noise, over the stated one, known with so many degrees of freedom."""
         inner = self.smooth.T @ residual
         small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
@@ -204,7 +205,7 @@ class Tests:
         every = [self._p(name, basis.T @ draws, scatter, freedom) for name, basis in small.items()]
         corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
         bound = min(1.0, least * len(own)) if own else 1.0
-        return Found(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound, noise,
+        return TestResult(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound, noise,
                      freedom)
 
     def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:

@@ -9,14 +9,15 @@ import numpy as np
 
 from tympan.studies.diagnosis.inference.fit import Fit, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.hypothesis import SIZES, Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 #: Factor on the widths of the priors: what is left of them holds back only what nothing asks for.
 _WIDE = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class SingleEffect:
     """One effect fitted with hardly any prior.
 
     ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
@@ -36,32 +37,31 @@ class Attempt:
         return self.widths <= 2.0
 
 
-def attempts(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[Attempt,
+def single_effects(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[SingleEffect,
                                                                                           ...]:
     """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
 
     Those too that are not visible at a usual size: at an unusual one they may be.
     """
-    if judged.weighing is None:
+    if judged.posterior is None:
         return ()
     excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
     found = []
     for cause in causes:
         wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
-        if wide.found:
+        if wide.possible:
             share = (judged.nominal.chi_squared - wide.chi_squared) / excess
-            found.append(Attempt(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause),
+            found.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause),
                                  _bounded(wide)))
     return tuple(sorted(found, key=lambda attempt: -attempt.share))
 
 
-def _widths(one: Fit, cause: Cause) -> float:
-    parameters = cause.of_registry.parameters
-    return max(abs(size) / item.deviation for size, item in zip(one.unknowns[2:].tolist(),
-                                                                parameters, strict=True))
+def _widths(fit: Fit, cause: Cause) -> float:
+    return max(abs(size) / parameter.deviation for size, parameter in zip(
+        fit.sizes(cause).tolist(), cause.effect.parameters, strict=True))
 
 
-def _bounded(one: Fit) -> bool:
+def _bounded(fit: Fit) -> bool:
     """Whether a size that is not none is at a limit."""
-    sizes, (low, high) = one.unknowns[2:], one.bounds[:, 2:]
+    sizes, (low, high) = fit.unknowns[SIZES], fit.bounds[:, SIZES]
     return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))

@@ -10,19 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.discrepancy import unknown_evidence
+from tympan.studies.diagnosis.inference.discrepancy import discrepancy_evidence
 from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.inference.identifiability import classes_of, signatures
-from tympan.studies.diagnosis.inference.posterior import Weighing
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
-    Found,
-    Pattern,
-    Tests,
+    ResidualPattern,
+    ResidualTests,
+    TestResult,
     patterns,
 )
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -38,14 +39,14 @@ class Levels:
 
     ``alarm``: probability by noise alone below which something is wrong; ``adequate``: the same for
     what a cause leaves, below which it does not explain the misfit; ``sure``: probability from
-    which a cause is named; ``unknown``: probability of none of the library from which the verdict
+    which a cause is named; ``discrepancy``: probability of none of the library from which the verdict
     is unexplained.
     """
 
     alarm: float = 0.03
     adequate: float = 0.01
     sure: float = 0.9
-    unknown: float = 0.5
+    discrepancy: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +60,19 @@ class Judgement:
     """
 
     verdict: Verdict
-    table: Table
+    table: ReadingTable
     nominal: Fit
-    test: Found
-    patterns: tuple[Pattern, ...]
-    weighing: Weighing | None = None
-    after: Found | None = None
+    test: TestResult
+    patterns: tuple[ResidualPattern, ...]
+    posterior: Posterior | None = None
+    after: TestResult | None = None
     named: tuple[Cause, ...] = ()
     indistinguishable: tuple[tuple[Cause, ...], ...] = ()
     invisible: tuple[Cause, ...] = ()
     suspects: tuple[Cause, ...] = ()
 
 
-def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated: float = STATED,
+def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], stated: float = STATED,
           levels: Levels = Levels(), widen: float = 1.0, seed: int = 0) -> Judgement:
     """Judge readings.
 
@@ -89,11 +90,11 @@ def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated:
     generator = np.random.default_rng(seed)
     names = [specimen.name for specimen in simulation.setup.specimens]
     nominal = nominal_fit(simulation, table)
-    if not nominal.found:
+    if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     groups = patterns(table, names, table.value - nominal.residual * table.sigma)
     signs = signatures(simulation, table, nominal.unknowns, causes)
-    tests = Tests.of(table, nominal.jacobian, groups,
+    tests = ResidualTests.of(table, nominal.jacobian, groups,
                      {str(one.cause): one.columns for one in signs},
                      frozenset(str(cause) for cause in causes if _one_sided(cause)), stated)
     if not tests.able:
@@ -108,29 +109,29 @@ def judge(simulation: Simulation, table: Table, causes: Sequence[Cause], stated:
         return base
     seen = [cause for cause in causes if cause not in invisible]
     fits = [one for one in fit_all(simulation, hypotheses_of(seen), table, nominal.unknowns, widen)
-            if one.found]
-    weighing = Weighing.of(nominal, fits, unknown_evidence(nominal, groups, table.sigma))
-    return _weighed(base, weighing, tests.freedom + stated, levels, generator)
+            if one.possible]
+    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, groups, table.sigma))
+    return _weighed(base, posterior, tests.freedom + stated, levels, generator)
 
 
 def _one_sided(cause: Cause) -> bool:
-    parameters = cause.of_registry.parameters
+    parameters = cause.effect.parameters
     return len(parameters) == 1 and parameters[0].sign == "positive"
 
 
-def _weighed(base: Judgement, weighing: Weighing, freedom: float, levels: Levels,
+def _weighed(base: Judgement, posterior: Posterior, freedom: float, levels: Levels,
              generator: np.random.Generator
              ) -> Judgement:
     """The verdict when something is wrong."""
-    probability = weighing.of_causes()
-    after = adequacy(base, weighing.best, freedom, generator)
-    suspects = tuple(dict.fromkeys(cause for one in weighing.credible()
+    probability = posterior.of_causes()
+    after = adequacy(base, posterior.best, freedom, generator)
+    suspects = tuple(dict.fromkeys(cause for one in posterior.credible()
                                    for cause in one.hypothesis))
-    known = replace(base, weighing=weighing, after=after, suspects=suspects)
-    if weighing.unknown > levels.unknown * weighing.wrong or after.p_value < levels.adequate:
+    known = replace(base, posterior=posterior, after=after, suspects=suspects)
+    if posterior.discrepancy > levels.discrepancy * posterior.wrong or after.p_value < levels.adequate:
         return replace(known, verdict="unexplained")
     sure = tuple(cause for cause, share in probability.items() if share >= levels.sure)
-    alone = weighing.fit_of(sure) if sure else None
+    alone = posterior.fit_of(sure) if sure else None
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
     if alone is None or alike or adequacy(base, alone, freedom,
                                           generator).p_value < levels.adequate:
@@ -138,9 +139,9 @@ def _weighed(base: Judgement, weighing: Weighing, freedom: float, levels: Levels
     return replace(known, verdict="named", named=sure)
 
 
-def adequacy(base: Judgement, one: Fit, freedom: float, generator: np.random.Generator) -> Found:
+def adequacy(base: Judgement, one: Fit, freedom: float, generator: np.random.Generator) -> TestResult:
     """Whether what a hypothesis leaves is noise: tests of its residuals, the noise known as well as before."""
-    tests = Tests.of(base.table, one.jacobian, base.patterns, stated=0.0)
+    tests = ResidualTests.of(base.table, one.jacobian, base.patterns, stated=0.0)
     return tests.against(one.residual, freedom, generator)
 
 

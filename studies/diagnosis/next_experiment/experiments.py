@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.fit import Fit
-from tympan.studies.diagnosis.reading_table import States, Table, rows
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import FACTORS
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -20,11 +21,11 @@ _FORCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class Readout:
     """What was read, and the nominal model's fit to it."""
 
     simulation: Simulation
-    table: Table
+    table: ReadingTable
     nominal: Fit
 
     @cached_property
@@ -49,18 +50,18 @@ class Bench:
         lengths = np.isin(self.table.kind, ("displacement", "range"))
         return float(np.median(self.table.sigma[lengths])) if lengths.any() else float("nan")
 
-    def shown(self, table: Table) -> Array:
+    def shown(self, table: ReadingTable) -> Array:
         """What the nominal model expects."""
         return self.simulation.predict((), self.nominal.unknowns, table)
 
-    def within_reach(self, table: Table) -> NDArray[np.bool_]:
+    def within_reach(self, table: ReadingTable) -> NDArray[np.bool_]:
         """Rows in states that the force laws cover, by the nominal model."""
-        stiffness, permittivity = np.exp(self.nominal.unknowns[:2])
+        stiffness, permittivity = np.exp(self.nominal.unknowns[FACTORS])
         grids = [law.grid for law in self.simulation.laws]
-        heave, charge = (np.array(values)[table.states.specimen] for values in
-                         ([grid.heave for grid in grids], [grid.charge for grid in grids]))
+        heave, voltage_squared = (np.array(values)[table.states.specimen] for values in
+                         ([grid.heave for grid in grids], [grid.voltage_squared for grid in grids]))
         reached = self.simulation.heaves((), self.nominal.unknowns, table.states)
-        inside = (reached <= heave) & (permittivity / stiffness * table.states.voltage**2 <= charge)
+        inside = (reached <= heave) & (permittivity / stiffness * table.states.voltage**2 <= voltage_squared)
         return np.asarray(inside[table.state])
 
 
@@ -74,90 +75,90 @@ class Experiment:
     """
 
     what: str
-    rows: Callable[[Bench], Table | None]
+    rows: Callable[[Readout], ReadingTable | None]
 
-    def words(self, table: Table) -> str:
+    def words(self, table: ReadingTable) -> str:
         """What to do, for those of the rows that remain."""
         return self.what.format(mass=f"{1e3 * table.mass.max():.4g} g",
                                 voltage=f"{table.voltage.max() / 1e3:.3g} kV",
                                 time=f"{np.nan_to_num(table.states.elapsed).min() / _HOUR:.2g} h")
 
 
-def repeated(bench: Bench) -> Table:
+def repeated(readout: Readout) -> ReadingTable:
     """All readings once more."""
-    return rows(bench.states, "displacement", bench.sigma)
+    return rows(readout.states, "displacement", readout.sigma)
 
 
-def between(bench: Bench) -> Table | None:
+def between(readout: Readout) -> ReadingTable | None:
     """Readings at voltages halfway between those there are."""
     halves = []
-    for specimen, mass in bench.ramps:
-        voltage = np.unique(bench.states.voltage[(bench.states.specimen == specimen)
-                                                 & (bench.states.mass == mass)])
+    for specimen, mass in readout.ramps:
+        voltage = np.unique(readout.states.voltage[(readout.states.specimen == specimen)
+                                                 & (readout.states.mass == mass)])
         halves += [(specimen, mass, half) for half in (voltage[1:] + voltage[:-1]) / 2]
     found = np.array(halves).reshape(-1, 3)
-    return rows(_new_run(bench, *found.T), "displacement", bench.sigma) if len(found) else None
+    return rows(_new_run(readout, *found.T), "displacement", readout.sigma) if len(found) else None
 
 
-def other_mass(bench: Bench, factor: float) -> Table:
+def other_mass(readout: Readout, factor: float) -> ReadingTable:
     """Every specimen under ``factor`` times the largest mass, at the voltages it has been at."""
-    specimen, voltage = np.unique(np.stack([bench.states.specimen.astype(float),
-                                            bench.states.voltage], 1), axis=0).T
-    mass = np.full(len(specimen), factor * bench.states.mass.max())
-    return rows(_new_run(bench, specimen, mass, voltage), "displacement", bench.sigma)
+    specimen, voltage = np.unique(np.stack([readout.states.specimen.astype(float),
+                                            readout.states.voltage], 1), axis=0).T
+    mass = np.full(len(specimen), factor * readout.states.mass.max())
+    return rows(_new_run(readout, specimen, mass, voltage), "displacement", readout.sigma)
 
 
-def higher_voltages(bench: Bench, factor: float, count: int = 5) -> Table | None:
+def higher_voltages(readout: Readout, factor: float, count: int = 5) -> ReadingTable | None:
     """Every ramp continued to ``factor`` times the largest voltage in so many steps."""
-    top = float(bench.states.voltage.max())
+    top = float(readout.states.voltage.max())
     if top <= 0:
         return None
     voltage = top * (1 + (factor - 1) * np.arange(1, count + 1) / count)
-    specimen, mass = np.repeat(bench.ramps, count, axis=0).T
-    return rows(_new_run(bench, specimen, mass, np.tile(voltage, len(bench.ramps))), "displacement",
-                bench.sigma)
+    specimen, mass = np.repeat(readout.ramps, count, axis=0).T
+    return rows(_new_run(readout, specimen, mass, np.tile(voltage, len(readout.ramps))), "displacement",
+                readout.sigma)
 
 
-def backwards(bench: Bench) -> Table | None:
+def backwards(readout: Readout) -> ReadingTable | None:
     """The run in reverse right after it, where it is known when or on which way readings were made."""
-    states = bench.states
+    states = readout.states
     if not (np.ptp(states.elapsed) > 0 or np.any(states.direction != 0)):
         return None
     back = replace(states, elapsed=2 * states.elapsed.max() - states.elapsed,
                    direction=-states.direction)
-    return rows(back, "displacement", bench.sigma)
+    return rows(back, "displacement", readout.sigma)
 
 
-def later(bench: Bench, runs: float) -> Table | None:
+def later(readout: Readout, runs: float) -> ReadingTable | None:
     """All readings again after a pause of so many times the run, an hour at least, where times are known."""
-    states = bench.states
+    states = readout.states
     length = float(np.ptp(states.elapsed))
     if not length > 0:
         return None
     pause = max(runs * length, _HOUR)
     return rows(replace(states, elapsed=states.elapsed + length + pause), "displacement",
-                bench.sigma)
+                readout.sigma)
 
 
-def capacitance(bench: Bench, share: float) -> Table:
+def capacitance(readout: Readout, share: float) -> ReadingTable:
     """The capacitance of the film in every state, to a share."""
-    table = rows(bench.states, "capacitance", 1.0)
-    return table.with_sigma(share * np.abs(bench.shown(table)))
+    table = rows(readout.states, "capacitance", 1.0)
+    return table.with_sigma(share * np.abs(readout.shown(table)))
 
 
-def film_voltage(bench: Bench, share: float) -> Table | None:
+def film_voltage(readout: Readout, share: float) -> ReadingTable | None:
     """The voltage on the film in every state with any, to a share."""
-    states = bench.states[bench.states.voltage > 0]
+    states = readout.states[readout.states.voltage > 0]
     return rows(states, "film_voltage", share * states.voltage) if len(states) else None
 
 
-def blocked_force(bench: Bench, share: float) -> Table:
+def blocked_force(readout: Readout, share: float) -> ReadingTable:
     """The plates held where the masses bring them without voltage, and the force on them, to a share or 1 mN."""
-    states = bench.states
+    states = readout.states
     unloaded = replace(states, voltage=np.zeros(len(states)))
-    held = replace(states, heave=bench.simulation.heaves((), bench.nominal.unknowns, unloaded))
+    held = replace(states, heave=readout.simulation.heaves((), readout.nominal.unknowns, unloaded))
     table = rows(held, "force", 1.0)
-    return table.with_sigma(np.maximum(share * np.abs(bench.shown(table)), _FORCE))
+    return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 
 
 _HANG, _RAISE = "hang {mass} on every specimen and read up to {voltage}", "raise the voltage further, up to {voltage}"
@@ -181,9 +182,9 @@ MENU = (
 )
 
 
-def _new_run(bench: Bench, specimen: Array, mass: Array, voltage: Array) -> States:
+def _new_run(readout: Readout, specimen: Array, mass: Array, voltage: Array) -> States:
     """States in a run of its own, in this order, as fast as the readings so far."""
-    pace = float(np.ptp(np.nan_to_num(bench.states.elapsed))) / max(len(bench.states) - 1, 1)
-    direction = np.full(len(specimen), float(np.any(bench.states.direction != 0)))
+    pace = float(np.ptp(np.nan_to_num(readout.states.elapsed))) / max(len(readout.states) - 1, 1)
+    direction = np.full(len(specimen), float(np.any(readout.states.direction != 0)))
     elapsed = pace * np.arange(float(len(specimen)))
     return States.of(specimen.astype(np.int64), mass, voltage, elapsed, direction)

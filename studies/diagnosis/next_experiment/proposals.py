@@ -17,11 +17,12 @@ from scipy.optimize import lsq_linear
 
 from tympan.studies.diagnosis.inference.fit import Fit, prior_widths
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Weighing
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Bench, Experiment
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
@@ -92,26 +93,26 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
     causes
         What may be wrong: rivals that hold another cause are left out.
     """
-    if judgement.weighing is None:
+    if judgement.posterior is None:
         return Proposals((), "nothing was found to be wrong, so there is nothing to tell apart")
-    fits, weights = rivals(judgement.weighing, causes)
+    fits, weights = rivals(judgement.posterior, causes)
     if len(fits) < 2:
         return Proposals((), "there is only one explanation, so there is nothing to tell apart")
-    bench = Bench(simulation, judgement.table, judgement.nominal)
-    found = [_proposal(experiment, bench, fits, weights) for experiment in menu]
+    readout = Readout(simulation, judgement.table, judgement.nominal)
+    found = [_proposal(experiment, readout, fits, weights) for experiment in menu]
     ranked = tuple(sorted((one for one in found if one),
                           key=lambda one: (round(one.value, 3), one.mean), reverse=True))
     return Proposals(ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis)))
 
 
-def rivals(weighing: Weighing, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
+def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
     """The most probable explanations, none of which holds another, two at least if there are, and their shares.
 
     What holds another, or is held by it, counts for the more probable of the two.
     """
-    order = sorted(zip(weighing.fits, weighing.posterior.tolist(), strict=True),
+    order = sorted(zip(posterior.fits, posterior.probabilities.tolist(), strict=True),
                    key=lambda item: -item[1])
-    credible = {one.hypothesis for one in weighing.credible()}
+    credible = {one.hypothesis for one in posterior.credible()}
     found: list[Fit] = []
     shares: list[float] = []
     for one, share in order:
@@ -130,13 +131,13 @@ def rivals(weighing: Weighing, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...]
     return tuple(found), total / max(total.sum(), 1e-300)
 
 
-def _proposal(experiment: Experiment, bench: Bench, fits: Sequence[Fit],
+def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
               weights: Array) -> Proposal | None:
     """An experiment's worth; None where it is not possible."""
-    table = possible(experiment, bench, fits)
+    table = possible(experiment, readout, fits)
     if table is None:
         return None
-    distances = expected(bench.simulation, fits, table)
+    distances = expected(readout.simulation, fits, table)
     told = np.minimum(distances, distances.T)
     chance = _chances(weights)
     value = float(np.sum(chance * np.minimum(distances, SEEN)) / chance.sum())
@@ -157,20 +158,20 @@ def _chances(weights: Array) -> Array:
     return np.asarray((weights + 1e-9)[:, None] * chance / chance.sum(1, keepdims=True))
 
 
-def possible(experiment: Experiment, bench: Bench, fits: Sequence[Fit]) -> Table | None:
+def possible(experiment: Experiment, readout: Readout, fits: Sequence[Fit]) -> ReadingTable | None:
     """The new rows that the force laws reach and where every rival has an equilibrium; None where there are none."""
-    table = experiment.rows(bench)
+    table = experiment.rows(readout)
     if table is None:
         return None
-    kept = bench.within_reach(table) & np.isfinite(table.sigma)
+    kept = readout.within_reach(table) & np.isfinite(table.sigma)
     beyond = replace(table,
                      states=replace(table.states, voltage=(1 + _MARGIN) * table.states.voltage))
     for one in fits:
-        kept &= np.isfinite(bench.simulation.predict(one.hypothesis, one.unknowns, beyond))
+        kept &= np.isfinite(readout.simulation.predict(one.hypothesis, one.unknowns, beyond))
     return table[kept] if kept.any() else None
 
 
-def expected(simulation: Simulation, fits: Sequence[Fit], table: Table) -> Array:
+def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -> Array:
     """Expected Δχ² of new rows, shape (true rival, other rival): what the other one loses, refitted to all rows."""
     views = [_foreseen(simulation, one, table) for one in fits]
     found = np.zeros((len(fits), len(fits)))
@@ -181,7 +182,7 @@ def expected(simulation: Simulation, fits: Sequence[Fit], table: Table) -> Array
     return found
 
 
-def _foreseen(simulation: Simulation, one: Fit, table: Table) -> Foreseen:
+def _foreseen(simulation: Simulation, one: Fit, table: ReadingTable) -> Foreseen:
     heave = simulation.heaves(one.hypothesis, one.unknowns, table.states)
     return Foreseen(simulation.values(one.hypothesis, one.unknowns, table, heave),
                     simulation.jacobian(one.hypothesis, one.unknowns, table, heave, one.bounds))

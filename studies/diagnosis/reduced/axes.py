@@ -43,7 +43,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Film:
+class HeldFilm:
     """What the finite elements see of a specimen on a rig: itself, how its plate is held, and gas pressure [Pa]."""
 
     specimen: Specimen
@@ -51,7 +51,7 @@ class Film:
     gas_pressure: float
 
     @classmethod
-    def of(cls, setup: Setup, name: str) -> Film:
+    def of(cls, setup: Setup, name: str) -> HeldFilm:
         """A specimen of a setup; mechanisms between plate and ground act on the heave alone and are left out."""
         loading = replace(setup.rig.loading, biases=())
         specimen = setup.specimen(name)
@@ -70,7 +70,7 @@ def uses(effect: Effect, index: int, size: float) -> tuple[float, ...]:
     return tuple(size if number == index else 0.0 for number in range(len(effect.parameters)))
 
 
-def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]) -> Film:
+def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]) -> HeldFilm:
     """The film with some effects; sizes of parameters of the same effect are applied together."""
     together: dict[str, list[float]] = {}
     for axis, size in zip(axes, sizes, strict=True):
@@ -78,12 +78,12 @@ def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]
         values[axis.index] = size
     for effect in (effect for effect in EFFECTS.values() if effect.name in together):
         setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
-    return Film.of(setup, name)
+    return HeldFilm.of(setup, name)
 
 
 def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
     """The axes of a specimen's film."""
-    nominal = Film.of(setup, name)
+    nominal = HeldFilm.of(setup, name)
     found = []
     for effect in EFFECTS.values():
         for index, parameter in enumerate(effect.parameters):

@@ -29,30 +29,30 @@ CORNERS = (-0.6, 0.6)
 
 @dataclass(frozen=True)
 class Grid:
-    """Heaves up to ``heave`` [m] and U² up to ``charge`` [V²] at which a film is solved; Chebyshev points.
+    """Heaves up to ``heave`` [m] and U² up to ``voltage_squared`` [V²] at which a film is solved; Chebyshev points.
 
     An ``odd`` force (no weight, no gas) is sampled over the heave, as a function of its square.
     """
 
     heave: float
-    charge: float
+    voltage_squared: float
     odd: bool
     heaves: int = 5
-    charges: int = 6
+    voltages: int = 6
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
         """Heaves [m] and U² [V²]."""
-        x, q = _points(self.heaves), _points(self.charges)
+        x, q = _points(self.heaves), _points(self.voltages)
         shares = (1 + x) / 2
-        return self.heave * (np.sqrt(shares) if self.odd else shares), self.charge * (1 + q) / 2
+        return self.heave * (np.sqrt(shares) if self.odd else shares), self.voltage_squared * (1 + q) / 2
 
     def coarse(self) -> Grid:
         """The grid for pairs of effects."""
-        return Grid(self.heave, self.charge, self.odd, 3, 3)
+        return Grid(self.heave, self.voltage_squared, self.odd, 3, 3)
 
     def coefficients(self, values: Array) -> Array:
-        """Chebyshev coefficients of what has these values at the nodes, shapes (heaves, charges)."""
+        """Chebyshev coefficients of what has these values at the nodes, shapes (heaves, voltages)."""
         v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in values.shape)
         return np.asarray(v @ values @ q.T)
 
@@ -65,9 +65,9 @@ class Grid:
         values = _polynomials(x, self.heaves)
         return values, values @ _derivative(self.heaves) * rate[:, None]
 
-    def of_charge(self, charge: Array) -> Array:
+    def of_voltage(self, voltage_squared: Array) -> Array:
         """Chebyshev polynomials of U² [V²], shape (n, count)."""
-        return _polynomials(2 * charge / self.charge - 1, self.charges)
+        return _polynomials(2 * voltage_squared / self.voltage_squared - 1, self.voltages)
 
 
 def _polynomials(x: Array, count: int) -> Array:
@@ -100,7 +100,7 @@ class ForceLaw:
     """Polynomials in heave, U² and the coordinates of the axes.
 
     ``powers``: of the axes, shape (terms, axes); ``force``: coefficients of the force over the
-    heave [N/m], or of the force [N], shape (terms, heaves, charges); ``capacitance``: of the
+    heave [N/m], or of the force [N], shape (terms, heaves, voltages); ``capacitance``: of the
     capacitance [F], the same.
     """
 
@@ -110,22 +110,22 @@ class ForceLaw:
     force: Array
     capacitance: Array
 
-    def at(self, coordinates: Array) -> Surface:
+    def at(self, coordinates: Array) -> ForceSurface:
         """The law with the effects' coordinates given, shape (axes,)."""
-        return _surface(self, tuple(coordinates.tolist()))
+        return _force_surface(self, tuple(coordinates.tolist()))
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ForceSurface:
     """A force law with everything but heave and U² given."""
 
     grid: Grid
     force_coefficients: Array
     capacitance_coefficients: Array
 
-    def by_heave(self, charge: Array) -> Array:
+    def by_heave(self, voltage_squared: Array) -> Array:
         """Coefficients of the force by the heave's polynomials at U² [V²], shape (n, heaves)."""
-        return np.asarray(self.grid.of_charge(charge) @ self.force_coefficients.T)
+        return np.asarray(self.grid.of_voltage(voltage_squared) @ self.force_coefficients.T)
 
     def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
         """Force [N] and stiffness [N/m] at heaves [m] and the coefficients :meth:`by_heave` has, shape (n,) each."""
@@ -133,15 +133,15 @@ class Surface:
         value, rate = (v * by_heave).sum(1), (slope * by_heave).sum(1)
         return (heave * value, value + heave * rate) if self.grid.odd else (value, rate)
 
-    def capacitance(self, heave: Array, charge: Array) -> Array:
+    def capacitance(self, heave: Array, voltage_squared: Array) -> Array:
         """Capacitance [F] at heaves [m] and U² [V²]."""
         v, _ = self.grid.of_heave(heave)
-        return np.asarray((v * (self.grid.of_charge(charge)
+        return np.asarray((v * (self.grid.of_voltage(voltage_squared)
                                 @ self.capacitance_coefficients.T)).sum(1))
 
 
 @lru_cache(maxsize=64)
-def _surface(law: ForceLaw, coordinates: tuple[float, ...]) -> Surface:
+def _force_surface(law: ForceLaw, coordinates: tuple[float, ...]) -> ForceSurface:
     """The law at some coordinates; kept, since most of what a fit varies is no axis."""
     at = np.array(coordinates)
     used = at != 0
@@ -150,7 +150,7 @@ def _surface(law: ForceLaw, coordinates: tuple[float, ...]) -> Surface:
     force, capacitance = ((weights @ values.reshape(len(values),
                                                     -1)[terms]).reshape(values.shape[1:])
                           for values in (law.force, law.capacitance))
-    return Surface(law.grid, force, capacitance)
+    return ForceSurface(law.grid, force, capacitance)
 
 
 @dataclass(frozen=True)
@@ -182,13 +182,13 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
     return found
 
 
-def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array],
+def law_through(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array],
            capacitance: list[Array]
            ) -> ForceLaw:
     """The law through samples; values at the nodes of the grid, for pairs at those of the coarse one.
 
     Values are nan where a film could not be solved. The nominal film's are continued along the
-    charge there, those of one axis along that axis, so that they bend nothing where there are some;
+    voltage there, those of one axis along that axis, so that they bend nothing where there are some;
     of pairs, what they add is continued.
     """
     powers = _powers(axes)
@@ -209,17 +209,17 @@ def fitted(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[
         if not single.all():
             expected = _on_coarse(grid, design[np.ix_(~single, own)] @ full[own])
             pairs = [item for item, alone in zip(values, single, strict=True) if not alone]
-            added = [_along_charge(grid.coarse(), item - sums)
+            added = [_along_voltage(grid.coarse(), item - sums)
                      for item, sums in zip(pairs, expected, strict=True)]
             rest = np.stack([_padded(grid, item) for item in added]).reshape(len(added), -1)
             full[~own] = np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0]
-        coefficients.append(full.reshape(len(powers), grid.heaves, grid.charges))
+        coefficients.append(full.reshape(len(powers), grid.heaves, grid.voltages))
     return ForceLaw(grid, axes, powers, coefficients[0], coefficients[1])
 
 
 def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Array]:
     """The nominal film's values and those of single axes, completed by the polynomial through what an axis has."""
-    nominal = next(_along_charge(grid, item) for sample, item in zip(where, values, strict=True)
+    nominal = next(_along_voltage(grid, item) for sample, item in zip(where, values, strict=True)
                    if not sample.axes)
     found = []
     for sample, item in zip(where, values, strict=True):
@@ -236,17 +236,17 @@ def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Ar
     return found
 
 
-def _along_charge(grid: Grid, values: Array) -> Array:
-    """Values continued beyond the last charge that has one: a parabola through the last three, a line through two."""
-    charges, values = grid.nodes[1], values.copy()
+def _along_voltage(grid: Grid, values: Array) -> Array:
+    """Values continued beyond the last voltage that has one: a parabola through the last three, a line through two."""
+    voltages_squared, values = grid.nodes[1], values.copy()
     for row in values:
         have = int(np.isfinite(row).sum())
         if have < len(row):
             degree = min(2, have - 1)
             last = slice(have - 1 - degree, have)
-            unit = charges[have - 1]
-            row[have:] = np.polyval(np.polyfit(charges[last] / unit, row[last], degree),
-                                    charges[have:] / unit)
+            unit = voltages_squared[have - 1]
+            row[have:] = np.polyval(np.polyfit(voltages_squared[last] / unit, row[last], degree),
+                                    voltages_squared[have:] / unit)
     return values
 
 
@@ -269,14 +269,14 @@ def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
 def _padded(grid: Grid, values: Array) -> Array:
     """Coefficients on the fine grid."""
     found = grid.coefficients(values)
-    wanted = zip((grid.heaves, grid.charges), found.shape, strict=True)
+    wanted = zip((grid.heaves, grid.voltages), found.shape, strict=True)
     return np.pad(found, [(0, full - have) for full, have in wanted])
 
 
 def _on_coarse(grid: Grid, flat: Array) -> Array:
-    """Values at the coarse grid's nodes of polynomials of the fine one, shape (count, heaves, charges)."""
+    """Values at the coarse grid's nodes of polynomials of the fine one, shape (count, heaves, voltages)."""
     coarse = grid.coarse()
     v, q = (chebyshev.chebvander(_points(few), many - 1)
-            for few, many in ((coarse.heaves, grid.heaves), (coarse.charges, grid.charges)))
+            for few, many in ((coarse.heaves, grid.heaves), (coarse.voltages, grid.voltages)))
     return np.asarray(np.einsum("ai,bj,tij->tab", v, q,
-                                flat.reshape(len(flat), grid.heaves, grid.charges)))
+                                flat.reshape(len(flat), grid.heaves, grid.voltages)))

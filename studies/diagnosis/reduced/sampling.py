@@ -18,13 +18,13 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import Axis, Film, edited, film_axes
+from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, edited, film_axes
 from tympan.studies.diagnosis.reduced.force_law import (
     ForceLaw,
     Grid,
     Sample,
-    fitted,
     grid_of,
+    law_through,
     samples,
 )
 from tympan.studies.effects import Setup
@@ -45,19 +45,19 @@ _FEWEST = 2
 
 
 class NotSampled(ArithmeticError):
-    """The film has no equilibrium, or none was found, at a node; ``charge`` is the U² there [V²]."""
+    """The film has no equilibrium, or none was found, at a node; ``voltage_squared`` is the U² there [V²]."""
 
-    def __init__(self, charge: float) -> None:
-        super().__init__(charge)
-        self.charge = charge
+    def __init__(self, voltage_squared: float) -> None:
+        super().__init__(voltage_squared)
+        self.voltage_squared = voltage_squared
 
     def __str__(self) -> str:
-        return f"the film could not be solved with its plate held at {self.charge**0.5:.4g} V"
+        return f"the film could not be solved with its plate held at {self.voltage_squared**0.5:.4g} V"
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, charges); states and model."""
+    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, voltages); states and model."""
 
     force: Array
     capacitance: Array
@@ -65,7 +65,7 @@ class Nodes:
     model: Model
 
 
-def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = None,
+def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None = None,
              strict: bool = False
              ) -> Nodes:
     """Solve a film at the nodes of a grid, starting from the states of a similar one where the meshes agree.
@@ -79,31 +79,31 @@ def at_nodes(film: Film, grid: Grid, settings: Settings, near: Nodes | None = No
         Where there is no solution.
     """
     model = _model(film, settings, near)
-    heaves, charges = grid.nodes
-    force, capacitance = np.full((2, len(heaves), len(charges)), np.nan)
+    heaves, voltages_squared = grid.nodes
+    force, capacitance = np.full((2, len(heaves), len(voltages_squared)), np.nan)
     states: list[list[State]] = []
     for i, heave in enumerate(heaves):
         states.append([])
-        for j, charge in enumerate(charges):
+        for j, voltage_squared in enumerate(voltages_squared):
             guess = _guess(model.discretisation.reference.shape, near, states, i, j)
-            found = _solved(model, guess, heave, charge, film.gas_pressure)
+            found = _solved(model, guess, heave, voltage_squared, film.gas_pressure)
             if found is None:
                 if j < _FEWEST or strict:
-                    raise NotSampled(charge)
+                    raise NotSampled(voltage_squared)
                 break
             force[i, j], capacitance[i, j] = found.state.force, model.capacitance(found.state)
             states[-1].append(found.state)
     return Nodes(force, capacitance, states, model)
 
 
-def _model(film: Film, settings: Settings, near: Nodes | None) -> Model:
+def _model(film: HeldFilm, settings: Settings, near: Nodes | None) -> Model:
     """The film's model: on the mesh of a similar film that has the same outlines."""
-    if near is not None and outlines(film.specimen) == outlines(near.model.specimen):
+    if near is not None and meshed_outlines(film.specimen) == meshed_outlines(near.model.specimen):
         return replace(near.model, specimen=film.specimen, loading=film.loading)
     return build_model(film.specimen, settings, film.loading)
 
 
-def outlines(specimen: Specimen) -> tuple[object, ...]:
+def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     """All a specimen's mesh depends on."""
     electrode = specimen.electrode
     return specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate, electrode.outline
@@ -111,7 +111,7 @@ def outlines(specimen: Specimen) -> tuple[object, ...]:
 
 def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int,
            j: int) -> State | None:
-    """A state to start from: that of a similar film, or the neighbours' extrapolation along the charge."""
+    """A state to start from: that of a similar film, or the neighbours' extrapolation along the voltage."""
     if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
         return near.states[i][j]
     row = states[i]
@@ -120,21 +120,21 @@ def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]]
     return row[-1] if row else states[i - 1][0] if i else None
 
 
-def _solved(model: Model, guess: State | None, heave: float, charge: float,
+def _solved(model: Model, guess: State | None, heave: float, voltage_squared: float,
             pressure: float) -> Solution | None:
     """The film with its plate held."""
     guess = model.mounted() if guess is None else guess
-    found = newton(model, guess.under(voltage=charge, pressure=pressure), ("force",),
+    found = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
                    (HeldPlate(heave),))
     if found.converged:
         return found
     start = newton(model, model.mounted().under(pressure=pressure), ("force",), (HeldPlate(0.0),))
-    outcome = held(model, heave, charge**0.5, start, _BOLD)
+    outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
 @dataclass(frozen=True)
-class Task:
+class SamplingTask:
     """Some samples of one specimen's film, to be solved together."""
 
     setup: Setup
@@ -152,11 +152,11 @@ class Task:
             axes = [self.axes[index] for index in sample.axes]
             sizes = [axis.size(at) for axis, at in zip(axes, sample.at, strict=True)]
             grid = grid_of(self.grid, sample)
-            nominal = (grid, outlines(self.setup.specimen(self.name)))
+            nominal = (grid, meshed_outlines(self.setup.specimen(self.name)))
             if nominal not in known:
-                known[nominal] = at_nodes(Film.of(self.setup, self.name), grid, self.settings)
+                known[nominal] = at_nodes(HeldFilm.of(self.setup, self.name), grid, self.settings)
             film = edited(self.setup, self.name, axes, sizes)
-            own = grid, outlines(film.specimen)
+            own = grid, meshed_outlines(film.specimen)
             nodes = at_nodes(film, grid, self.settings,
                              known.get(own, known[nominal])) if axes else known[nominal]
             known.setdefault(own, nodes)
@@ -165,19 +165,19 @@ class Task:
         return [results[sample] for sample in self.samples]
 
 
-def nominal_law(setup: Setup, name: str, heave: float, charge: float) -> ForceLaw:
+def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
     """The force law of a film without effects, up to a heave [m] and a U² [V²], less where it cannot be solved."""
-    film = Film.of(setup, name)
+    film = HeldFilm.of(setup, name)
     while True:
-        grid = Grid(heave, charge, odd=not film.heavy and film.loading.arm == (0.0, 0.0))
+        grid = Grid(heave, voltage_squared, odd=not film.heavy and film.loading.arm == (0.0, 0.0))
         try:
             nodes = at_nodes(film, grid, COARSE, strict=True)
         except NotSampled as error:
-            charge = min(0.9 * charge, error.charge)
-            if charge < 1.0:
+            voltage_squared = min(0.9 * voltage_squared, error.voltage_squared)
+            if voltage_squared < 1.0:
                 raise
         else:
-            return fitted(grid, (), [Sample((), ())], [nodes.force], [nodes.capacitance])
+            return law_through(grid, (), [Sample((), ())], [nodes.force], [nodes.capacitance])
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
@@ -192,13 +192,13 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     """
     names = [specimen.name for specimen in setup.specimens]
     axes = [film_axes(setup, name) for name in names]
-    tasks: list[Task] = []
+    tasks: list[SamplingTask] = []
     owners: list[int] = []
     for number, (name, grid, own) in enumerate(zip(names, grids, axes, strict=True)):
         every = sorted(samples(own),
                        key=lambda sample: (len(sample.axes) > 1, _mesh_of(own, sample)))
         chunks = [tuple(every[k : k + _CHUNK]) for k in range(0, len(every), _CHUNK)]
-        tasks += [Task(setup, name, grid, own, chunk) for chunk in chunks]
+        tasks += [SamplingTask(setup, name, grid, own, chunk) for chunk in chunks]
         owners += [number] * len(chunks)
     results = list(_run(tasks, workers, progress))
     laws = []
@@ -207,7 +207,7 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
                  for sample in task.samples]
         nodes = [pair for result, owner in zip(results, owners, strict=True) if owner == number
                  for pair in result]
-        laws.append(fitted(grid, own, where, [pair[0] for pair in nodes],
+        laws.append(law_through(grid, own, where, [pair[0] for pair in nodes],
                            [pair[1] for pair in nodes]))
     return tuple(laws)
 
@@ -217,7 +217,7 @@ def _mesh_of(axes: tuple[Axis, ...], sample: Sample) -> tuple[tuple[str, float],
     return tuple((axes[index].effect, at) for index, at in zip(sample.axes, sample.at, strict=True))
 
 
-def _run(tasks: Sequence[Task], workers: int, progress: Callable[[int, int], None]
+def _run(tasks: Sequence[SamplingTask], workers: int, progress: Callable[[int, int], None]
          ) -> Iterable[list[tuple[Array, Array]]]:
     """Results in the order of the tasks."""
     if workers < 2 or len(tasks) < 2:
@@ -226,6 +226,6 @@ def _run(tasks: Sequence[Task], workers: int, progress: Callable[[int, int], Non
             yield task.run()
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for done, result in enumerate(pool.map(Task.run, tasks)):
+        for done, result in enumerate(pool.map(SamplingTask.run, tasks)):
             progress(done, len(tasks))
             yield result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,10 +10,18 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
-from tympan.studies.diagnosis.reading_table import States, Table
+from tympan.studies.diagnosis.reading_table import ReadingTable, States
 from tympan.studies.diagnosis.reduced.axes import changes_rig
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Surface
-from tympan.studies.effects import EFFECTS, Effect, Setup, Use
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
+from tympan.studies.diagnosis.reduced.hypothesis import (
+    FACTORS,
+    PERMITTIVITY,
+    STIFFNESS,
+    Hypothesis,
+    parameters_of,
+    sizes_of,
+)
+from tympan.studies.effects import EFFECTS, Setup, Use
 
 Array = NDArray[np.float64]
 
@@ -22,55 +29,27 @@ Array = NDArray[np.float64]
 #: heave.
 _ITERATIONS, _SMALL = 25, 1e-9
 
+#: The logarithm of the largest factor on stiffness or permittivity.
+_FACTOR = np.log(20.0)
+
 #: How far beyond its largest heave and U² a force law is trusted, as shares.
 _BEYOND = 0.15
 
 
-@dataclass(frozen=True)
-class Cause:
-    """An effect, and the specimen it happens to, if it is on one."""
-
-    effect: str
-    which: str | None = None
-
-    @property
-    def of_registry(self) -> Effect:
-        """The effect."""
-        return EFFECTS[self.effect]
-
-    def __str__(self) -> str:
-        return self.effect if self.which is None else f"{self.effect} of {self.which}"
-
-
-#: Effects that are there together; none for the nominal model.
-Hypothesis = tuple[Cause, ...]
-
-
-def sizes_of(hypothesis: Hypothesis) -> int:
-    """How many numbers its effects have."""
-    return sum(len(cause.of_registry.parameters) for cause in hypothesis)
-
-
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Predictions for a setup.
-
-    Unknowns are the logarithms of a factor on all films' stiffness and of one on their
-    permittivity, then the sizes of the hypothesis' effects in the order of their parameters.
-    """
+    """Predictions for a setup by the force laws of its films."""
 
     setup: Setup
     laws: tuple[ForceLaw, ...]
 
     def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
         """The effects with their values."""
-        found, rest = [], list(unknowns[2:])
-        for cause in hypothesis:
-            parameters = cause.of_registry.parameters
-            sizes, rest = rest[: len(parameters)], rest[len(parameters) :]
-            values = tuple(item.value(size) for item, size in zip(parameters, sizes, strict=True))
-            found.append(Use(cause.effect, values, cause.which))
-        return tuple(found)
+        return tuple(
+            Use(cause.name, tuple(parameter.value(size) for parameter, size in zip(
+                cause.effect.parameters, unknowns[sizes_of(hypothesis, cause)].tolist(),
+                strict=True)), cause.which)
+            for cause in hypothesis)
 
     def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States,
                start: Array | None = None) -> Array:
@@ -96,16 +75,16 @@ class Simulation:
                            | (heave >= (1 + _BEYOND) * reach))
         return np.where(lost | view.beyond, np.nan, heave)
 
-    def values(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array) -> Array:
+    def values(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable, heave: Array) -> Array:
         """What each row of a table shows when the states have these heaves [m]."""
         return _View(self, hypothesis, unknowns, table.states).shown(table, heave)
 
-    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: Table) -> Array:
+    def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
         return self.values(hypothesis, unknowns, table,
                            self.heaves(hypothesis, unknowns, table.states))
 
-    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: Table, heave: Array,
+    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable, heave: Array,
                  bounds: Array) -> Array:
         """Derivatives of the rows by the unknowns, shape (rows, unknowns).
 
@@ -138,11 +117,10 @@ class Simulation:
 
 def _steps(hypothesis: Hypothesis) -> list[float]:
     """Steps of the unknowns for differences."""
-    return [1e-6, 1e-6] + [1e-6 * item.deviation for cause in hypothesis
-                           for item in cause.of_registry.parameters]
+    return [1e-6, 1e-6] + [1e-6 * parameter.deviation for parameter in parameters_of(hypothesis)]
 
 
-def _through(table: Table, by_heave: Array, shift: Array, view: _View) -> Array:
+def _through(table: ReadingTable, by_heave: Array, shift: Array, view: _View) -> Array:
     """Change of the rows by shifts of the states' heaves; ``by_heave`` is right for rows of one state."""
     change = by_heave * shift[table.state]
     ranges = table.since >= 0
@@ -158,27 +136,27 @@ class _View:
     def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
                  states: States) -> None:
         self.states = states
-        self.stiffness = float(np.exp(unknowns[0]))
-        self.permittivity = float(np.exp(unknowns[1]))
+        self.stiffness = float(np.exp(unknowns[STIFFNESS]))
+        self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
         self.rig = _rig(simulation, hypothesis, unknowns)
-        self.surfaces = [_surface(simulation, number, hypothesis, unknowns, self.stiffness)
+        self.surfaces = [_surface_of(simulation, number, hypothesis, unknowns, self.stiffness)
                          for number in range(len(simulation.laws))]
         self.groups = states.of_specimen
         # A probe shows what the supply gives, without the film's lag.
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
-        self.charge = self.permittivity / self.stiffness * seen**2
+        self.voltage_squared = self.permittivity / self.stiffness * seen**2
         areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
         self.reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
-        top = np.array([law.grid.charge for law in simulation.laws])[states.specimen]
-        self.beyond = self.charge > (1 + _BEYOND) * top
+        top = np.array([law.grid.voltage_squared for law in simulation.laws])[states.specimen]
+        self.beyond = self.voltage_squared > (1 + _BEYOND) * top
 
     @cached_property
     def by_heave(self) -> list[Array]:
         """Of each specimen, its states' forces as polynomials of the heave."""
-        return [surface.by_heave(self.charge[rows])
+        return [surface.by_heave(self.voltage_squared[rows])
                 for rows, surface in zip(self.groups, self.surfaces, strict=False)]
 
     def film(self, heave: Array) -> tuple[Array, Array]:
@@ -208,7 +186,7 @@ class _View:
             guess = rest - np.where(rate > 0, force / rate, 0.0)
         return np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach)
 
-    def shown(self, table: Table, heave: Array) -> Array:
+    def shown(self, table: ReadingTable, heave: Array) -> Array:
         """What the rows show."""
         rig, states = self.rig, self.states
         shown = np.empty(len(table))
@@ -230,65 +208,45 @@ class _View:
         found = np.empty(len(heave))
         for rows, surface in zip(self.groups, self.surfaces, strict=False):
             if len(rows):
-                found[rows] = surface.capacitance(heave[rows], self.charge[rows])
+                found[rows] = surface.capacitance(heave[rows], self.voltage_squared[rows])
         return self.permittivity * found
 
 
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
     """The rig with its effects."""
     setup = Setup((), simulation.setup.rig)
-    for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.effect)):
-        first = 2 + sizes_of(hypothesis[: hypothesis.index(cause)])
-        if cause.effect in simulation.rig_effects:
-            setup = cause.of_registry.at(setup,
-                                         unknowns[first : first
-                                                  + len(cause.of_registry.parameters)].tolist())
+    for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.name)):
+        if cause.name in simulation.rig_effects:
+            setup = cause.effect.at(setup, unknowns[sizes_of(hypothesis, cause)].tolist())
     return setup.rig
 
 
-def _surface(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
-             stiffness: float) -> Surface:
+def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
+                stiffness: float) -> ForceSurface:
     """The force law of a specimen with the effects that change its film."""
     law, name = simulation.laws[number], simulation.setup.specimens[number].name
     coordinates = np.zeros(len(law.axes))
-    first = 2
     for cause in hypothesis:
-        count = len(cause.of_registry.parameters)
+        sizes = unknowns[sizes_of(hypothesis, cause)].tolist()
         if cause.which in (None, name):
             for place, axis in enumerate(law.axes):
-                if axis.effect == cause.effect:
-                    coordinates[place] = axis.coordinate(float(unknowns[first + axis.index]),
-                                                         stiffness)
-        first += count
+                if axis.effect == cause.name:
+                    coordinates[place] = axis.coordinate(sizes[axis.index], stiffness)
     return law.at(coordinates)
 
 
 def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
-    """Smallest and largest unknowns, shape (2, n): the priors' limits, within what the force laws reach."""
-    low, high = [-np.log(20.0)] * 2, [np.log(20.0)] * 2
+    """Smallest and largest unknowns, shape (2, p): the priors' limits, within what the force laws reach."""
+    low, high = [-_FACTOR] * FACTORS.stop, [_FACTOR] * FACTORS.stop
     for cause in hypothesis:
-        for index, item in enumerate(cause.of_registry.parameters):
-            least, most = item.limits
-            for law in simulation.laws:
-                for axis in law.axes:
-                    if (axis.effect, axis.index) == (cause.effect, index):
-                        least, most = max(least, -axis.span), min(most, axis.span)
-            low.append(max(least, 0.0) if item.sign == "even"
-                       and _folded(simulation, cause.effect, index) else least)
+        for index, parameter in enumerate(cause.effect.parameters):
+            axes = [axis for law in simulation.laws for axis in law.axes
+                    if (axis.effect, axis.index) == (cause.name, index)]
+            least, most = parameter.limits
+            least = max([least, *(-axis.span for axis in axes)])
+            most = min([most, *(axis.span for axis in axes)])
+            # On no specimen does the sign of such a parameter change anything.
+            folded = parameter.sign == "even" and all(axis.folded for axis in axes)
+            low.append(max(least, 0.0) if folded else least)
             high.append(most)
     return np.array([low, high])
-
-
-def _folded(simulation: Simulation, effect: str, index: int) -> bool:
-    """Whether the sign of a parameter changes nothing on any specimen."""
-    axes = [axis for law in simulation.laws for axis in law.axes if (axis.effect, axis.index)
-            == (effect, index)]
-    return all(axis.folded for axis in axes)
-
-
-def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
-    """Each cause alone, then every two together; not two specimens' share of the same effect."""
-    singles: list[Hypothesis] = [(cause,) for cause in causes]
-    pairs: list[Hypothesis] = [(one, two) for k, one in enumerate(causes) for two in causes[k + 1 :]
-                               if one.effect != two.effect]
-    return (*singles, *pairs)

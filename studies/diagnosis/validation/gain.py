@@ -19,9 +19,10 @@ from tympan.studies.diagnosis.inference.fit import Fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures
 from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
-from tympan.studies.diagnosis.validation.gaussian_process import Process
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.validation.gaussian_process import GaussianProcess
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -113,7 +114,7 @@ class GainReport:
     impossible: tuple[str, ...]
 
 
-def gain_of(simulation: Simulation, table: Table, causes: Sequence[Cause], judgement: Judgement,
+def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], judgement: Judgement,
             seed: int = 0
             ) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
@@ -122,18 +123,18 @@ def gain_of(simulation: Simulation, table: Table, causes: Sequence[Cause], judge
     readings speak for (one on a specimen that is held out; a mass left out of account, with one
     mass left), or shows nothing wrong at all, the split says so and does not count.
     """
-    if judgement.weighing is None or not judgement.weighing.fits:
+    if judgement.posterior is None or not judgement.posterior.fits:
         return GainReport(None, (),
                           ("nothing was found to be wrong, so there is no extended model to test",))
     table = table.with_sigma(judgement.table.sigma)
     splits, impossible = splits_of(simulation, table)
     classes = judgement.indistinguishable
-    best = (judgement.weighing.fit_of(judgement.named) or judgement.weighing.best).hypothesis
+    best = (judgement.posterior.fit_of(judgement.named) or judgement.posterior.best).hypothesis
     tested = tuple(_tested(simulation, table, causes, split, classes, best) for split in splits)
     return GainReport(_overall(tested, seed), tested, impossible)
 
 
-def splits_of(simulation: Simulation, table: Table) -> tuple[tuple[Split, ...], tuple[str, ...]]:
+def splits_of(simulation: Simulation, table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and something to test, and in words those that do not."""
     specimens = simulation.setup.specimens
     frames = [(one.frame, one.plate) for one in specimens]
@@ -158,7 +159,7 @@ def splits_of(simulation: Simulation, table: Table) -> tuple[tuple[Split, ...], 
                  if not reason), tuple(impossible)
 
 
-def _unfit(split: Split, table: Table, shape: NDArray[np.int64]) -> str:
+def _unfit(split: Split, table: ReadingTable, shape: NDArray[np.int64]) -> str:
     """Why a split cannot be made; empty where it can."""
     train = ~split.test
     if not np.any(split.test & np.isin(table.kind, LENGTHS)):
@@ -173,14 +174,14 @@ def _unfit(split: Split, table: Table, shape: NDArray[np.int64]) -> str:
     return ""
 
 
-def _ramps(table: Table) -> NDArray[np.int64]:
+def _ramps(table: ReadingTable) -> NDArray[np.int64]:
     """Number of the specimen and mass of each row."""
     _, numbers = np.unique(np.stack([table.specimen.astype(float), table.mass], 1), axis=0,
                            return_inverse=True)
     return np.asarray(numbers.ravel(), dtype=np.int64)
 
 
-def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split: Split,
+def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
             classes: tuple[tuple[Cause, ...], ...], best: Hypothesis) -> SplitGain:
     """The models trained on one part and tested on the other."""
     train = compact(table[~split.test])
@@ -194,7 +195,7 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
     error = {name: _errors(simulation, one, test)
              for name, one in (("before", nominal), ("after", chosen))}
     error["rival"] = _errors(simulation, wrong, test) if wrong else np.full(len(test), np.nan)
-    process = Process.trained(train, nominal.residual * train.sigma)
+    process = GaussianProcess.trained(train, nominal.residual * train.sigma)
     error["process"] = error["before"] - process.predicted(test)
     kept = np.isfinite(error["before"] + error["after"])
     note = _unlearnable(simulation, train, nominal, best, split.held_out)
@@ -208,7 +209,7 @@ def _tested(simulation: Simulation, table: Table, causes: Sequence[Cause], split
                      _ramps(table)[counted][kept], int((~kept).sum()), note)
 
 
-def _unlearnable(simulation: Simulation, train: Table, nominal: Fit, best: Hypothesis,
+def _unlearnable(simulation: Simulation, train: ReadingTable, nominal: Fit, best: Hypothesis,
                  held_out: str) -> str:
     """Whether the training part cannot show one of the causes all readings speak for, at its typical size."""
     blind = [one.cause for one in signatures(simulation, train, nominal.unknowns, best)
@@ -216,7 +217,7 @@ def _unlearnable(simulation: Simulation, train: Table, nominal: Fit, best: Hypot
     return f"{blind[0]} cannot be learned while {held_out} is held out" if blind else ""
 
 
-def _errors(simulation: Simulation, one: Fit, table: Table) -> Array:
+def _errors(simulation: Simulation, one: Fit, table: ReadingTable) -> Array:
     """Readings minus predictions [m]; nan where there is no equilibrium."""
     return table.value - simulation.predict(one.hypothesis, one.unknowns, table)
 
@@ -230,7 +231,7 @@ class Choice:
     odds: float
 
 
-def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nominal: Fit,
+def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
            classes: Sequence[Sequence[Cause]] = ()) -> Choice:
     """The most probable causes for a table, and the most probable ones that share none with them nor their class.
 
@@ -246,7 +247,7 @@ def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nomina
     pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
              and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
     ranked = _ranked([*singles,
-                      *fit_all(simulation, pairs, table, nominal.unknowns, known=singles)], prior)
+                      *fit_all(simulation, pairs, table, nominal.unknowns, fitted=singles)], prior)
     taken = set(ranked[0].hypothesis)
     taken |= {cause for group in classes if taken & set(group) for cause in group}
     weights = [one.evidence + prior[one.hypothesis] - nominal.evidence - np.log(NOTHING)
@@ -257,11 +258,11 @@ def choose(simulation: Simulation, table: Table, causes: Sequence[Cause], nomina
 
 def _ranked(fits: Sequence[Fit], prior: dict[Hypothesis, float]) -> list[Fit]:
     """Fits by probability, the most probable first; without those that have no equilibria."""
-    return sorted((one for one in fits if one.found),
+    return sorted((one for one in fits if one.possible),
                   key=lambda one: -(one.evidence + prior[one.hypothesis]))
 
 
-def compact(table: Table) -> Table:
+def compact(table: ReadingTable) -> ReadingTable:
     """The same rows with only the states they are of."""
     used, numbers = np.unique(np.r_[table.state, table.since[table.since >= 0]],
                               return_inverse=True)

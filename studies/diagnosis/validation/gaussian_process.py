@@ -8,13 +8,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.reading_table import Table
+from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
 #: Lengths in U² over its largest and in mass over its largest, likeness of specimens, and sizes
 #: over the residuals'.
-_CHARGES, _MASSES, _LIKE, _SIZES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0), (0.0, 0.5, 0.9,
+_VOLTAGES, _MASSES, _LIKE, _SIZES = (0.2, 0.5, 1.0, 3.0), (0.1, 0.5, 2.0), (0.0, 0.5, 0.9,
                                                                            0.99), (0.3, 1.0, 3.0,
                                                                                    10.0)
 
@@ -23,7 +23,7 @@ MOST_ROWS = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Process:
+class GaussianProcess:
     """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen, which are given.
 
     A row that is a difference of two states is the difference of the process at both. ``like`` is
@@ -31,22 +31,22 @@ class Process:
     the readings].
     """
 
-    train: Table
+    train: ReadingTable
     residual: Array
     lengths: tuple[float, float]
     like: float
     size: float
 
     @classmethod
-    def trained(cls, table: Table, residual: Array) -> Process:
+    def trained(cls, table: ReadingTable, residual: Array) -> GaussianProcess:
         """The most probable lengths, likeness and size on a grid, for residuals of a table's rows, shape (rows,)."""
         if len(table) > MOST_ROWS:
             kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
             table, residual = table[kept], residual[kept]
         typical = max(float(np.sqrt(np.mean(residual**2))), float(table.sigma.min()))
         best, found = -np.inf, cls(table, residual, (1.0, 1.0), 0.5, typical)
-        for charge, mass, like in product(_CHARGES, _MASSES, _LIKE):
-            one = cls(table, residual, (charge, mass), like, typical)
+        for voltage_squared, mass, like in product(_VOLTAGES, _MASSES, _LIKE):
+            one = cls(table, residual, (voltage_squared, mass), like, typical)
             values, vectors = np.linalg.eigh(one.covariance(table, table) / np.outer(table.sigma,
                                                                                      table.sigma))
             along = vectors.T @ (residual / table.sigma)
@@ -54,31 +54,31 @@ class Process:
                 spread = 1 + share**2 * np.maximum(values, 0.0)
                 likelihood = -0.5 * float(np.sum(along**2 / spread + np.log(spread)))
                 if likelihood > best:
-                    best, found = likelihood, cls(table, residual, (charge, mass), like,
+                    best, found = likelihood, cls(table, residual, (voltage_squared, mass), like,
                                                   share * typical)
         return found
 
-    def covariance(self, one: Table, other: Table) -> Array:
+    def covariance(self, one: ReadingTable, other: ReadingTable) -> Array:
         """Covariance of the rows of two tables without noise, shape (rows of one, rows of the other)."""
-        charge, mass = (max(float(np.abs(values).max()), 1e-12) for values in
+        voltage_squared, mass = (max(float(np.abs(values).max()), 1e-12) for values in
                         (self.train.states.voltage**2, self.train.states.mass))
         total = np.zeros((len(one), len(other)))
         for left, sign in _ends(one):
             for right, opposite in _ends(other):
                 a, b = one.states[left], other.states[right]
-                far = ((a.voltage[:, None] ** 2 - b.voltage**2) / charge / self.lengths[0]) ** 2
+                far = ((a.voltage[:, None] ** 2 - b.voltage**2) / voltage_squared / self.lengths[0]) ** 2
                 far += ((a.mass[:, None] - b.mass) / mass / self.lengths[1]) ** 2
                 alike = np.where(a.specimen[:, None] == b.specimen, 1.0, self.like)
                 total += np.outer(sign, opposite) * alike * np.exp(-0.5 * far)
         return self.size**2 * total
 
-    def predicted(self, table: Table) -> Array:
+    def predicted(self, table: ReadingTable) -> Array:
         """The most probable residuals of a table's rows, shape (rows,)."""
         own = self.covariance(self.train, self.train) + np.diag(self.train.sigma**2)
         return np.asarray(self.covariance(table, self.train) @ np.linalg.solve(own, self.residual))
 
 
-def _ends(table: Table) -> list[tuple[NDArray[np.int64], Array]]:
+def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:
     """The states of the rows with their signs: the one read and, for a range, the one it is counted from."""
     ends = [(table.state, np.ones(len(table)))]
     if np.any(table.since >= 0):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,12 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
-from tympan.studies.diagnosis import output as record
-from tympan.studies.diagnosis.diagnose import Diagnosis, chosen_fit
 from tympan.studies.diagnosis.inference.verdict import judge
-from tympan.studies.diagnosis.next_experiment.proposals import propose
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.readings import averaged, readings_of
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
-from tympan.studies.diagnosis.validation.gain import gain_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.readings import averaged, prepared_readings
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.result import Diagnosis
 
 ROWS = "specimen,mass_g,voltage_kV,displacement_mm\n"
 GOOD = "".join(f"{name},{mass},{kv},{1.9 * mass / 17.9 + 0.03 * kv**2}\n"
@@ -61,14 +60,14 @@ def test_data_that_nothing_can_be_concluded_from_get_one_message(
 
 
 def test_windows_line_ends_and_marks_change_nothing(tmp_path: Path) -> None:
-    plain = readings_of(read_dataset(write_dataset(tmp_path / "a", static=ROWS + GOOD)))
+    plain = prepared_readings(read_dataset(write_dataset(tmp_path / "a", static=ROWS + GOOD)))
     windows = b"\xef\xbb\xbf" + (ROWS + GOOD).replace("\n", "\r\n").encode()
-    other = readings_of(read_dataset(write_dataset(tmp_path / "b", static=windows)))
+    other = prepared_readings(read_dataset(write_dataset(tmp_path / "b", static=windows)))
     assert np.array_equal(plain.table.value, other.table.value)
     metres = GOOD.splitlines()
     rescaled = "\n".join(f"{n},{float(m) / 1e3},{float(v) * 1e3},{float(y) * 1e3}"
                          for n, m, v, y in (line.split(",") for line in metres))
-    third = readings_of(read_dataset(write_dataset(
+    third = prepared_readings(read_dataset(write_dataset(
         tmp_path / "c", static=f"specimen,mass_kg,voltage_V,displacement_um\n{rescaled}\n")))
     assert third.table.value == pytest.approx(plain.table.value, rel=1e-12)
     assert third.table.voltage == pytest.approx(plain.table.voltage, rel=1e-12)
@@ -79,7 +78,7 @@ def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     voltage = generator.uniform(0, 6, 100_000)
     text = ROWS + "".join(f"A,17.9,{v:.3f},{y:.4f}\n" for v, y in zip(
         voltage, 2 + 0.03 * voltage**2 + generator.normal(0, 0.02, len(voltage)), strict=True))
-    readings = readings_of(read_dataset(write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD,
+    readings = prepared_readings(read_dataset(write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD,
                                                       static=text)))
     assert len(readings.table) < 300
     assert readings.table.sigma.max() < 2e-6
@@ -96,16 +95,15 @@ def test_averaging_keeps_ranges_apart_from_displacements() -> None:
     assert twice.sigma == pytest.approx(table.sigma / np.sqrt(2))
 
 
-def _diagnosis(simulation: Simulation, table: Table, tmp_path: Path) -> Diagnosis:
+def _diagnosis(simulation: Simulation, table: ReadingTable, tmp_path: Path) -> Diagnosis:
     """A diagnosis of a table made here, with a dataset only for its name."""
     dataset = read_dataset(write_dataset(tmp_path / "named", 'noise = "5 um"\n' + HEAD,
                                          static=ROWS + GOOD))
-    readings = readings_of(dataset)
+    readings = prepared_readings(dataset)
     causes = tuple(every_cause(simulation))
     judged = judge(simulation, table, causes)
-    return Diagnosis(dataset, readings, simulation, judged, 0.0, (), chosen_fit(judged),
-                     gain_of(simulation, table, causes, judged),
-                     propose(simulation, judged, causes))
+    return Diagnosis.of(dataset, replace(readings, setup=simulation.setup, table=table),
+                        simulation, judged)
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +115,8 @@ def written(three_shapes: Simulation,
     folder = tmp_path_factory.mktemp("diagnosis")
     table = read(three_shapes, design(5e-6), (Cause("electrode_margin"),), [4e-3], seed=2)
     found = _diagnosis(three_shapes, table, folder)
-    content = record.as_json(found)
-    record.write(found, content, folder)
+    found.save(folder)
+    content = found.json()
     build_diagnosis_page(folder)
     return folder, content
 

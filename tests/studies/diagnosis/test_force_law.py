@@ -13,8 +13,9 @@ from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.reading_table import States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
 from tympan.studies.diagnosis.reduced.sampling import FINE
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, bounds_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
 
 MASSES, VOLTAGES = (0.0179, 0.02245), (0.0, 3.5e3, 5e3, 6.5e3)
 
@@ -99,7 +100,7 @@ def test_stiffness_and_permittivity_scale_exactly(three_shapes: Simulation) -> N
     (Cause("sensor_gain"), Cause("drift")),
 ], ids=str)
 def test_derivatives_are_those_of_the_predictions(three_shapes: Simulation, hypothesis) -> None:
-    deviations = [item.deviation for cause in hypothesis for item in cause.of_registry.parameters]
+    deviations = [item.deviation for cause in hypothesis for item in cause.effect.parameters]
     unknowns = np.array([0.1, 0.05, *(0.7 * one for one in deviations)])
     table = _table(specimen=2)
     heave = three_shapes.heaves(hypothesis, unknowns, table.states)

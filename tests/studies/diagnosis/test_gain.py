@@ -9,8 +9,9 @@ import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.reading_table import States, Table, rows
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.validation.gain import (
     GainReport,
     Split,
@@ -21,13 +22,13 @@ from tympan.studies.diagnosis.validation.gain import (
     gain_of,
     splits_of,
 )
-from tympan.studies.diagnosis.validation.gaussian_process import MOST_ROWS, Process
+from tympan.studies.diagnosis.validation.gaussian_process import MOST_ROWS, GaussianProcess
 
 SIGMA = 10e-6
 
 
 @pytest.fixture(scope="module")
-def sagging(three_shapes: Simulation) -> tuple[Table, Judgement, GainReport]:
+def sagging(three_shapes: Simulation) -> tuple[ReadingTable, Judgement, GainReport]:
     """Readings with a sagging amplifier of twice the typical size."""
     cause = Cause("voltage_sag")
     table = read(three_shapes, design(SIGMA), (cause,), [size_of(cause, 2.0)], seed=1)
@@ -74,7 +75,7 @@ def test_nothing_wrong_gains_nothing(three_shapes: Simulation) -> None:
     assert gain_of(three_shapes, table, every_cause(three_shapes), judgement).overall is None
 
 
-def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[Table, Judgement,
+def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[ReadingTable, Judgement,
                                                                     GainReport]) -> None:
     report = sagging[2]
     assert len(report.splits) == 6
@@ -90,7 +91,7 @@ def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[Table, Judge
     assert report.overall.low <= report.overall.ratio <= report.overall.high
 
 
-def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[Table, Judgement,
+def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[ReadingTable, Judgement,
                                                                     GainReport]) -> None:
     """Above the voltages trained on, a Gaussian process and the best wrong cause fail where the cause does not."""
     above = next(one for one in sagging[2].splits if one.split.kind == "voltage").rmse
@@ -100,7 +101,7 @@ def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[Table, Judge
 
 
 def test_training_never_sees_what_is_held_out(three_shapes: Simulation,
-                                              sagging: tuple[Table, Judgement, GainReport]
+                                              sagging: tuple[ReadingTable, Judgement, GainReport]
                                               ) -> None:
     """Whatever the readings above 4.55 kV are, the predictions there are the same."""
     table, judgement, report = sagging
@@ -172,13 +173,13 @@ def test_a_process_predicts_as_well_as_it_claims() -> None:
     """Residuals drawn from a kernel on the grid: errors beyond noise are small inside and the prior's far outside."""
     generator = np.random.default_rng(4)
     table = design(1e-6)
-    truth = Process(table, np.zeros(len(table)), (0.5, 0.5), 0.5, 30e-6)
+    truth = GaussianProcess(table, np.zeros(len(table)), (0.5, 0.5), 0.5, 30e-6)
     draw = np.linalg.cholesky(truth.covariance(table, table) + 1e-16 * np.eye(len(table)))
     inside = np.arange(len(table)) % 3 == 1
     errors = []
     for _ in range(6):
         residual = draw @ generator.standard_normal(len(table)) + 1e-6 * generator.standard_normal(len(table))
-        trained = Process.trained(compact(table[~inside]), residual[~inside])
+        trained = GaussianProcess.trained(compact(table[~inside]), residual[~inside])
         errors.append(residual[inside] - trained.predicted(table[inside]))
     assert np.sqrt(np.mean(np.square(errors))) < 1.6e-6
     far = rows(States.of([0], [17.9e-3], [40e3]), "displacement", 1e-6)
@@ -188,7 +189,7 @@ def test_a_process_predicts_as_well_as_it_claims() -> None:
 def test_a_process_takes_a_range_as_a_difference() -> None:
     generator = np.random.default_rng(5)
     table = design(1e-6)
-    process = Process.trained(table, 20e-6 * np.sin(table.voltage / 2e3) + 1e-6
+    process = GaussianProcess.trained(table, 20e-6 * np.sin(table.voltage / 2e3) + 1e-6
                               * generator.standard_normal(len(table)))
     ends = np.array([[14, 0], [44, 30], [70, 62]])
     ranges = replace(table[ends[:, 0]], since=ends[:, 1], kind=np.full(3, "range"))
@@ -198,7 +199,7 @@ def test_a_process_takes_a_range_as_a_difference() -> None:
 
 def test_many_rows_are_thinned() -> None:
     table = design(1e-6, voltages=400)
-    process = Process.trained(table, 1e-5 * np.cos(table.voltage / 2e3))
+    process = GaussianProcess.trained(table, 1e-5 * np.cos(table.voltage / 2e3))
     assert len(process.train) == MOST_ROWS
     np.testing.assert_allclose(process.predicted(table), 1e-5 * np.cos(table.voltage / 2e3),
                                atol=1e-6)

@@ -29,9 +29,9 @@ from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 from tests.support.datasets import HEAD, write_dataset
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.inference.verdict import judge
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.readings import readings_of
-from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
 
 SEED = 11
 ROOT5 = 5**0.5
@@ -55,7 +55,7 @@ def test_equations_and_elements_are_two_ways_to_the_same_readings() -> None:
     """Effects written down twice, films solved by two methods."""
     design = circles().only(circles().table.states.voltage > 3000)
     for cause in circles().causes[::2]:
-        size = 0.4 * cause.of_registry.parameters[0].deviation
+        size = 0.4 * cause.effect.parameters[0].deviation
         truth = Truth(1.1, 0.95, (cause,), (size,), "equations")
         assert np.abs(readings(design, truth)
                       - readings(design, replace(truth, means="elements"))).max() < 3e-7, cause
@@ -138,14 +138,14 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
 
 
 @pytest.fixture(scope="module")
-def sag(lab: Lab) -> Table:
+def sag(lab: Lab) -> ReadingTable:
     """Readings with a sag in them that is found."""
     design, _ = lab.paper
     values = readings(design, Truth(0.95, 1.03, (Cause("voltage_sag"),), (20e3**-2.0,)))
     return measured(design, values, np.random.default_rng(SEED), 0)
 
 
-def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: Table) -> None:
+def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: ReadingTable) -> None:
     design, simulation = lab.paper
     first = judge(simulation, sag, design.causes)
     assert first.named == (Cause("voltage_sag"),)
@@ -154,27 +154,27 @@ def test_the_verdict_hangs_on_no_order_and_no_seed(lab: Lab, sag: Table) -> None
                                 (sag, design.causes, 5)):
         again = judge(simulation, table, causes, seed=seed)
         assert (again.verdict, again.named) == (first.verdict, first.named)
-        assert again.weighing is not None
-        assert again.weighing.of_causes()[again.named[0]] == pytest.approx(
-            first.weighing.of_causes()[first.named[0]], abs=1e-3)
+        assert again.posterior is not None
+        assert again.posterior.of_causes()[again.named[0]] == pytest.approx(
+            first.posterior.of_causes()[first.named[0]], abs=1e-3)
 
 
-def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: Table, tmp_path: Path) -> None:
+def test_the_verdict_hangs_on_no_unit(lab: Lab, sag: ReadingTable, tmp_path: Path) -> None:
     design, simulation = lab.paper
-    units: tuple[tuple[str, Callable[[Design, Table], str]], ...] = (("usual", _usual),
+    units: tuple[tuple[str, Callable[[Design, ReadingTable], str]], ...] = (("usual", _usual),
                                                                      ("others", _others))
     found = []
     for name, write in units:
         folder = write_dataset(tmp_path / name, HEAD + 'noise = "20 um"\n',
                                static=write(design, sag),
                                specimens=tuple(one.name for one in design.setup.specimens))
-        table = readings_of(read_dataset(folder)).table
+        table = prepared_readings(read_dataset(folder)).table
         found.append(judge(simulation, table, design.causes))
     assert found[0].named == found[1].named == (Cause("voltage_sag"),)
     assert found[0].test.p_value == pytest.approx(found[1].test.p_value, rel=1e-3)
 
 
-def _rows(design: Design, table: Table) -> list[tuple[str, float, float, float, float]]:
+def _rows(design: Design, table: ReadingTable) -> list[tuple[str, float, float, float, float]]:
     names = [specimen.name for specimen in design.setup.specimens]
     return [(names[number], mass, voltage, value, elapsed)
             for number, mass, voltage, value, elapsed in zip(
@@ -182,13 +182,13 @@ def _rows(design: Design, table: Table) -> list[tuple[str, float, float, float, 
         table.states.elapsed[table.state].tolist(), strict=True)]
 
 
-def _usual(design: Design, table: Table) -> str:
+def _usual(design: Design, table: ReadingTable) -> str:
     lines = [f"{name},{1e3 * mass:.10g},{voltage / 1e3:.10g},{1e3 * value:.12g},{elapsed:.10g}"
              for name, mass, voltage, value, elapsed in _rows(design, table)]
     return "\n".join(["specimen,mass_g,voltage_kV,displacement_mm,elapsed_s", *lines]) + "\n"
 
 
-def _others(design: Design, table: Table) -> str:
+def _others(design: Design, table: ReadingTable) -> str:
     lines = [f"{elapsed / 60:.12g},{1e6 * value:.12g},{name},{voltage:.10g},{mass:.10g}"
              for name, mass, voltage, value, elapsed in _rows(design, table)]
     return "\n".join(["elapsed_min,displacement_um,specimen,voltage_V,mass_kg", *lines]) + "\n"

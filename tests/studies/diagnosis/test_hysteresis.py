@@ -23,7 +23,7 @@ from tympan.studies.effects import EFFECTS, Setup, Use, extended
 
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
 NOMINAL = Setup((circular(NeoHooke(20e3)), elliptical(60e-3, NeoHooke(20e3))), Rig())
-UP, UNKNOWN, DOWN = 1.0, 0.0, -1.0
+UP, DISCREPANCY, DOWN = 1.0, 0.0, -1.0
 
 
 def deflection(lag: float, voltage: float, direction: float, specimen: str = "circle") -> float:
@@ -40,7 +40,7 @@ def test_a_film_is_behind_the_more_the_larger_its_lag(specimen: str, voltage: fl
     """Lower on the way up than on the way down, without a lag the same, without a direction in between."""
     lags = (0.0, 50.0, 200.0, 600.0)
     up, unknown, down = ([deflection(lag, voltage, way, specimen) for lag in lags]
-                         for way in (UP, UNKNOWN, DOWN))
+                         for way in (UP, DISCREPANCY, DOWN))
     assert up[0] == unknown[0] == down[0]
     assert unknown == [unknown[0]] * len(lags)
     assert all(before - after > 1e-7 for before, after in pairwise(up))
@@ -49,7 +49,7 @@ def test_a_film_is_behind_the_more_the_larger_its_lag(specimen: str, voltage: fl
 
 def test_a_lag_is_another_voltage() -> None:
     """Without the lag, at a voltage lower or higher by it; below the lag, at none."""
-    plain = {voltage: deflection(0.0, voltage, UNKNOWN) for voltage in (0.0, 150.0, 3850.0, 4150.0)}
+    plain = {voltage: deflection(0.0, voltage, DISCREPANCY) for voltage in (0.0, 150.0, 3850.0, 4150.0)}
     assert deflection(150.0, 4e3, UP) == plain[3850.0]
     assert deflection(150.0, 4e3, DOWN) == plain[4150.0]
     assert deflection(150.0, 100.0, UP) == plain[0.0]

@@ -24,11 +24,12 @@ from tympan.studies.case import Settings
 from tympan.studies.circles.cone import ConeCircle, Lumped
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.lumped_model import lumped, lumped_laws
-from tympan.studies.diagnosis.reading_table import States, Table, rows
-from tympan.studies.diagnosis.readings import Readings
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.axes import changes_rig, film_axes
 from tympan.studies.diagnosis.reduced.force_law import Grid
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
 TAPE = MATERIALS["vhb-4910"].material
@@ -48,7 +49,7 @@ PAPER = Setup((annulus(10, 45), elliptical(60e-3, TAPE), elliptical(75e-3, TAPE)
 
 
 @cache
-def field_data(setup: Setup) -> Table:
+def field_data(setup: Setup) -> ReadingTable:
     """Displacements by finite elements, without noise."""
     rest = []
     for number, specimen in enumerate(setup.specimens):
@@ -62,7 +63,7 @@ def field_data(setup: Setup) -> Table:
     return rows(States.of(number.astype(int), mass, voltage), "displacement", SIGMA, heave)
 
 
-def cone_data(setup: Setup) -> Table:
+def cone_data(setup: Setup) -> ReadingTable:
     """Displacements by the lumped model itself, without noise; roots of its force, not of a fitted polynomial."""
     table = field_data(setup)
     rest = []
@@ -78,12 +79,12 @@ def _missing(heave: float, one: Specimen, load: float, voltage: float) -> float:
     return 2.3 * one.force(heave, voltage) - load
 
 
-def noisy(table: Table, seed: int) -> Table:
+def noisy(table: ReadingTable, seed: int) -> ReadingTable:
     return table.with_values(table.value + SIGMA
                              * np.random.default_rng(seed).standard_normal(len(table)))
 
 
-def simulation_of(setup: Setup, table: Table) -> Simulation:
+def simulation_of(setup: Setup, table: ReadingTable) -> Simulation:
     """The lumped model over one and a half times the displacements and voltages of a table."""
     grids = [Grid(1.5 * float(table.value[table.specimen == number].max()),
                   (1.5 * VOLTAGES[-1]) ** 2, odd=True)
@@ -91,10 +92,10 @@ def simulation_of(setup: Setup, table: Table) -> Simulation:
     return Simulation(setup, lumped_laws(setup, grids))
 
 
-def judged(setup: Setup, table: Table, seed: int) -> Judgement:
+def judged(setup: Setup, table: ReadingTable, seed: int) -> Judgement:
     """By all causes there are."""
     table = noisy(table, seed)
-    causes = Readings(setup, table, 0.0, "", assumed=False).causes
+    causes = PreparedReadings(setup, table, 0.0, "", assumed=False).causes
     assert CONE in causes
     return judge(simulation_of(setup, table), table, causes, seed=seed)
 
@@ -107,9 +108,9 @@ def test_the_lumped_model_finds_its_cone_kinematics_in_field_data(seed: int) -> 
     assert np.sqrt(np.mean(misfit**2)) > 20 * SIGMA
     assert found.verdict == "named"
     assert found.named[0] == CONE
-    assert found.weighing is not None
-    assert next(iter(found.weighing.of_causes())) == CONE
-    alone = found.weighing.fit_of((CONE,))
+    assert found.posterior is not None
+    assert next(iter(found.posterior.of_causes())) == CONE
+    alone = found.posterior.fit_of((CONE,))
     assert alone is not None
     assert alone.chi_squared < 2 * len(found.table)
     assert interval(alone, 2)[0] == pytest.approx(1, abs=0.06)

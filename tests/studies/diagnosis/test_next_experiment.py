@@ -10,12 +10,13 @@ import pytest
 from tests.support.trials import design, every_cause, read, size_of
 from tympan.studies.diagnosis.inference.fit import Fit, fit
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Weighing
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Bench, Experiment
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
 from tympan.studies.diagnosis.next_experiment.proposals import expected, possible, propose, rivals
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 20e-6
 CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what)
@@ -23,17 +24,17 @@ CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what)
 REPEAT, BETWEEN, BACKWARDS, LATER = MENU[:4]
 
 
-def judged_between(simulation: Simulation, table: Table, causes: list[Cause]) -> Judgement:
+def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cause]) -> Judgement:
     """A judgement whose rivals are these causes, alone, equally probable."""
     nominal = fit(simulation, (), table)
     fits = tuple(fit(simulation, (cause,), table, nominal.unknowns) for cause in causes)
     share = np.full(len(causes), 1 / len(causes))
     whole = judge(simulation, table, causes)
     return replace(whole, table=table, nominal=nominal,
-                   weighing=Weighing(nominal, fits, share, 0.0, 0.0))
+                   posterior=Posterior(nominal, fits, share, 0.0, 0.0))
 
 
-def refitted(simulation: Simulation, one: Fit, old: Table, new: Table) -> float:
+def refitted(simulation: Simulation, one: Fit, old: ReadingTable, new: ReadingTable) -> float:
     """Twice the growth of a fit's cost with new rows."""
     return 2 * (fit(simulation, one.hypothesis, old.joined(new), one.unknowns).cost - one.cost)
 
@@ -44,9 +45,9 @@ def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: 
     causes = [Cause("parallel_spring"), Cause("electrode_margin"), Cause("drift")]
     table = read(three_shapes, design(SIGMA), (causes[1],), [2e-3], seed=2)
     judgement = judged_between(three_shapes, table, causes)
-    assert judgement.weighing is not None
-    fits = judgement.weighing.fits
-    new = possible(experiment, Bench(three_shapes, table, judgement.nominal), fits)
+    assert judgement.posterior is not None
+    fits = judgement.posterior.fits
+    new = possible(experiment, Readout(three_shapes, table, judgement.nominal), fits)
     assert new is not None
     distances = expected(three_shapes, fits, new)
     for true, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
@@ -105,21 +106,21 @@ def test_nothing_wrong_needs_no_experiment(three_shapes: Simulation) -> None:
 def test_times_are_needed_to_wait(three_shapes: Simulation) -> None:
     table = design(SIGMA)
     untimed = replace(table, states=replace(table.states, elapsed=np.zeros(len(table.states))))
-    bench = Bench(three_shapes, untimed,
+    readout = Readout(three_shapes, untimed,
                   fit(three_shapes, (), read(three_shapes, untimed, (), [], 1)))
-    assert BACKWARDS.rows(bench) is None
-    assert LATER.rows(bench) is None
+    assert BACKWARDS.rows(readout) is None
+    assert LATER.rows(readout) is None
 
 
 def test_new_readings_stay_below_pull_in(three_shapes: Simulation) -> None:
     """Twice the mass at the highest voltage has no equilibrium within reach and is not proposed; half of it has."""
     table = read(three_shapes, design(SIGMA), (), [], seed=1)
     nominal = fit(three_shapes, (), table)
-    bench = Bench(three_shapes, table, nominal)
+    readout = Readout(three_shapes, table, nominal)
     half, _, double = (one for one in MENU if one.what.startswith("hang"))
     tops = []
     for experiment in (half, double):
-        new = possible(experiment, bench, [nominal])
+        new = possible(experiment, readout, [nominal])
         assert new is not None
         assert np.isfinite(three_shapes.predict((), nominal.unknowns, new)).all()
         tops.append(float(new.voltage.max()))
@@ -135,7 +136,7 @@ class Trial:
 
 
 def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray,
-          new: Table,
+          new: ReadingTable,
           others: list[tuple[Fit, float]]) -> float:
     """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them, up to SEEN."""
     values = simulation.predict(truth, unknowns, new)
@@ -152,22 +153,22 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
     unknowns = np.r_[0.05, -0.03,
-                     [one.draw(generator, 1)[0] for one in cause.of_registry.parameters]]
+                     [one.draw(generator, 1)[0] for one in cause.effect.parameters]]
     table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
     if not np.isfinite(table.value).all():
         return None
     judgement = judge(simulation, table, causes)
-    if judgement.weighing is None:
+    if judgement.posterior is None:
         return None
-    fits, shares = rivals(judgement.weighing, causes)
+    fits, shares = rivals(judgement.posterior, causes)
     others = [(one, share) for one, share in zip(fits, shares.tolist(), strict=True)
               if cause not in one.hypothesis]
     if len(others) == len(fits) or not others:
         return None
-    bench = Bench(simulation, judgement.table, judgement.nominal)
+    readout = Readout(simulation, judgement.table, judgement.nominal)
     found = {}
     for experiment in MENU:
-        new = possible(experiment, bench, fits)
+        new = possible(experiment, readout, fits)
         if new is not None:
             found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
                                                  others)

@@ -10,25 +10,26 @@ from scipy.special import logsumexp
 from scipy.stats import kstest, multivariate_t
 
 from tests.support.trials import design, every_cause, read
-from tympan.studies.diagnosis.inference import residual_tests as structure
+from tympan.studies.diagnosis.inference import residual_tests
 from tympan.studies.diagnosis.inference.fit import NUISANCE, fit
-from tympan.studies.diagnosis.inference.identifiability import knowable
+from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.single_effects import attempts
+from tympan.studies.diagnosis.inference.single_effects import single_effects
 from tympan.studies.diagnosis.inference.verdict import interval, judge
-from tympan.studies.diagnosis.reading_table import Table
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.hypothesis import Cause, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6
 
 
-def _brute_force(simulation: Simulation, cause: Cause, table: Table) -> float:
+def _brute_force(simulation: Simulation, cause: Cause, table: ReadingTable) -> float:
     """The evidence by importance sampling over all unknowns, no parabola assumed."""
     centre = fit(simulation, (cause,), table)
     factor = np.linalg.cholesky(np.linalg.inv(centre.precision))
     proposal = multivariate_t(centre.unknowns, 1.5 * factor @ factor.T, df=5, seed=7)
-    parameter = cause.of_registry.parameters[0]
+    parameter = cause.effect.parameters[0]
     logs = []
     for unknowns in proposal.rvs(3000):
         prior = parameter.log_prior(float(unknowns[2])) - 0.5 * np.sum((unknowns[:2]
@@ -55,8 +56,8 @@ def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: 
 def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=0)
     nominal = fit(three_shapes, (), table)
-    groups = structure.patterns(table, NAMES, table.value)
-    tests = structure.Tests.of(table, nominal.jacobian, groups)
+    groups = residual_tests.patterns(table, NAMES, table.value)
+    tests = residual_tests.ResidualTests.of(table, nominal.jacobian, groups)
     generator = np.random.default_rng(2)
     found = []
     for _ in range(120):
@@ -82,10 +83,10 @@ def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(three_shapes
 def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> None:
     """Permittivity, and so an amplifier's gain, is refitted; with one mass the stiffness takes up a load as well."""
     table = design(SIGMA)
-    known = knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes))
+    known = effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes))
     assert Cause("amplifier_gain") in known.invisible
     assert Cause("unaccounted_mass") not in known.invisible
-    one_mass = knowable(three_shapes, table[table.mass == table.mass[0]], np.zeros(2),
+    one_mass = effect_identifiability(three_shapes, table[table.mass == table.mass[0]], np.zeros(2),
                         every_cause(three_shapes))
     assert Cause("unaccounted_mass") in one_mass.invisible
 
@@ -93,9 +94,9 @@ def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> No
 def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Simulation) -> None:
     """The size at which an effect should reach Δχ² = 25, put into exact readings, does: the refit done in full."""
     table = design(SIGMA)
-    for one in knowable(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
-        parameters = one.cause.of_registry.parameters
-        if one.seen is None or len(parameters) > 1 or one.cause.effect in ("voltage_sag",
+    for one in effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
+        parameters = one.cause.effect.parameters
+        if one.seen is None or len(parameters) > 1 or one.cause.name in ("voltage_sag",
                                                                            "strain_stiffening"):
             continue
         size = one.seen * parameters[0].value(parameters[0].size(parameters[0].width)) / one.prior
@@ -127,7 +128,7 @@ def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simul
     others = [cause for cause in every_cause(three_shapes) if cause != mass]
     judged = judge(three_shapes, table, others)
     assert judged.verdict != "nothing"
-    best = attempts(three_shapes, judged, [*others, mass])[0]
+    best = single_effects(three_shapes, judged, [*others, mass])[0]
     assert best.cause == mass
     assert not best.plausible
     assert best.share > 0.97
@@ -155,8 +156,8 @@ def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -
     second = judge(three_shapes, mixed, [causes[k] for k in generator.permutation(len(causes))],
                    seed=9)
     assert first.named == second.named == (cause,)
-    assert first.weighing is not None
-    assert second.weighing is not None
-    assert second.weighing.of_causes()[cause] == pytest.approx(first.weighing.of_causes()[cause],
+    assert first.posterior is not None
+    assert second.posterior is not None
+    assert second.posterior.of_causes()[cause] == pytest.approx(first.posterior.of_causes()[cause],
                                                                abs=1e-3)
-    assert replace(first.weighing).wrong == pytest.approx(second.weighing.wrong, abs=1e-7)
+    assert replace(first.posterior).wrong == pytest.approx(second.posterior.wrong, abs=1e-7)

@@ -38,7 +38,6 @@ def add(commands: Subcommands) -> None:
 def _run(options: argparse.Namespace) -> None:
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import diagnose
-    from tympan.studies.diagnosis.output import as_json, write
 
     dataset = read_dataset(options.dataset, options.plan)
     if options.plan:
@@ -46,11 +45,11 @@ def _run(options: argparse.Namespace) -> None:
         return
     with shares("films") as progress:
         diagnosis = diagnose(dataset, options.workers, options.seed, progress)
-    content = as_json(diagnosis)
+    content = diagnosis.json()
     if options.output is not None:
         from tympan.reports.diagnosis.page import build_diagnosis_page
 
-        write(diagnosis, content, options.output)
+        diagnosis.save(options.output)
         page = build_diagnosis_page(options.output)
     if options.json:
         print_json(content)
@@ -72,11 +71,11 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
-    from tympan.studies.diagnosis.plan import plan
+    from tympan.studies.diagnosis.plan import plan_readings
     from tympan.studies.files import write_json
 
     with shares("films") as progress:
-        record = plan(dataset, options.workers, progress).record()
+        record = plan_readings(dataset, options.workers, progress).json()
     if options.output is not None:
         write_json(options.output / "plan.json", record)
     if options.json:
