@@ -91,9 +91,19 @@ class MissingParameters:
         return float(np.sqrt(np.mean(self.misfit[list(self.rows)] ** 2)))
 
     @property
+    def rms_mm(self) -> float:
+        """The same [mm]."""
+        return 1e3 * self.rms
+
+    @property
     def worst(self) -> float:
         """Largest misfit over the rows used [m]."""
         return float(np.abs(self.misfit[list(self.rows)]).max())
+
+    @property
+    def worst_mm(self) -> float:
+        """The same [mm]."""
+        return 1e3 * self.worst
 
     def weights(self, actuator: int) -> tuple[float, ...]:
         """α of an actuator's circles."""

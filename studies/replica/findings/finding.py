@@ -21,7 +21,7 @@ class Finding:
 
     key: str
     title: str
-    words: tuple[str, ...]
+    words: list[str]
     numbers: tuple[Number, ...]
 
     def __getitem__(self, what: str) -> float:
@@ -30,5 +30,5 @@ class Finding:
 
     def json(self) -> dict[str, Any]:
         """As stored."""
-        return {"key": self.key, "title": self.title, "words": list(self.words),
+        return {"key": self.key, "title": self.title, "words": self.words,
                 "numbers": [vars(number) for number in self.numbers]}

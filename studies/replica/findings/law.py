@@ -11,10 +11,11 @@ from tympan.studies.paper.published import HIGHEST, MASSES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Finding, Number
 from tympan.studies.replica.missing_parameters import MissingParameters
+from tympan.studies.replica.words import sentences
 
 
 def stress(stretch: float) -> tuple[float, float]:
-    """Eq. (8) with Table 1's constants at a stretch from the mounted film [Pa], and its derivative."""
+    """Eq. (8) with Table 1's constants at a stretch from the mounted film [Pa], its derivative."""
     law = paper_actuators(1.0)[0].membrane.material
     assert isinstance(law, Separable)
     mounted = law.reference
@@ -24,7 +25,7 @@ def stress(stretch: float) -> tuple[float, float]:
 
 
 def softening(missing: MissingParameters) -> Finding:
-    """Stress and its slope at the mounted film, where the slope is zero, what the cone makes of it."""
+    """Stress and its slope at the mounted film, where it is zero, what the cone makes of it."""
     law = paper_actuators(1.0)[0].membrane.material
     assert isinstance(law, Separable)
     at, slope = stress(1.0)
@@ -39,17 +40,13 @@ def softening(missing: MissingParameters) -> Finding:
     peaks = float(circle.elastic(largest.x)[2]) / first
     visited = [actuator.circles.stretch(rest(actuator, HIGHEST))[0].max()
                for mass in MASSES for actuator in missing.actuators(mass)]
-    words = [
-        f"At the mounted film Eq. (8) gives {at / 1e3:.1f} kPa and dσ/dλ = Σ 2i (β_i + γ_i) = {slope / 1e3:.1f} kPa: "
-        f"{parts[0] / 1e3:+.1f}, {parts[1] / 1e3:+.1f} and {parts[2] / 1e3:+.1f} kPa of i = 1, 2, 3. The stress "
-        f"falls with stretch up to λ = {turns:.4f}; at the paper's loads the film reaches {max(visited):.4f} at most.",
-        "A negative γ is a term that pulls less the more it is stretched; γ₂ alone outweighs the rest. The cone of "
-        f"the circle loses {100 * (1 - second / first):.1f} % of its stiffness from flat to 3 mm; that of a constant "
-        "stress would lose "
-        f"{100 * (1 - _constant_stress(float(circle.circles.steepness[0]) * 3e-3)):.1f} %."]
+    flatter = _constant_stress(float(circle.circles.steepness[0]) * 3e-3)
+    words = sentences("law", stress_kPa=at / 1e3, slope_kPa=slope / 1e3,
+                      parts_kPa=[part / 1e3 for part in parts], turns=turns, visited=max(visited),
+                      loses=100 * (1 - second / first), constant_loses=100 * (1 - flatter))
     if abs(peaks) < 1e-3:
-        words.append(f"Its force has a maximum at {1e3 * float(largest.x):.1f} mm: it holds "
-                     f"{1e3 * -float(largest.fun) / circle.rig.gravity:.1f} g and no more.")
+        words += sentences("law, maximum", y_mm=1e3 * float(largest.x),
+                           mass_g=1e3 * -float(largest.fun) / circle.rig.gravity)
     numbers = [Number("stress at the mounted stretch", at, "Pa"),
                Number("its slope there", slope, "Pa"),
                *(Number(f"of it by i = {i}", part, "Pa")
@@ -57,12 +54,10 @@ def softening(missing: MissingParameters) -> Finding:
                Number("stretch where the stress stops falling", turns),
                Number("largest stretch at 7 kV", float(max(visited))),
                Number("circle's stiffness at 3 mm over that when flat", second / first),
-               Number("the same of a constant stress",
-                      _constant_stress(float(circle.circles.steepness[0]) * 3e-3))]
-    return Finding("law", "Table 1's Ogden set loses stress with stretch", tuple(words),
-                   tuple(numbers))
+               Number("the same of a constant stress", flatter)]
+    return Finding("law", "Table 1's Ogden set loses stress with stretch", words, tuple(numbers))
 
 
 def _constant_stress(slope: float) -> float:
-    """Stiffness over that when flat of a cone whose true stress stays: force ∝ slope/(1 + slope²)."""
+    """Stiffness over the flat cone's if true stress stays: force ∝ slope/(1 + slope²)."""
     return float((1 - slope**2) / (1 + slope**2) ** 2) if np.isfinite(slope) else float("nan")

@@ -12,6 +12,7 @@ from tympan.studies.paper.published import MASSES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Finding, Number
 from tympan.studies.replica.missing_parameters import MissingParameters, deflections
+from tympan.studies.replica.words import sentences
 
 Array = NDArray[np.float64]
 _VOLTAGES = np.linspace(0.0, 7e3, 15)
@@ -39,23 +40,18 @@ def sign(missing: MissingParameters) -> Finding:
     columns, constants, load = at_rest(missing)
     force = columns @ constants
     printed, right = load + force, load - force
-    found = {}
+    searched = {}
     for name, direction in (("as Eq. (5)", 1.0), ("as printed", -1.0)):
         values = _SIZES * np.linalg.lstsq(direction * columns * _SIZES, load, rcond=1e-10)[0]
-        found[name] = (float(values[:3].sum() - values[3:6].sum()), float(values[6]))
+        searched[name] = (float(values[:3].sum() - values[3:6].sum()), float(values[6]))
+    stress, permittivity = searched["as printed"]
     return Finding(
         "sign", "Eq. (11) has the signs of Eq. (5) reversed",
-        ("Eq. (5) holds the weight with the film: m g = Σ α F. Within the brackets of Eq. (11) both terms have the "
-         "other sign, so that its residual at the model's own rests, where it should vanish, is "
-         f"{np.abs(printed / load).max():.4f} times the weight (with the signs of Eq. (5): "
-         f"{np.abs(right / load).max():.1e}).",
-         "Minimised as printed over data without an error it finds a film that pushes: a stress of "
-         f"{found['as printed'][0] / 1e3:.1f} kPa at the mounted stretch and ε_r {found['as printed'][1]:.2f}, the "
-         "exact opposite of the truth. Table 1's constants have the right sign, so their search can hardly have "
-         "minimised what is printed. c₂ of Eq. (11) is not defined there; Eq. (5) makes it ε₀ε_r/z₀²."),
+        sentences("sign", printed=np.abs(printed / load).max(), right=np.abs(right / load).max(),
+                  stress_kPa=stress / 1e3, permittivity=permittivity),
         (Number("residual over weight, as printed", float(np.abs(printed / load).max())),
          Number("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
          *(Number(f"stress at the mounted stretch found, {name}", value[0], "Pa")
-           for name, value in found.items()),
+           for name, value in searched.items()),
          *(Number(f"relative permittivity found, {name}", value[1])
-           for name, value in found.items())))
+           for name, value in searched.items())))

@@ -13,42 +13,32 @@ from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, ROUNDING, STEP, SWITCH, ranges
 from tympan.studies.replica.findings.finding import Finding, Number
 from tympan.studies.replica.missing_parameters import MissingParameters, rest_ranges
+from tympan.studies.replica.words import sentences
 
 Array = NDArray[np.float64]
 _ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
 
 
-def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters], best: MissingParameters,
-               limits: dict[str, tuple[float, float]], levels: MissingParameters
-               ) -> Finding:
-    """Fits at rest, the smallest worst misfit, what is within twice that, and the fit at the ends of the levels."""
-    light, heavy = (next(one for one in others.values() if one.rows == (row,)) for row in (0, 1))
-    own = next(one for one in others.values() if len(one.rows) == 2)
+def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters],
+               best: MissingParameters, limits: dict[str, tuple[float, float]],
+               levels: MissingParameters) -> Finding:
+    """Fits at rest, the smallest worst misfit, what is within twice that, the fit of the levels."""
+    light, heavy = (next(fit for fit in others.values() if fit.rows == (row,)) for row in (0, 1))
+    each = next(fit for fit in others.values() if len(fit.rows) == 2)
     (low, high), (first, last) = limits["relative_permittivity"], limits["alpha_1"]
     ellipses, circle = 1e3 * np.abs(levels.misfit[:, 1:]).max(), 1e3 * levels.misfit[:, 0]
     return Finding(
         "lost", "The lost ε_r and α: what Table 2 allows",
-        ("With the paper's cones and Table 1's constants, and Table 2 read as the way from 0 to 7 kV at rest, least "
-         f"squares over its six ranges give ε_r {missing.permittivity:.3f} and α₁ "
-         f"{missing.alpha[0]:.3f} (of the circle with the short semi-axis), with "
-         f"{1e3 * missing.rms:.3f} mm left; with an α₁ for each ellipse "
-         f"{own.permittivity:.3f}, {own.alpha[0]:.3f} and {own.alpha[1]:.3f}, with {1e3 * own.rms:.3f} mm left. No "
-         f"pair reproduces the table within its rounding of ±{1e3 * ROUNDING:g} mm: the smallest possible worst "
-         f"misfit is {1e3 * best.worst:.3f} mm, at ε_r {best.permittivity:.3f}, {best.worst / ROUNDING:.0f} times "
-         f"that. Within twice it, ε_r may be {low:.2f} to {high:.2f} and α₁ {first:.2f} to {last:.2f}. Each mass "
-         f"alone fits well and asks for its own ε_r: {light.permittivity:.2f} under 17.9 g (worst "
-         f"{1e3 * light.worst:.3f} mm), {heavy.permittivity:.2f} under 22.45 g (worst {1e3 * heavy.worst:.3f} mm).",
-         "Table 2 was read over pseudo-random steps. With figure 14's levels as chosen here and the distance read "
-         f"at the end of each, ε_r {levels.permittivity:.3f} and α₁ {levels.alpha[0]:.3f} leave "
-         f"{1e3 * levels.rms:.3f} mm: the ellipses' four ranges are met within {ellipses:.3f} mm, the circle's "
-         f"missed by {circle[0]:+.3f} and {circle[1]:+.3f} mm. The paper's levels are lost; `docs/paper.md` has the "
-         "same with other seeds."),
+        sentences("lost", rest=missing, each=each, best=best, levels=levels, light=light,
+                  heavy=heavy, rounding_mm=1e3 * ROUNDING, times=best.worst / ROUNDING,
+                  permittivity=(low, high), alpha=(first, last), ellipses_mm=ellipses,
+                  circle_mm=circle),
         (Number("relative permittivity, at rest", missing.permittivity),
          Number("alpha_1, at rest", missing.alpha[0]),
          Number("root mean square misfit, at rest", missing.rms, "m"),
-         Number("relative permittivity, an alpha_1 for each ellipse", own.permittivity),
-         Number("alpha_1 of the small ellipse", own.alpha[0]),
-         Number("alpha_1 of the large ellipse", own.alpha[1]),
+         Number("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
+         Number("alpha_1 of the small ellipse", each.alpha[0]),
+         Number("alpha_1 of the large ellipse", each.alpha[1]),
          Number("smallest worst misfit", best.worst, "m"),
          Number("relative permittivity there", best.permittivity),
          Number("lowest relative permittivity within twice", low),
@@ -96,35 +86,28 @@ def unaccounted(missing: MissingParameters, growth: Array) -> Array:
 
 
 def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Array) -> Finding:
-    """How ranges grow with the mass: in Table 2, at rest whatever ε_r and α, and over figure 14's steps.
+    """How ranges grow with the mass: in Table 2, at rest whatever ε_r and α, and over steps.
 
     ``rest``, ``levels`` and ``whole`` are the model's ranges [m] at rest, at the ends of figure
     14's levels and of all samples, shape (masses, actuators).
     """
-    growth, at_rest, at_ends, moving = (one[1] / one[0] for one in (ranges(), rest, levels, whole))
+    growth, at_rest, at_ends, moving = (ours[1] / ours[0] for ours in (ranges(), rest, levels, whole))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
                             np.array([1e3, 4e3, HIGHEST]))
     extra = unaccounted(missing, growth)
-    left = [[_left(actuator, volts) for volts in (STEP[1], HIGHEST)]
-            for mass in MASSES for actuator in missing.actuators(mass)]
+    remaining = [_remaining(actuator, volts) for volts in (STEP[1], HIGHEST)
+                 for mass in MASSES for actuator in missing.actuators(mass)]
     masses, cubic = MASSES[1] / MASSES[0], (MASSES[1] / MASSES[0]) ** (1 / 3)
     alike = np.abs(at_ends - growth) < _ALIKE
-    odd = (" So Table 2's ellipses agree with readings after 30 s that leave the overshoot out, and its circle, whose "
-           "ranges also make the percentages jump from one mass to the other, is the odd one."
-           ) if alike.tolist() == [False, True, True] else ""
+    odd = ""
+    if alike.tolist() == [False, True, True]:
+        odd = " " + sentences("mass, odd")[0]
     return Finding(
         "mass", "Table 2's ranges grow less with the mass than films at rest can",
-        (f"From 17.9 to 22.45 g the weight grows by {masses:.3f} and Table 2's ranges by {_listed(growth)}. At rest "
-         f"the model gives {_listed(at_rest)}, and no ε_r up to 11, α₁ or upper voltage gives less than "
-         f"{least.min():.3f}: a film of constant tension moves in proportion to the weight, one that loses stress or "
-         f"nears pull-in by more. Another {_listed(1e3 * extra, 1)} g on the plate, not accounted for, would give "
-         "Table 2's growth at rest, for each actuator another mass; a film without prestress, whose force goes as "
-         f"y³, would grow by {cubic:.3f}, still more than the circle did.",
-         f"But 30 s are no rest: by Table 1's viscous constants {100 * min(min(left)):.0f} to "
-         f"{100 * max(max(left)):.0f} % of the creep after a small step is then still to come (3.5 to 7 kV), the "
-         "more the heavier the load, which stretches the branch k₁ further. Read at the ends of figure 14's levels "
-         f"the same model grows by {_listed(at_ends)}, and over all samples, with the oscillation after each "
-         f"switch, by {_listed(moving)}.{odd}"),
+        sentences("mass", masses=masses, growth=_listed(growth), at_rest=_listed(at_rest),
+                  least=least.min(), extra_g=_listed(1e3 * extra, 1), cubic=cubic,
+                  remaining=(100 * min(remaining), 100 * max(remaining)),
+                  at_ends=_listed(at_ends), moving=_listed(moving), odd=odd),
         (Number("weights", masses),
          *(Number(f"{what}, {name}", float(value)) for what, values in (
              ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
@@ -133,14 +116,14 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
          *(Number(f"unaccounted mass, {name}", float(value), "kg")
            for name, value in zip(NAMES, extra, strict=True)),
          Number("film without prestress", cubic),
-         Number("least share of creep left after 30 s", min(min(left))),
-         Number("largest share of creep left after 30 s", max(max(left)))))
+         Number("least share of creep left after 30 s", min(remaining)),
+         Number("largest share of creep left after 30 s", max(remaining))))
 
 
 def _listed(values: Array, digits: int = 3) -> str:
     return " / ".join(f"{value:.{digits}f}" for value in values)
 
 
-def _left(actuator: Actuator, voltage: float) -> float:
+def _remaining(actuator: Actuator, voltage: float) -> float:
     """Share of the slowest motion that is left when figure 14 switches, about rest at a voltage."""
     return float(np.exp(-np.abs(linearise(actuator, voltage).poles[0]) * SWITCH))
