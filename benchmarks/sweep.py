@@ -28,7 +28,7 @@ from tympan.geometry.outlines import OUTLINES
 from tympan.studies.parallel import processes
 from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
-from tympan.studies.sweep.run import Pool, run
+from tympan.studies.sweep.run import Pool, run_sweep
 
 AIM = 360.0  # seconds for 1000 specimens on two processors
 LEAST_GAIN, MOST_OVERHEAD, AGREEMENT = 1.8, 0.15, 1e-12
@@ -91,7 +91,7 @@ def timed(words: str, sweep: Sweep, folder: Path, solve: Pool) -> Timing:
         if done and first == began:
             first = time.perf_counter()
 
-    summary = run(sweep, folder, solve, seen)
+    summary = run_sweep(sweep, folder, solve, seen)
     ended = time.perf_counter()
     cpu = (_children() - spent) / len(sweep.entries)
     print(f"{words:<24}{ended - began:>8.1f} s, {ended - first:.1f} s from the first result, "

@@ -219,7 +219,7 @@ def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
 
 def voltage_ramp(model: Model, mass: float, voltages: Sequence[float], rig: Rig,
                  path: PathSettings) -> Iterator[tuple[Case, Outcome]]:
-    """Cases of a film at nominal voltages [V] under one mass [kg], each started from the last found.
+    """Cases of a film at nominal voltages [V] under one mass [kg], each started from the last.
 
     Voltages should ascend: those above one that has no equilibrium are not searched.
     """

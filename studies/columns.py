@@ -1,4 +1,6 @@
-"""CSV tables whose columns carry their unit in the name: one list of columns writes and reads a file.
+"""CSV tables whose columns carry their unit in the name.
+
+One list of columns writes and reads a file.
 
 Columns may stand in any order, and any unit of the right dimension may stand in a name:
 ``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is. Inside,
@@ -34,7 +36,7 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
-class Number:
+class NumberColumn:
     """A column of numbers.
 
     ``unit`` is the usual one, with ``_per_`` for a quotient, and ``dimension`` that of
@@ -99,8 +101,11 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Label:
-    """A column of texts, of ``choices`` if there are any; blank cells, where allowed, read as ""."""
+class LabelColumn:
+    """A column of texts, of ``choices`` if there are any.
+
+    Blank cells, where allowed, read as "".
+    """
 
     name: str
     choices: tuple[str, ...] = ()
@@ -140,7 +145,7 @@ class Label:
         return np.array(cells)
 
 
-Column = Number | Label
+Column = NumberColumn | LabelColumn
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +249,7 @@ def _text(file: Path) -> tuple[bytes, str]:
 
 
 def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
-    """Number and cells of each line that is not blank."""
+    """NumberColumn and cells of each line that is not blank."""
     rows = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
     lines, begin = [], 1
     try:

@@ -20,7 +20,9 @@ from tympan.studies.files import write_atomically
 
 def export(specimen: Specimen, settings: MeshSettings, folder: Path,
            options: PartOptions = PartOptions()) -> Iterator[Path]:
-    """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m]; yields the files.
+    """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m].
+
+    Yields the files.
 
     Where the electrode leaves film bare, it is written too, for a mask.
     """

@@ -23,7 +23,9 @@ T = TypeVar("T")
 
 
 def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``file`` and rename it; a failure leaves the old one.
+    """Let ``write`` fill a temporary file beside ``file`` and rename it.
+
+    A failure leaves the old one.
 
     Raises
     ------
@@ -106,7 +108,9 @@ def read_json(file: Path) -> Any:
 
 
 def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Path:
-    """The file of one result in a folder: of the ``name`` that stands for * in the pattern, or the only one.
+    """The file of one result in a folder.
+
+    Of the ``name`` that stands for * in the pattern, or the only one.
 
     Raises
     ------

@@ -84,7 +84,7 @@ class FilmSurface:
 
 
 def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> FilmSurface:
-    """The whole film with all fields of :data:`STORED`, each curved element as ``parts``² triangles.
+    """The whole film with all fields of :data:`STORED`, each element cut into ``parts``² triangles.
 
     Further ``nodal`` vectors of the whole film, shape (nodes, 3), are interpolated.
     """
@@ -97,14 +97,14 @@ def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> 
 
 
 def cut_triangles(model: Model, parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Reference points of one cut element, shape (2, k), and the triangles of all, element-major."""
+    """Reference points of a cut element, shape (2, k), and triangles of all, element-major."""
     points, triangles = lattice(parts)
     offsets = len(points.T) * np.arange(model.discretisation.mesh.nelements)[:, None, None]
     return points, (offsets + triangles).reshape(-1, 3)
 
 
 def interpolated(model: Model, nodal: Array, points: Array) -> Array:
-    """A nodal vector field, shape (nodes, 3), at the same reference points, shape (2, k), of every element.
+    """A nodal vector field, shape (nodes, 3), at points, shape (2, k), of every element.
 
     Element-major, shape (elements · k, 3).
     """
@@ -113,7 +113,9 @@ def interpolated(model: Model, nodal: Array, points: Array) -> Array:
 
 
 def lattice(parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Reference points of a triangle cut into ``parts``² equal ones, shape (2, n); these, shape (parts², 3).
+    """Reference points of a triangle cut into ``parts``² equal ones, shape (2, n).
+
+    These, shape (parts², 3).
 
     Examples
     --------

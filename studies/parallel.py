@@ -1,4 +1,7 @@
-"""A function of many things on the processors of this machine: one process each, replaced when it dies."""
+"""A function of many things on the processors of this machine.
+
+One process each, replaced when it dies.
+"""
 
 from __future__ import annotations
 
@@ -31,22 +34,25 @@ _DEATHS = 2
 
 
 @dataclass(frozen=True)
-class Failure:
-    """Why an item has no value; ``error`` is what its function raised, None where its process died."""
+class NoValue:
+    """Why an item has no value.
+
+    ``error`` is what its function raised, None where its process died.
+    """
 
     reason: str
     error: Exception | None = None
 
 
 def serial(function: Callable[[Item], Value], items: Mapping[str, Item]
-           ) -> Iterator[tuple[str, Value | Failure]]:
+           ) -> Iterator[tuple[str, Value | NoValue]]:
     """Values by key, one after the other in this process; errors are raised."""
     for key, item in items.items():
         yield key, function(item)
 
 
 def processes(function: Callable[[Item], Value], items: Mapping[str, Item], workers: int
-              ) -> Iterator[tuple[str, Value | Failure]]:
+              ) -> Iterator[tuple[str, Value | NoValue]]:
     """Values by key as they come, side by side in processes; what dies is started again.
 
     A process that dies takes the whole pool with it, and any of the items in it may be the cause:
@@ -74,18 +80,18 @@ def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: in
         yield from map(function, items)
         return
     keyed = {str(number): item for number, item in enumerate(items)}
-    answers, ready = processes(function, keyed, workers), dict[str, Value | Failure]()
+    answers, ready = processes(function, keyed, workers), dict[str, Value | NoValue]()
     for key in keyed:
         while key not in ready:
             number, answer = next(answers)
             ready[number] = answer
         value = ready.pop(key)
-        if isinstance(value, Failure):
+        if isinstance(value, NoValue):
             raise value.error or RuntimeError(value.reason)
         yield value
 
 
-def settled(future: Future[Value]) -> Value | Failure:
+def value_or_reason(future: Future[Value]) -> Value | NoValue:
     """The value of a future, or its failure; errors that would meet every item are raised.
 
     Raises
@@ -98,13 +104,16 @@ def settled(future: Future[Value]) -> Value | Failure:
     except (InputError, MissingLibrary, BrokenProcessPool, OSError):
         raise
     except Exception as error:  # whatever a library raises on one item must not end the others
-        return Failure(f"{type(error).__name__}: {error}", error)
+        return NoValue(f"{type(error).__name__}: {error}", error)
 
 
 def _until_broken(function: Callable[[Item], Value], items: Mapping[str, Item],
                   waiting: deque[str], deaths: Counter[str], workers: int
-                  ) -> Iterator[tuple[str, Value | Failure]]:
-    """Run what is waiting; when the pool breaks, those in it wait again, each with one death more."""
+                  ) -> Iterator[tuple[str, Value | NoValue]]:
+    """Run what is waiting.
+
+    When the pool breaks, those in it wait again, each with one death more.
+    """
     running: dict[Future[Value], str] = {}
     with _pool(workers) as pool:
         try:
@@ -113,25 +122,28 @@ def _until_broken(function: Callable[[Item], Value], items: Mapping[str, Item],
                     running[_submitted(pool, function, items[waiting[0]])] = waiting[0]
                     waiting.popleft()
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    value = settled(future)
+                    value = value_or_reason(future)
                     yield running.pop(future), value
         except BrokenProcessPool:
             deaths.update(running.values())
             waiting.extendleft(running.values())
 
 
-def _alone(function: Callable[[Item], Value], item: Item) -> Value | Failure:
+def _alone(function: Callable[[Item], Value], item: Item) -> Value | NoValue:
     with _pool(1) as pool:
         try:
-            return settled(_submitted(pool, function, item))
+            return value_or_reason(_submitted(pool, function, item))
         except BrokenProcessPool:
-            return Failure(f"the process that solved it died, {_DEATHS + 1} times, at last alone: "
+            return NoValue(f"the process that solved it died, {_DEATHS + 1} times, at last alone: "
                            "is there enough memory?")
 
 
 def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], item: Item
                ) -> Future[Value]:
-    """An item in a pool; processes started for it leave interruption to the parent, from the first."""
+    """An item in a pool.
+
+    Processes started for it leave interruption to the parent, from the first.
+    """
     resource_tracker.ensure_running()  # its start would lift the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -168,7 +180,7 @@ def _follow(sentinel: int) -> None:
 
 @contextmanager
 def _single_threaded() -> Iterator[None]:
-    """Processes started meanwhile compute with one thread each, unless the user has said otherwise."""
+    """Processes started meanwhile compute with one thread each, unless the user says otherwise."""
     unset = [name for name in _THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(unset, "1"))
     try:

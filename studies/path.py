@@ -1,4 +1,7 @@
-"""One specimen's branch of equilibria: through pull-in, along its unstable part, and what the film loses on the way."""
+"""One specimen's branch of equilibria.
+
+Through pull-in, along its unstable part, and what the film loses on the way.
+"""
 
 from __future__ import annotations
 
@@ -204,7 +207,8 @@ def _ended(model: Model, station: Station, reach: Reach, point: PathPoint, along
     if point.rate < 0 and point.state.load(LOADS[along]) < 0:
         return f"followed until the {along} fell back to zero"
     if station.unbalanced > reach.unbalanced:
-        return (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, the mesh does not resolve "
+        return (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, the "
+                "mesh does not resolve "
                 "the branch; --refine may")
     return ""
 
@@ -265,7 +269,10 @@ def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], flo
 
 
 def measured(case: Case, station: Station, along: Along) -> float:
-    """What grows along the branch, at a station: the nominal mass, but the voltage the film itself sees."""
+    """What grows along the branch, at a station.
+
+    The nominal mass, but the voltage the film itself sees.
+    """
     if along == "mass":
         return (station.force_N
                 - case.rig.force(0.0, area(case.specimen.plate.outline))) / case.rig.gravity

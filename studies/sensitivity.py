@@ -1,4 +1,7 @@
-"""How results of a case answer to every number of specimen, rig and load: derivatives, elasticities."""
+"""How results of a case answer to every number of specimen, rig and load.
+
+Derivatives, elasticities.
+"""
 
 from __future__ import annotations
 

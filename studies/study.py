@@ -32,7 +32,7 @@ from tympan.studies.case import (
     solve_grid,
     summaries,
 )
-from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.paper.actuators import FILES, actuators
@@ -48,27 +48,27 @@ _AXES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
 #: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
 #: radius around the plate.
 LINES: tuple[Column, ...] = (
-    Label("line", (*_AXES, "plate")),
-    Number("distance", "mm", "length"),
-    Number("deflection", "mm", "length"),
-    Number("stress_1", "kPa", "stress"),
-    Number("stress_2", "kPa", "stress"),
-    Number("stress_radial", "kPa", "stress"),
-    Number("stress_circumferential", "kPa", "stress"),
-    Number("stretch_1"),
-    Number("stretch_2"),
-    Number("thickness", "um", "length"),
-    Number("field", "MV_per_m", "field"),
+    LabelColumn("line", (*_AXES, "plate")),
+    NumberColumn("distance", "mm", "length"),
+    NumberColumn("deflection", "mm", "length"),
+    NumberColumn("stress_1", "kPa", "stress"),
+    NumberColumn("stress_2", "kPa", "stress"),
+    NumberColumn("stress_radial", "kPa", "stress"),
+    NumberColumn("stress_circumferential", "kPa", "stress"),
+    NumberColumn("stretch_1"),
+    NumberColumn("stretch_2"),
+    NumberColumn("thickness", "um", "length"),
+    NumberColumn("field", "MV_per_m", "field"),
 )
 
 #: The columns of curves/NAME.csv.
 CURVES: tuple[Column, ...] = (
-    Number("mass", "g", "mass"),
-    Number("voltage", "kV", "voltage"),
-    Label("status"),
-    Number("deflection", "mm", "length", required=False),
-    Number("slack_share", required=False),
-    Number("breakdown_margin", required=False),
+    NumberColumn("mass", "g", "mass"),
+    NumberColumn("voltage", "kV", "voltage"),
+    LabelColumn("status"),
+    NumberColumn("deflection", "mm", "length", required=False),
+    NumberColumn("slack_share", required=False),
+    NumberColumn("breakdown_margin", required=False),
 )
 
 
@@ -148,9 +148,10 @@ class StudyResult:
                 "specimens": [specimen.json() for specimen in self.specimens]}
 
     def save(self, folder: Path) -> None:
-        """Write ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json``, ``study.json``.
+        """Write what a report needs.
 
-        The last one is written last, so its presence means the rest is complete.
+        ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and
+        ``study.json``; the last one is written last, so its presence means the rest is complete.
         """
         remove(folder, "study.json", "alpha.json", "report.html", *(
             f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
@@ -322,7 +323,7 @@ def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
                                                   study.settings.path)]
     rows = [(result.mass_kg, result.voltage_V, result.status, result.deflection_m,
              result.slack_share, result.breakdown_margin) for result in results]
-    return {column.name: np.array(values) if isinstance(column, Label)
+    return {column.name: np.array(values) if isinstance(column, LabelColumn)
             else np.array(values, float)
             for column, values in zip(CURVES, zip(*rows, strict=True), strict=True)}
 

@@ -115,9 +115,9 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
 
     from tympan.studies.parallel import processes, serial
     from tympan.studies.sweep.plan import read_sweep
-    from tympan.studies.sweep.run import run
+    from tympan.studies.sweep.run import run_sweep
 
     planned = read_sweep(Path(file), settings)
     pool = serial if workers == 1 else partial(processes, workers=workers)
     with tempfile.TemporaryDirectory() as scratch:
-        return Result(run(planned, Path(folder or scratch), pool))
+        return Result(run_sweep(planned, Path(folder or scratch), pool))

@@ -1,4 +1,4 @@
-"""Weights α of the circular actuators that stand for a shape in the lumped model (Eqs. (5), (6))."""
+"""Weights α of the circular actuators that stand for a shape (Eqs. (5), (6))."""
 
 from tympan.studies.alpha.film_circles import RADII as RADII
 from tympan.studies.alpha.samples import LoadGrid as LoadGrid

@@ -1,4 +1,7 @@
-"""Circular actuators that stand for a shape: which radii, and the force of each at a deflection and a voltage."""
+"""Circular actuators that stand for a shape.
+
+Which radii, and the force of each at a deflection and a voltage.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ class Circles:
     loading: Loading
 
     def forces(self, radii: tuple[float, ...], samples: Samples) -> Array:
-        """Force [N] of each circle held at each sample's deflection and voltage, shape (samples, circles)."""
+        """Force [N] of each circle at each sample's deflection and voltage, (samples, circles)."""
         return np.array([self._forces(radius, samples) for radius in radii]).reshape(len(radii),
                                                                                      -1).T
 
@@ -46,8 +49,8 @@ class Circles:
         """The same of straight cones (Eq. 5)."""
         cones = [ConeCircle(self.specimen, radius) for radius in radii]
         pairs = zip(samples.deflection, samples.voltage, strict=True)
-        return np.array([[cone.force(y, u) for cone in cones] for y, u in pairs]).reshape(-1,
-                                                                                          len(radii))
+        forces = np.array([[cone.force(y, u) for cone in cones] for y, u in pairs])
+        return forces.reshape(-1, len(radii))
 
     def _forces(self, radius: float, samples: Samples) -> list[float]:
         model, column, start = self._model(radius), [], None
@@ -55,19 +58,22 @@ class Circles:
             outcome = held(model, deflection, voltage, start, self.settings.path)
             start = outcome.solution if outcome.solution.converged else None
             if outcome.status != "equilibrium":
-                raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its deflection",
+                raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its "
+                                 "deflection",
                                  key="alpha", given=self.specimen.name)
-            column.append(model.reaction(outcome.state))  # the film's alone, as the samples have it: no spring
+            # The film's alone, as the samples have it: no spring.
+            column.append(model.reaction(outcome.state))
         return column
 
     def _model(self, radius: float) -> Model:
-        """The circular specimen of a radius with the same film, electrode and plate, its plate in the middle."""
+        """The circular specimen of a radius with the same film, electrode and plate, centred."""
         try:
             circle = replace(self.specimen, name=f"circle {radius * 1e3:g} mm",
                              frame=Circle(radius),
                              plate=Plate(self.specimen.plate.outline))
         except InputError as error:
-            raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: {error.allowed}",
+            raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: "
+                             f"{error.allowed}",
                              key="alpha", given=self.specimen.name) from None
         return build_model(circle, self.settings, self.loading)
 

@@ -1,4 +1,7 @@
-"""The job of ``tympan map``: readings on the grid, the formula, its tests, and what is stored of them."""
+"""The job of ``tympan map``.
+
+Readings on the grid, the formula, its tests, and what is stored of them.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 
 from tympan.studies.alpha.formula import Formula, fit_formula
 from tympan.studies.alpha.map_readings import MapSettings, Place, Reading, map_readings
-from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
 
 #: Places of a map: on its grid, at random within its range, and beyond it.
@@ -19,21 +22,21 @@ SETS = ("grid", "inside", "outside")
 
 #: The columns of alpha-map.csv.
 COLUMNS: tuple[Column, ...] = (
-    Label("where", SETS),
-    Label("material"),
-    Number("aspect"),
-    Number("plate_over_short"),
-    Number("alpha_1", required=False, absent="nan"),
-    Number("formula"),
-    Number("force_error", required=False, absent="nan"),
-    Number("stroke", "mm", "length", required=False, absent="nan"),
-    Label("trouble", required=False),
+    LabelColumn("where", SETS),
+    LabelColumn("material"),
+    NumberColumn("aspect"),
+    NumberColumn("plate_over_short"),
+    NumberColumn("alpha_1", required=False, absent="nan"),
+    NumberColumn("formula"),
+    NumberColumn("force_error", required=False, absent="nan"),
+    NumberColumn("stroke", "mm", "length", required=False, absent="nan"),
+    LabelColumn("trouble", required=False),
 )
 
 
 @dataclass(frozen=True)
 class AlphaMap:
-    """Readings on the ``grid``, at random places ``inside`` its range with other materials, and ``outside``."""
+    """Readings on the ``grid``, at random places ``inside`` its range, and ``outside`` it."""
 
     settings: MapSettings
     grid: tuple[Reading, ...]

@@ -98,7 +98,10 @@ class MapSettings:
 
 def map_readings(places: Sequence[Place], map_settings: MapSettings, workers: int = 1,
                  progress: Callable[[str], None] = lambda _: None) -> list[Reading]:
-    """At every place, in their order; one without an equilibrium is a reading of nan with the reason."""
+    """At every place, in their order.
+
+    One without an equilibrium is a reading of nan with the reason.
+    """
     collected = []
     for reading in mapped(partial(_reading, map_settings), places, workers):
         progress(reading.place.specimen.name)

@@ -1,4 +1,7 @@
-"""Equilibria of a shape as α is fitted to them: force, deflection, voltage, and where around the plate the force is."""
+"""Equilibria of a shape as α is fitted to them.
+
+Force, deflection, voltage, and where around the plate the force is.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ class LoadGrid:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Equilibria: force on the film [N], deflection [m], the film's voltage [V], shares of the parts (n, parts)."""
+    """Equilibria: force on the film [N], deflection [m], film voltage [V], shares (n, parts)."""
 
     force: Array
     deflection: Array
@@ -45,7 +48,10 @@ class Samples:
 
 def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int,
                warnings: list[str]) -> Samples:
-    """Equilibria of a model under every load that has one; those left out are told in ``warnings``."""
+    """Equilibria of a model under every load that has one.
+
+    Those left out are told in ``warnings``.
+    """
     part_of = parts_of(model.specimen, parts)
     rows: list[tuple[float, float, float]] = []
     shares: list[Array] = []
@@ -53,7 +59,8 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
         for _, outcome in voltage_ramp(model, mass, loads.voltages, rig, settings.path):
             state = outcome.state
             if outcome.status != "equilibrium":
-                warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are left out")
+                warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are "
+                                "left out")
                 break
             if state.plate.deflection <= 1e-6 * model.size:
                 warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
@@ -66,7 +73,7 @@ def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, part
 
 
 def frame_distances(specimen: Specimen) -> Array:
-    """Distance from the plate's centre to the frame [m] in equally spaced directions, those between 0 and 360°."""
+    """Distance from the plate's centre to the frame [m] in equally spaced directions."""
     x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.plate.offset)[:, None]
     angle = np.arctan2(y, x) % (2 * np.pi)
     order = np.argsort(angle)
@@ -74,7 +81,9 @@ def frame_distances(specimen: Specimen) -> Array:
 
 
 def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
-    """The part each direction belongs to, 0 where the frame is nearest: ``count`` parts of equal angle in all.
+    """The part each direction belongs to, 0 where the frame is nearest.
+
+    ``count`` parts of equal angle in all.
 
     An ellipse's two parts are the sectors within 45° of its short and of its long axis.
     """
@@ -91,7 +100,7 @@ def concentric(specimen: Specimen) -> bool:
 
 
 def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array:
-    """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`, the nearest frame first.
+    """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`.
 
     The force is the integral of the first Piola traction along the mounted edge; angles are those
     of the mounted edge around the plate's centre.

@@ -44,7 +44,7 @@ def simplex_fit(forces: Array, target: Array) -> Array:
 
 
 def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[float, float], ...]:
-    """Smallest and largest weight of each circle among all mixtures whose force is nowhere off by more than ``error``.
+    """Smallest and largest weight of each circle among mixtures off by no more than ``error``.
 
     The error is relative to the target, sample by sample; so each end is a linear programme's.
     Where no mixture comes so near, ``error`` must be chosen larger: the ranges are empty, (nan,
@@ -55,7 +55,8 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
     Of three circles whose forces are proportional to each other only one number is known.
 
     >>> forces = np.outer([1.0, 2.0], [3.0, 2.0, 1.0])
-    >>> [tuple(round(end, 6) for end in pair) for pair in weight_ranges(forces, forces @ [0.25, 0.5, 0.25], 1e-9)]
+    >>> ranges = weight_ranges(forces, forces @ [0.25, 0.5, 0.25], 1e-9)
+    >>> [tuple(round(end, 6) for end in pair) for pair in ranges]
     [(0.0, 0.5), (0.0, 1.0), (0.0, 0.5)]
     """
     relative = forces / target[:, None]
@@ -69,7 +70,9 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
 
 
 def condition(forces: Array) -> float:
-    """Largest over smallest singular value of what distinguishes the circles: their relative differences in force.
+    """Largest over smallest singular value of what distinguishes the circles.
+
+    Their relative differences in force.
 
     1 for one circle or two.
     """

@@ -15,18 +15,20 @@ from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
-from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, write_csv, write_json
 from tympan.studies.paper.actuators import paper_film
 
 #: The columns of outlines-frames.csv: points of each frame's outline.
 FRAMES: tuple[Column, ...] = (
-    Label("shape"), Number("x", "mm", "length"), Number("y", "mm", "length"))
+    LabelColumn("shape"), NumberColumn("x", "mm", "length"), NumberColumn("y", "mm", "length"))
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRow:
-    """A frame's outline with its α: two membrane circles of its sectors, and the one that fits best.
+    """A frame's outline with its α.
+
+    Two membrane circles of its sectors, and the one that fits best.
 
     A round frame has one circle, and None for the second. ``frame`` are points of its outline [m],
     shape (2, n).

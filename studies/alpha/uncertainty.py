@@ -1,4 +1,7 @@
-"""How far α changes with what a user may choose otherwise: the mesh, the material, the range of loads."""
+"""How far α changes with what a user may choose otherwise.
+
+The mesh, the material, the range of loads.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ _FINER = 1.5
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Smallest and largest of each weight of membrane circles of the same radii, by what was changed.
+    """Smallest and largest of each weight of the same membrane circles, by what was changed.
 
     ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place.
     ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
@@ -41,7 +44,10 @@ class Uncertainty:
 def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
                 nominal: AlphaResult,
                 progress: Progress = lambda _: None) -> Uncertainty:
-    """Of the weights of a shape that ``nominal`` has; a change without an equilibrium to fit is left out."""
+    """Of the weights of a shape that ``nominal`` has.
+
+    A change without an equilibrium to fit is left out.
+    """
 
     def ranges(changes: Iterator[tuple[str, Specimen, Settings, AlphaSettings]]) -> Ranges | None:
         found = []

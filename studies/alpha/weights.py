@@ -1,4 +1,7 @@
-"""Weights α of a shape: fitted on membrane circles and on cones, and read off its fields, each with its errors."""
+"""Weights α of a shape.
+
+Fitted on membrane circles and on cones, and read off its fields, each with its errors.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ REPRESENTED = 0.01
 
 @dataclass(frozen=True)
 class AlphaSettings:
-    """Loads the weights are fitted on and loads they are tested on, and what circles they belong to.
+    """Loads the weights are fitted and tested on, and what circles they belong to.
 
     The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to
     heavier, and other voltages, from between to beyond. ``radii`` is a key of
@@ -266,22 +269,26 @@ def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> l
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
     doubts = []
     if len(radii) == 1 and isinstance(specimen.frame, Circle):
-        doubts.append(f"the frame is one circle and α is 1, but the plate is not a circle in its middle: the force is "
+        doubts.append("the frame is one circle and α is 1, but the plate is not a circle in its "
+                      "middle: the force is "
                       f"{100 * membrane.fit_error:.1f} % off")
     elif membrane.fit_error > REPRESENTED:
         sizes = ", ".join(f"{radius * 1e3:.4g}" for radius in radii)
-        doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best leaves a force error of "
+        doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best "
+                      "leaves a force error of "
                       f"{100 * membrane.fit_error:.1f} %"
                       + ("" if result.radii == "fit" else "; radii by fit may"))
     if result.radii != chosen.radii and len(radii) > 1:
-        doubts.append("the semi-axes are equal but the frame is no circle: the circles' radii are those of sectors")
+        doubts.append("the semi-axes are equal but the frame is no circle: the circles' radii are "
+                      "those of sectors")
     doubts += _loose(result, chosen)
     names: dict[Basis, str] = {"cone": "cones as in Eq. (5)",
                                "cone_scaled": "cones scaled to the membrane"}
     for basis, words in names.items():
         weights = result.by_basis[basis]
         if len(radii) > 1 and min(weights.alpha) == 0 and weights.fit_error > 0.02:
-            doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force error of "
+            doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force "
+                          "error of "
                           f"{100 * weights.fit_error:.0f} %")
     return doubts
 
@@ -291,5 +298,6 @@ def _loose(result: AlphaResult, chosen: AlphaSettings) -> list[str]:
     wide = [number for number, (low, high) in enumerate(result.ranges, start=1) if high - low > 0.2]
     if not wide:
         return []
-    return [f"these loads do not determine α{', α'.join(map(str, wide))}: over ranges of more than 0.2 the force stays "
+    return [f"these loads do not determine α{', α'.join(map(str, wide))}: over ranges of more "
+            "than 0.2 the force stays "
             f"within {100 * chosen.tolerance:g} % of the best mixture's"]

@@ -88,10 +88,12 @@ def _too_little(dataset: Dataset) -> Iterator[str]:
         yield "one specimen only: what the shape does cannot be told from what the specimen does"
     if len(_distinct([table.mass for table in tables])) == 1:
         yield "one mass only: what grows with the load cannot be told from what is always there"
-    if dataset.static is not None and dataset.ranges is None and len(_distinct([dataset.static.voltage])) == 1:
+    static = dataset.static if dataset.ranges is None else None
+    if static is not None and len(_distinct([static.voltage])) == 1:
         yield "one voltage only: what the voltage does cannot be seen"
     if sum(map(len, tables)) < 5:
-        yield f"{sum(map(len, tables))} readings only: stiffness and permittivity alone take two of them"
+        yield (f"{sum(map(len, tables))} readings only: stiffness and permittivity alone take two "
+               "of them")
 
 
 def _ramps(dataset: Dataset) -> Iterator[str]:
@@ -100,19 +102,22 @@ def _ramps(dataset: Dataset) -> Iterator[str]:
         return
     timed = np.isfinite(static.order) | np.isfinite(static.elapsed)
     if not timed.any():
-        yield "neither order nor elapsed_s is recorded: drift and creep cannot be told from the voltage's effect"
+        yield ("neither order nor elapsed_s is recorded: drift and creep cannot be told from the "
+               "voltage's effect")
     elif not timed.all():
         yield f"order and elapsed_s are recorded for {timed.sum()} of {len(static)} readings only"
     directions = set(static.direction.tolist()) - {""}
     if len(directions) == 1 or (not directions and timed.all() and _only_up(static)):
-        yield (f"only {'up' if directions != {'down'} else 'down'} ramps: creep looks like an effect of the voltage; "
+        yield (f"only {'up' if directions != {'down'} else 'down'} ramps: creep looks like an "
+               "effect of the voltage; "
                "measure the way back too")
     elif not directions:
-        yield "direction is not recorded: if the voltage went up and down, hysteresis counts as noise"
+        yield ("direction is not recorded: if the voltage went up and down, hysteresis counts as "
+               "noise")
 
 
 def _only_up(static: StaticReadings) -> bool:
-    """Whether, in the order of the readings, no voltage of any specimen, mass, run and repeat is below the last."""
+    """Whether no voltage of a specimen, mass, run and repeat is below the one read before."""
     when = static.order if np.isfinite(static.order).all() else static.elapsed
     last: dict[tuple[object, ...], float] = {}
     for row in np.argsort(when, kind="stable"):
@@ -130,9 +135,11 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
     bare = dataset.noise is None and bool(np.isnan(static.sigma).any())
     repeats = bool((np.bincount(repeat_groups(static)) > 1).any())
     if bare and repeat_noise(dataset) is None:
-        yield ("repeats agree to the last digit, which measures the rounding, not the noise: give noise in dataset.toml"
+        yield ("repeats agree to the last digit, which measures the rounding, not the noise: give "
+               "noise in dataset.toml"
                if repeats
-               else "nothing repeats and no noise is given: a misfit cannot be judged without it; repeat "
+               else "nothing repeats and no noise is given: a misfit cannot be judged without it; "
+                    "repeat "
                "some readings, or give noise in dataset.toml")
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
@@ -162,5 +169,7 @@ def _slip(name: str, specimen: Specimen, column: str, largest: float) -> Iterato
     low, high, unit, factor = limits[{"voltage_max": "voltage",
                                       "range": "displacement"}.get(column, column)]
     if largest and not low <= largest <= high:
-        yield (f"{name}: the largest {column} of {specimen.name} is {largest * factor:.4g} {unit}, where "
-               f"{low * factor:.2g} to {high * factor:.4g} {unit} can be: is the unit in the column's name right?")
+        yield (f"{name}: the largest {column} of {specimen.name} is {largest * factor:.4g} "
+               f"{unit}, where "
+               f"{low * factor:.2g} to {high * factor:.4g} {unit} can be: is the unit in the "
+               "column's name right?")

@@ -1,4 +1,7 @@
-"""Tests of strips and sheets of a film: the coupon.csv of a dataset (design §4), and the stress a law predicts."""
+"""Tests of strips and sheets of a film.
+
+The coupon.csv of a dataset (design §4), and the stress a law predicts.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.specimen import Material
 from tympan.geometry.toml_reader import Rule
-from tympan.studies.columns import Column, Label, Number, Sheet, read_sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, Sheet, read_sheet
 
 Array = NDArray[np.float64]
 
@@ -21,18 +24,20 @@ _ABOVE_0: Rule = (lambda x: x > 0, "must be above 0")
 
 #: The columns of coupon.csv.
 COLUMNS: tuple[Column, ...] = (
-    Label("mode", tuple(MODES)),
-    Number("stretch", rule=_ABOVE_0),
-    Number("nominal_stress", "kPa", "stress"),
-    Label("specimen", required=False),
-    Number("t", "s", "time", required=False),
-    Label("run", required=False),
+    LabelColumn("mode", tuple(MODES)),
+    NumberColumn("stretch", rule=_ABOVE_0),
+    NumberColumn("nominal_stress", "kPa", "stress"),
+    LabelColumn("specimen", required=False),
+    NumberColumn("t", "s", "time", required=False),
+    LabelColumn("run", required=False),
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Coupons:
-    """Readings, one entry per reading: mode, stretch, nominal stress [Pa]; specimen and run are "" where not given.
+    """Readings, one entry per reading: mode, stretch, nominal stress [Pa].
+
+    Specimen and run are "" where not given.
 
     Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
     ``time`` [s] is nan where not given, ``line`` that of the file they were read from.
@@ -90,7 +95,7 @@ def nominal_stress(material: Material, mode: str, stretch: Array) -> Array:
 
 
 def read_coupons(file: Path | str) -> Coupons:
-    """The readings of a CSV file with the columns mode, stretch, nominal_stress_kPa (or in another unit of stress).
+    """The readings of a CSV file with the columns mode, stretch and nominal_stress_kPa.
 
     specimen, t_s and run may be added.
 

@@ -1,4 +1,4 @@
-"""Measured data: a folder with dataset.toml and the CSV files of design §4, read with exact messages."""
+"""Measured data: a folder with dataset.toml and CSV files, read with exact messages."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ FILES = ("static.csv", "range.csv", "transient.csv", "coupon.csv")
 
 
 def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
-    """Read a dataset's folder. The specimen of a coupon names its strip and need not be one of dataset.toml.
+    """Read a dataset's folder.
+
+    The specimen of a coupon names its strip and need not be one of dataset.toml.
 
     Of readings that are only ``planned`` static.csv and range.csv may leave out what was read.
 
@@ -177,7 +179,8 @@ def _check_specimens(sheet: Sheet, known: list[str]) -> None:
             near = difflib.get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise sheet.error(row, "specimen",
-                              f"unknown specimen: {hint}those of dataset.toml are {', '.join(known)}")
+                              f"unknown specimen: {hint}those of dataset.toml are "
+                              f"{', '.join(known)}")
 
 
 def _identical(sheet: Sheet, name: str) -> list[str]:
@@ -187,10 +190,13 @@ def _identical(sheet: Sheet, name: str) -> list[str]:
         for row, earlier in pairs:
             if mark in sheet.places and sheet.cells[row][sheet.places[mark]]:
                 raise sheet.error(row, mark,
-                                  f"the row is the same as line {sheet.line[earlier]} in every cell: "
+                                  f"the row is the same as line {sheet.line[earlier]} in every "
+                                  "cell: "
                                              "a reading must stand once")
     if not pairs:
         return []
     row, earlier = pairs[0]
-    return [f"{name}: {len(pairs)} rows are the same as an earlier one in every cell, first line {sheet.line[row]} as "
-            f"line {sheet.line[earlier]}: they count as repeats; if pasted twice, the noise is understated"]
+    return [f"{name}: {len(pairs)} rows are the same as an earlier one in every cell, first line "
+            f"{sheet.line[row]} as "
+            f"line {sheet.line[earlier]}: they count as repeats; if pasted twice, the noise is "
+            "understated"]

@@ -1,4 +1,7 @@
-"""Noise from repeated readings: their pooled standard deviation, with degrees of freedom and interval."""
+"""Noise from repeated readings.
+
+Their pooled standard deviation, with degrees of freedom and interval.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scatter:
-    """A standard deviation, its degrees of freedom ν, and the limits s √(ν/χ²) of its 95 % interval.
+    """A standard deviation, its degrees of freedom ν, and the limits of its 95 % interval.
 
-    The interval holds for normal, independent readings: one that drifts between its repeats widens
+    These are s √(ν/χ²). The interval holds for normal, independent readings: one that drifts between its repeats widens
     the scatter.
     """
 
@@ -43,7 +46,10 @@ class Scatter:
 
 
 def repeat_groups(readings: StaticReadings) -> NDArray[np.int64]:
-    """Number of the group of each reading: those of a group share specimen, mass, voltage, direction and run."""
+    """Number of the group of each reading.
+
+    Those of a group share specimen, mass, voltage, direction and run.
+    """
     shared = (readings.specimen, readings.mass, readings.voltage, readings.direction, readings.run)
     numbers: dict[tuple[object, ...], int] = {}
     keys = zip(*(column.tolist() for column in shared), strict=True)
@@ -72,7 +78,7 @@ def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0)
 
 
 def repeat_noise(dataset: Dataset) -> Scatter | None:
-    """Standard deviation of one displacement reading [m] from the repeats among those without their own sigma.
+    """Standard deviation of one reading [m] from the repeats among those without their own sigma.
 
     None where nothing repeats, and where repeats agree to the last digit, which is rounding and no
     measure of noise.
@@ -83,11 +89,12 @@ def repeat_noise(dataset: Dataset) -> Scatter | None:
     plain = np.isnan(readings.sigma)
     found = pooled(readings.displacement[plain],
                    repeat_groups(readings)[plain]) if plain.any() else None
-    return found if found is None or found.sigma > 1e-12 * np.abs(readings.displacement).max() else None
+    rounding = 1e-12 * np.abs(readings.displacement).max()
+    return found if found is not None and found.sigma > rounding else None
 
 
 def stated_ratio(dataset: Dataset) -> Scatter | None:
-    """Scatter of repeats over the standard deviation stated for them, in the rows or for the dataset; ideally 1."""
+    """Scatter of repeats over the standard deviation stated for them; ideally 1."""
     if dataset.static is None:
         return None
     sigma = np.where(np.isnan(dataset.static.sigma), dataset.noise or np.nan, dataset.static.sigma)
@@ -98,7 +105,10 @@ def stated_ratio(dataset: Dataset) -> Scatter | None:
 
 
 def reading_sigma(dataset: Dataset) -> Array:
-    """Standard deviation of each static reading [m]: its own, else the dataset's, else that of repeats, else nan."""
+    """Standard deviation of each static reading [m].
+
+    Its own, else the dataset's, else that of repeats, else nan.
+    """
     if dataset.static is None:
         return np.empty(0)
     estimated = repeat_noise(dataset) if dataset.noise is None else None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule
-from tympan.studies.columns import Column, Label, Number, Sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, Sheet
 
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]
@@ -20,41 +20,41 @@ _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film'
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
 
 #: The column every file but coupon.csv has.
-SPECIMEN = Label("specimen")
-_LOAD: tuple[Column, ...] = (SPECIMEN, Number("mass", "g", "mass", _MASS))
-_SIGMA = Number("sigma", "mm", "length", POSITIVE, required=False)
+SPECIMEN = LabelColumn("specimen")
+_LOAD: tuple[Column, ...] = (SPECIMEN, NumberColumn("mass", "g", "mass", _MASS))
+_SIGMA = NumberColumn("sigma", "mm", "length", POSITIVE, required=False)
 
 #: The columns of static.csv; ``run`` (which mounting or ramp a reading belongs to) is beyond design
 #: §4.
 STATIC: tuple[Column, ...] = (
     *_LOAD,
-    Number("voltage", "kV", "voltage", _VOLTAGE),
-    Number("displacement", "mm", "length"),
-    Label("run", required=False),
-    Label("repeat", required=False),
-    Number("order", required=False),
-    Number("elapsed", "s", "time", required=False),
-    Label("direction", ("up", "down"), required=False),
+    NumberColumn("voltage", "kV", "voltage", _VOLTAGE),
+    NumberColumn("displacement", "mm", "length"),
+    LabelColumn("run", required=False),
+    LabelColumn("repeat", required=False),
+    NumberColumn("order", required=False),
+    NumberColumn("elapsed", "s", "time", required=False),
+    LabelColumn("direction", ("up", "down"), required=False),
     _SIGMA,
-    Number("capacitance", "pF", "capacitance", POSITIVE, required=False),
-    Number("film_voltage", "kV", "voltage", _VOLTAGE, required=False),
-    Number("tilt", "mrad", "angle", FINITE, required=False),
+    NumberColumn("capacitance", "pF", "capacitance", POSITIVE, required=False),
+    NumberColumn("film_voltage", "kV", "voltage", _VOLTAGE, required=False),
+    NumberColumn("tilt", "mrad", "angle", FINITE, required=False),
 )
 #: The columns of range.csv; ``sigma``, of the range, is beyond design §4.
 RANGE: tuple[Column, ...] = (
     *_LOAD,
-    Number("voltage_min", "kV", "voltage", _VOLTAGE),
-    Number("voltage_max", "kV", "voltage", _VOLTAGE),
-    Number("range", "mm", "length", NON_NEGATIVE),
+    NumberColumn("voltage_min", "kV", "voltage", _VOLTAGE),
+    NumberColumn("voltage_max", "kV", "voltage", _VOLTAGE),
+    NumberColumn("range", "mm", "length", NON_NEGATIVE),
     _SIGMA,
 )
 #: The columns of transient.csv.
 TRANSIENT: tuple[Column, ...] = (
     *_LOAD,
-    Label("run"),
-    Number("t", "s", "time"),
-    Number("voltage", "kV", "voltage", _VOLTAGE),
-    Number("displacement", "mm", "length"),
+    LabelColumn("run"),
+    NumberColumn("t", "s", "time"),
+    NumberColumn("voltage", "kV", "voltage", _VOLTAGE),
+    NumberColumn("displacement", "mm", "length"),
 )
 
 
@@ -94,7 +94,9 @@ class StaticReadings:
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """Ranges of motion, one entry per row of range.csv, SI: largest minus smallest displacement between two voltages.
+    """Ranges of motion, one entry per row of range.csv, SI.
+
+    Largest minus smallest displacement between two voltages.
 
     ``sigma`` is the standard deviation of a range [m], nan where the file does not say.
     """
@@ -147,7 +149,8 @@ def transients_from_sheet(sheet: Sheet) -> Transients:
                                     for name in ("specimen", "mass", "run", "t")), strict=True)):
         if key in seen:
             raise sheet.error(row, "t",
-                              f"must be there once in a run: it stands in line {sheet.line[seen[key]]} too")
+                              "must be there once in a run: it stands in line "
+                              f"{sheet.line[seen[key]]} too")
         seen[key] = row
     return Transients(time=columns.pop("t"), **columns, line=sheet.line)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile
 from tympan.studies.files import from_json, read_json, remove, write_json
@@ -22,11 +22,13 @@ Array = NDArray[np.float64]
 _FIGURES = "identify-figures.json"
 _SHEETS = {"static": "identify-static.csv", "dynamic": "identify-responses.csv"}
 _COLUMNS = {
-    "static": (Label("specimen"), Number("mass", "g", "mass"), Number("voltage", "kV", "voltage"),
-               Number("displacement", "mm", "length"), Number("fitted", "mm", "length")),
-    "dynamic": (Label("specimen"), Number("mass", "g", "mass"), Number("run"),
-                Number("since", "s", "time"), Number("displacement", "mm", "length"),
-                Number("fitted", "mm", "length")),
+    "static": (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"),
+               NumberColumn("voltage", "kV", "voltage"),
+               NumberColumn("displacement", "mm", "length"),
+               NumberColumn("fitted", "mm", "length")),
+    "dynamic": (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"), NumberColumn("run"),
+                NumberColumn("since", "s", "time"), NumberColumn("displacement", "mm", "length"),
+                NumberColumn("fitted", "mm", "length")),
 }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.lumped.actuator import flat_capacitance, stored_energy
 from tympan.studies.lumped.equilibria import pull_in
@@ -21,10 +21,11 @@ Array = NDArray[np.float64]
 _MOST = 2_000_000
 #: A loop that drifts by less than this share of its range counts as closed.
 _CLOSED = 0.01
-_COLUMNS = (Label("specimen"), Number("mass", "g", "mass"), Label("run"), Number("t", "s", "time"),
-            Number("voltage", "kV", "voltage"), Number("displacement", "mm", "length"))
-_LOOP_COLUMNS = (Label("specimen"), Number("voltage", "kV", "voltage"),
-                 Number("deflection", "mm", "length"))
+_COLUMNS = (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"), LabelColumn("run"),
+            NumberColumn("t", "s", "time"),
+            NumberColumn("voltage", "kV", "voltage"), NumberColumn("displacement", "mm", "length"))
+_LOOP_COLUMNS = (LabelColumn("specimen"), NumberColumn("voltage", "kV", "voltage"),
+                 NumberColumn("deflection", "mm", "length"))
 
 
 @dataclass(frozen=True, eq=False)

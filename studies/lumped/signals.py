@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Number, read_sheet
+from tympan.studies.columns import NumberColumn, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6
@@ -178,7 +178,8 @@ def read_signal(file: Path | str) -> Pieces:
         not ascend.
     """
     sheet = read_sheet(file,
-                       (Number("t", "s", "time"), Number("voltage", "kV", "voltage", _VOLTAGE)))
+                       (NumberColumn("t", "s", "time"),
+                         NumberColumn("voltage", "kV", "voltage", _VOLTAGE)))
     time, voltage = sheet["t"], sheet["voltage"]
     for row in np.flatnonzero(np.diff(time) <= 0):
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")

@@ -1,1 +1,4 @@
-"""Shape optimisation: the largest stroke at a voltage that limits on stress, field, pull-in and gap leave."""
+"""Shape optimisation.
+
+The largest stroke at a voltage that limits on stress, field, pull-in and gap leave.
+"""

@@ -1,4 +1,7 @@
-"""Designs: what one specimen is worth and keeps to, with derivatives; on a mesh of its own, or on another's moved."""
+"""Designs: what one specimen is worth and keeps to, with derivatives.
+
+On a mesh of its own, or on another's moved.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A specimen and its ``stroke``, deflection at the voltage minus that at none [m]; ``rest`` is the latter.
+    """A specimen and its ``stroke``, deflection at the voltage minus that at none [m].
+
+    ``rest`` is the latter.
 
     ``limited``: what each limit measures [SI]; ``owners``: the limit each value c
     belongs to. Where there is no equilibrium, or no such specimen, ``reason`` says
@@ -47,7 +52,7 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A mesh to move, how far the smooth stand-ins of the limits fall short on it, and the film at the voltage."""
+    """A mesh to move, how far limits' stand-ins fall short on it, the film at the voltage."""
 
     model: Model
     scales: Mapping[str, float]
@@ -73,7 +78,7 @@ class DesignEvaluator:
         return self._evaluated(values, specimen, model, None)
 
     def moved(self, values: Array) -> tuple[Design, Linearisation | None]:
-        """A design on the kept mesh moved to it, so that designs compare without the noise of new meshes."""
+        """A design on the kept mesh, moved: designs compare without the noise of new meshes."""
         assert self.base is not None
         model = self.base.model
         try:
@@ -91,7 +96,8 @@ class DesignEvaluator:
         case = self.problem.case(specimen)
         names = tuple(variable.name for variable in self.problem.variables)
         path = self.settings.path
-        (_, rest), (_, outcome) = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
+        ends = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
+        (_, rest), (_, outcome) = ends
         if rest.status != "equilibrium":
             return Design(values, specimen, failure_reason(rest)), None
         parameters = case_parameters(case, model)

@@ -1,4 +1,7 @@
-"""Limits a design must keep, each registered once: values and derivatives of c ≤ 0, and what it is in SI units."""
+"""Limits a design must keep, each registered once.
+
+Values and derivatives of c ≤ 0, and what it is in SI units.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +63,9 @@ class DesignState:
         return node_fields(self.model, self.outcome.state)
 
     def pull_in(self, ceiling: float) -> tuple[float, Array]:
-        """Voltage of pull-in over the film's voltage and its derivatives; without pull-in, as far as was searched.
+        """Voltage of pull-in over the film's voltage and its derivatives.
+
+        Without pull-in, as far as was searched.
 
         Where the search was cut short, by a film that wrinkles, the last margin state, which has no
         derivatives.
@@ -75,7 +80,8 @@ class DesignState:
                           self.outcome.solution,
                           self.path)
         if end.critical is None or end.limited != "voltage":
-            return float(np.sqrt(end.state.voltage_squared)) / film_voltage, np.zeros(len(self.names))
+            searched = float(np.sqrt(end.state.voltage_squared))
+            return searched / film_voltage, np.zeros(len(self.names))
         margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
         try:
             slopes = limit_gradient(self.model, end.critical, "voltage", self._named("voltage"))
@@ -90,7 +96,10 @@ class DesignState:
 
 
 class Limit(Protocol):
-    """One limit, or several of one kind; ``bound`` is what the file says [SI], ``unit`` its unit."""
+    """One limit, or several of one kind.
+
+    ``bound`` is what the file says [SI], ``unit`` its unit.
+    """
 
     @property
     def name(self) -> str:
@@ -108,10 +117,16 @@ class Limit(Protocol):
         """The value that is limited [unit]."""
 
     def scale(self, state: DesignState) -> float:
-        """By how much a smooth stand-in falls short of the value that is limited; 1 where there is none."""
+        """By how much a smooth stand-in falls short of the value that is limited.
+
+        1 where there is none.
+        """
 
     def values(self, state: DesignState) -> tuple[Array, Array]:
-        """c, shape (m,), to be ≤ 0, relative to the limit; and its derivatives by the numbers, shape (m, names)."""
+        """c, shape (m,), to be ≤ 0, relative to the limit.
+
+        And its derivatives by the numbers, shape (m, names).
+        """
 
 
 @dataclass(frozen=True)
@@ -158,7 +173,10 @@ class Highest:
 
 @dataclass(frozen=True)
 class PullIn:
-    """Voltage of pull-in over that applied, at the same load; searched up to ``reach`` times the limit."""
+    """Voltage of pull-in over that applied, at the same load.
+
+    Searched up to ``reach`` times the limit.
+    """
 
     bound: float
     name = "pull_in_margin"
@@ -181,7 +199,10 @@ class PullIn:
 
 @dataclass(frozen=True)
 class Gap:
-    """Distances of points along the plate's edge from the frame; those mirror symmetry repeats are left out."""
+    """Distances of points along the plate's edge from the frame.
+
+    Those mirror symmetry repeats are left out.
+    """
 
     bound: float
     name = "gap"
@@ -197,7 +218,10 @@ class Gap:
         return 1.0
 
     def values(self, state: DesignState) -> tuple[Array, Array]:
-        """One minus distance over gap; feet on the frame stay, for a distance is smallest at its foot."""
+        """One minus distance over gap.
+
+        Feet on the frame stay, for a distance is smallest at its foot.
+        """
         specimen = state.case.specimen
         edge = _edge(specimen, self.points)
         feet = _frame(specimen).foot(edge.T)

@@ -1,4 +1,7 @@
-"""Optima of a problem: from every start, for all that may be held; checked on a finer mesh and against each other."""
+"""Optima of a problem: from every start, for all that may be held.
+
+Checked on a finer mesh and against each other.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +114,8 @@ def run_from(problem: OptimiseProblem, held: str, number: int, values: Array, se
              ) -> StartRun:
     """One descent, every point on its way kept."""
     reason = f"no design within the bounds has the {held} of the reference's frame"
-    objective = _WithinBounds(problem, held, DesignEvaluator(problem, settings), Design(values, reason=reason))
+    objective = _WithinBounds(problem, held, DesignEvaluator(problem, settings),
+                              Design(values, reason=reason))
     trials: list[Trial] = []
 
     def note(x: Array, accepted: bool) -> None:
@@ -130,7 +134,8 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
     values = np.array([at(problem.specimen, variable.path) for variable in problem.variables])
     for number, variable in enumerate(problem.variables):
         if variable.name not in shape_names(problem.specimen):
-            raise InputError("has no derivative: moved alone it would break the specimen's symmetry",
+            raise InputError("has no derivative: moved alone it would break the specimen's "
+                             "symmetry",
                              key=f"vary.{variable.key}", given=problem.specimen.name)
         step = 1e-5 * (variable.high - variable.low)
         inward = step if values[number] - 2 * step < variable.low else -step
@@ -141,7 +146,8 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
         slope = _complex_edge(problem.specimen, variable.path)
         size = np.abs(differences).max()
         if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
-            raise InputError("has no derivative: the points of its outline do not follow it smoothly",
+            raise InputError("has no derivative: the points of its outline do not follow it "
+                             "smoothly",
                              key=f"vary.{variable.key}", given=problem.specimen.name)
 
 
@@ -192,9 +198,8 @@ class _WithinBounds:
                                                   limit_slopes=local.limit_slopes * self._widths)
 
 
-def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], reference: Design, given: Design,
-             settings: Settings
-             ) -> Optimum:
+def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], reference: Design,
+             given: Design, settings: Settings) -> Optimum:
     best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
     fine = replace(settings, mesh=settings.mesh.refined(2))
     evaluator = DesignEvaluator(problem, fine)
@@ -210,8 +215,9 @@ def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], re
 
 
 def _alone(problem: OptimiseProblem, specimen: Specimen, settings: Settings) -> Design:
-    """A specimen of its own shape under the problem's load, limits measured alike, nothing varied."""
-    return DesignEvaluator(replace(problem, specimen=specimen, variables=()), settings).fresh(np.zeros(0))[0]
+    """A specimen of its own shape under the problem's load and limits, nothing varied."""
+    alone = replace(problem, specimen=specimen, variables=())
+    return DesignEvaluator(alone, settings).fresh(np.zeros(0))[0]
 
 
 def _edge(specimen: Specimen, part: str) -> Array:
@@ -220,7 +226,10 @@ def _edge(specimen: Specimen, part: str) -> Array:
 
 
 def _complex_edge(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
-    """Derivative of the edge's points by a complex step; None where the outline does not take one."""
+    """Derivative of the edge's points by a complex step.
+
+    None where the outline does not take one.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

@@ -57,7 +57,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class OptimiseProblem:
-    """Largest stroke of a specimen over ``variables``, under limits, the frame holding the reference's area or length.
+    """Largest stroke over ``variables``, under limits, the frame's area or length held.
 
     ``held``: of :data:`MEASURES`; each gives an optimum of its own. ``starts``: values of the
     variables to start from, one row each.
@@ -99,7 +99,7 @@ class OptimiseProblem:
                                           if variable.path[0] == "frame"})
 
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
-        """A held measure of the frame over the reference's, minus one, and its derivatives by the variables."""
+        """A held measure of the frame over the reference's, minus one; its derivatives."""
         whole = float(np.real(MEASURES[measure](self.reference.frame)))
         frame = self.frame(values)
 
@@ -135,7 +135,10 @@ def read_problem(file: Path) -> OptimiseProblem:
 
 
 def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
-    """A copy with the numbers at these paths, set all at once: on the way from one to the next none need be valid."""
+    """A copy with the numbers at these paths, set all at once.
+
+    On the way from one to the next none need be valid.
+    """
     if () in numbers:
         return numbers[()]
     below: dict[str, dict[tuple[str, ...], float]] = {}
@@ -158,7 +161,8 @@ def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
     if not given.endswith(".toml"):
         if given not in FILES:
             raise table.error(key,
-                              f"must be a specimen file, ending in .toml, or one of {', '.join(FILES)}", given)
+                              "must be a specimen file, ending in .toml, or one of "
+                              f"{', '.join(FILES)}", given)
         return load_specimen(FILES[given])
     return load_specimen(Path(table.file).parent / given)
 
@@ -179,7 +183,8 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
             raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
         if not low <= value <= high:
             raise table.error(key,
-                              f"must have the specimen's own value, {value:.6g} in SI units, within",
+                              f"must have the specimen's own value, {value:.6g} in SI units, "
+                              "within",
                               table.data[key])
         variables.append(Variable(key, low, high))
     if not variables:

@@ -1,4 +1,7 @@
-"""The result of an optimisation: all numbers, every design tried, the outlines on the way, the optimal specimens."""
+"""The result of an optimisation.
+
+All numbers, every design tried, the outlines on the way, the optimal specimens.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
-from tympan.studies.columns import Column, Label, Number, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json, write_text
 from tympan.studies.optimise.design import Design
 from tympan.studies.optimise.optimise import Optima, Optimum, StartRun, find_optima
@@ -32,15 +35,18 @@ _DIMENSIONS = {"1": "", "m": "length", "Pa": "stress", "V/m": "field"}
 #: The columns of optimum-outlines.csv: edges of frame and plate of the reference (``held`` blank)
 #: and of the designs gone to on the way to each optimum.
 OUTLINES: tuple[Column, ...] = (
-    Label("held", required=False), Number("trial"), Label("part", ("frame", "plate")),
-    Number("x", "mm", "length"), Number("y", "mm", "length"))
+    LabelColumn("held", required=False), NumberColumn("trial"),
+    LabelColumn("part", ("frame", "plate")),
+    NumberColumn("x", "mm", "length"), NumberColumn("y", "mm", "length"))
 
 TableOfColumns = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class OptimiseResult:
-    """``record``: all numbers [SI]; ``trials``: every design tried; ``outlines``: columns of OUTLINES.
+    """``record``: all numbers [SI]; ``trials``: every design tried.
+
+    ``outlines``: columns of OUTLINES.
 
     ``trials`` has the columns of path.csv, in SI: held, start, trial, accepted, the variables,
     stroke, the limited values and reason. ``specimens``: the optimal ones by file name.
@@ -56,7 +62,7 @@ class OptimiseResult:
         return dict(self.record)
 
     def save(self, folder: Path) -> None:
-        """Write ``path.csv``, ``optimum-outlines.csv``, the specimens, and last ``optimum.json``."""
+        """Write ``path.csv``, ``optimum-outlines.csv``, specimens, and last ``optimum.json``."""
         remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
                "optimum-outlines.csv", *(f"optimum-{held}.toml" for held in MEASURES))
         write_sheet(folder / "path.csv", _trial_columns(self.record), self.trials)
@@ -110,13 +116,14 @@ def result_of(optima: Optima) -> OptimiseResult:
 
 
 def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
-    variables = [Number(name, "mm", "length") if variable["dimension"] == "length" else Number(name)
-                 for name, variable in record["variables"].items()]
-    limits = [Number(name, limit["unit"].removesuffix("1"), _DIMENSIONS[limit["unit"]],
+    variables = [NumberColumn(name, "mm", "length") if variable["dimension"] == "length"
+                 else NumberColumn(name) for name, variable in record["variables"].items()]
+    limits = [NumberColumn(name, limit["unit"].removesuffix("1"), _DIMENSIONS[limit["unit"]],
                      required=False, absent="nan") for name, limit in record["limits"].items()]
-    return (Label("held"), Number("start"), Number("trial"), Number("accepted"), *variables,
-            Number("stroke", "mm", "length", required=False, absent="nan"), *limits,
-            Label("reason", required=False))
+    return (LabelColumn("held"), NumberColumn("start"), NumberColumn("trial"),
+            NumberColumn("accepted"), *variables,
+            NumberColumn("stroke", "mm", "length", required=False, absent="nan"), *limits,
+            LabelColumn("reason", required=False))
 
 
 def _specimen_file(optima: Optima, optimum: Optimum) -> str:
@@ -153,7 +160,8 @@ def _optimum(optima: Optima, optimum: Optimum) -> dict[str, Any]:
             "active": bool((here.limits[rows] > -ACTIVE).any()),
             "multiplier": float(multipliers.limits[rows].sum()) * share}
     return {
-        "held": optimum.held, "best_start": optimum.best.start + 1, "specimen_file": _specimen_file(optima, optimum),
+        "held": optimum.held, "best_start": optimum.best.start + 1,
+        "specimen_file": _specimen_file(optima, optimum),
         "status": descent.status, **_design(problem, design), "gain": _number(optimum.gain),
         "gain_over_given": _number(optimum.gain_start),
         "held_multiplier": multipliers.held * share,

@@ -4,7 +4,8 @@ Maximises f over 0 ≤ x ≤ 1 with c(x) ≤ 0 and e(x) = 0, e cheap and kept to
 maximises a quadratic model of f within the trust region, the limits linear and the largest
 violation at a price (an exact penalty: Nocedal & Wright, *Numerical Optimization*, 2006, chapter
 18); a step that gains too little, or ends where there is no value, is not made, and the region
-shrinks. The model's curvature is that of the Lagrangian, by damped BFGS.
+shrinks. The model's curvature is that of the Lagrangian, by damped BFGS. SciPy's trust-constr and
+SLSQP want a value at every point they try, which past pull-in there is not; SLSQP solves each step.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Objective(Protocol):
         """Values at a point, around which :meth:`at` then looks; None where there are none."""
 
     def at(self, x: Array) -> Linearisation | None:
-        """Values at a point nearby, comparable to each other until :meth:`renewed` is called again."""
+        """Values at a point nearby, comparable to each other until :meth:`renewed` is called."""
 
     def held(self, x: Array) -> tuple[float, Array]:
         """e and ∇e."""
@@ -51,9 +52,11 @@ class Objective(Protocol):
 
 @dataclass(frozen=True)
 class DescentSettings:
-    """``radius`` of the trust region at first and ``widest``; ``step`` and relative ``gain`` below which it ends.
+    """``radius`` of the trust region at first and ``widest``.
 
-    ``away``: distance from where it was last renewed at which the objective is renewed; ``near``: at
+    ``step`` and relative ``gain`` below which it ends.
+
+    ``away``: distance from where it was last renewed at which the objective is renewed; ``near``:
     which it may end; ``rounds``: how often at most it settles and is renewed. Lengths are shares of
     the bounds. ``residual`` of the multipliers and ``violation`` that an optimum may leave.
     """
@@ -72,7 +75,9 @@ class DescentSettings:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Of limits (m,), of what is held, of bounds (n,; upper positive); ``residual``: what of ∇f they leave, relative.
+    """Of limits (m,), of what is held, of bounds (n,; upper positive).
+
+    ``residual``: what of ∇f they leave, relative.
 
     In units of f per unit of c, e and x.
     """
@@ -97,7 +102,10 @@ class Descent:
 
 def maximise(objective: Objective, start: Array, settings: DescentSettings = DescentSettings(),
              note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
-    """Maximise a objective from a start; ``note`` is told of every point and whether it was gone to."""
+    """Maximise an objective from a start.
+
+    ``note`` is told of every point and whether it was gone to.
+    """
     x = restored(objective, start)
     here = None if x is None else objective.renewed(x)
     if x is None or here is None:
@@ -149,7 +157,10 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
 
 
 def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-3) -> Multipliers:
-    """Multipliers that balance ∇f best: ∇f = Σ λ ∇c + μ ∇e + bounds, λ of active limits positive."""
+    """Multipliers that balance ∇f best.
+
+    ∇f = Σ λ ∇c + μ ∇e + bounds, λ of active limits positive.
+    """
     slope, held = here.slope, objective.held(x)[1]
     at = np.flatnonzero(here.limits > -active)
     low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
@@ -169,7 +180,10 @@ def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-
 
 
 def restored(objective: Objective, x: Array, rounds: int = 20) -> Array | None:
-    """The nearest point within the bounds that keeps e = 0, by Newton steps; None if none is found."""
+    """The nearest point within the bounds that keeps e = 0, by Newton steps.
+
+    None if none is found.
+    """
     x = np.clip(x, 0.0, 1.0)
     for _ in range(rounds):
         miss, slope = objective.held(x)
@@ -187,9 +201,12 @@ def _merit(here: Linearisation, unit: float, price: float) -> float:
     return here.value / unit - price * here.violation
 
 
-def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radius: float, price: float, unit: float
-          ) -> tuple[Array, float]:
-    """The step and by how much the merit should grow; unknowns are the step and the violation it leaves."""
+def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radius: float,
+          price: float, unit: float) -> tuple[Array, float]:
+    """The step and by how much the merit should grow.
+
+    Unknowns are the step and the violation it leaves.
+    """
     size, slope, held = len(x), here.slope / unit, objective.held(x)[1]
 
     def cost(z: Array) -> tuple[float, Array]:
@@ -214,9 +231,11 @@ def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radi
     return step, promised
 
 
-def _lagrangian(objective: Objective, x: Array, here: Linearisation, found: Multipliers, unit: float) -> Array:
+def _lagrangian(objective: Objective, x: Array, here: Linearisation, multipliers: Multipliers,
+                unit: float) -> Array:
     """Slope of f − λ c − μ e over the unit."""
-    return (here.slope - found.limits @ here.limit_slopes - found.held * objective.held(x)[1]) / unit
+    kept = multipliers.held * objective.held(x)[1]
+    return (here.slope - multipliers.limits @ here.limit_slopes - kept) / unit
 
 
 def _bent(bend: Array, step: Array, change: Array) -> Array:

@@ -1,1 +1,4 @@
-"""Many specimens under many loads: planned from SWEEP.toml, solved side by side, kept case by case, one table."""
+"""Many specimens under many loads.
+
+Planned from SWEEP.toml, solved side by side, kept case by case, one table.
+"""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tympan.geometry.errors import InputError
 from tympan.studies.files import write_atomically, write_text
-from tympan.studies.sweep.task import Row, Task, TaskResult
+from tympan.studies.sweep.task import Row, SweepTask, TaskResult
 
 #: What a killed sweep may leave: files that were not renamed yet.
 _TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
@@ -32,7 +32,9 @@ class Checkpoint:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else works in the folder meanwhile; the system lifts that when the process dies, however it does.
+        """Nobody else works in the folder meanwhile.
+
+        The system lifts that when the process dies, however it does.
 
         Raises
         ------
@@ -54,7 +56,7 @@ class Checkpoint:
                                  file=self.folder) from None
             yield
 
-    def put(self, task: Task, result: TaskResult) -> None:
+    def put(self, task: SweepTask, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
             write_atomically(self.vtu(case_id), partial(_fill, content))
@@ -63,8 +65,11 @@ class Checkpoint:
                            "rows": result.rows}, ensure_ascii=False)
         write_text(self._file(task), f"{_digest(body)}\n{body}\n")
 
-    def get(self, task: Task) -> list[Row] | None:
-        """The rows of a finished task; None if it is not finished, or its file is damaged or lacks its fields."""
+    def get(self, task: SweepTask) -> list[Row] | None:
+        """The rows of a finished task.
+
+        None if it is not finished, or its file is damaged or lacks its fields.
+        """
         try:
             digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
         except FileNotFoundError:
@@ -87,7 +92,7 @@ class Checkpoint:
         """Where the fields of a case are."""
         return self.folder / "fields" / f"{case_id}.vtu"
 
-    def _file(self, task: Task) -> Path:
+    def _file(self, task: SweepTask) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"
 
 

@@ -1,4 +1,4 @@
-"""A function of many things on a Dask cluster, as :mod:`tympan.studies.parallel` has it on one machine."""
+"""A function of many things on a Dask cluster, as ``parallel`` has it on one machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from tympan.geometry.errors import InputError
-from tympan.studies.parallel import Failure, Item, Value, settled
+from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
 
 _PATIENCE = "10s"
 
@@ -20,8 +20,8 @@ _TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
 
 
 def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str
-            ) -> Iterator[tuple[str, Value | Failure]]:
-    """Values by key as they come back from the scheduler at an address such as ``tcp://10.0.0.5:8786``.
+            ) -> Iterator[tuple[str, Value | NoValue]]:
+    """Values by key as they come back from a scheduler, such as at ``tcp://10.0.0.5:8786``.
 
     Dask tries an item again when its worker dies; one over which several died is given up, as Dask
     is set up to.
@@ -49,7 +49,7 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
         done = as_completed(futures, loop=client.loop)
         futures.clear()
         for future in done:
-            yield keys[future.key], settled(future)
+            yield keys[future.key], value_or_reason(future)
             future.release()
     finally:
         client.close(timeout=2)

@@ -1,4 +1,7 @@
-"""Which values a sweep gives to which keys: grids, lists and samples of the ranges in SWEEP.toml."""
+"""Which values a sweep gives to which keys.
+
+Grids, lists and samples of the ranges in SWEEP.toml.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number
 
 
 def choices(table: Table) -> list[Choice]:
-    """Every combination of the grid, each with every row of the list and every point of the sample."""
+    """Every combination of the grid, with every row of the list and every point of the sample."""
     parts = [_grid(table.table("grid", {})), _list(table.table("list", {})),
              _sample(table.table("sample", {}))]
     keys = [key for part in parts if part for key in part[0]]
@@ -44,7 +47,10 @@ def choices(table: Table) -> list[Choice]:
 
 def with_choice(content: Mapping[str, Any], choice: Mapping[str, Any], table: Table) -> dict[str,
                                                                                              Any]:
-    """A copy of nested tables with the values of a choice; an element of a list is named by its number."""
+    """A copy of nested tables with the values of a choice.
+
+    An element of a list is named by its number.
+    """
     changed = copy.deepcopy(dict(content))
     for key, value in choice.items():
         _set(changed, key, copy.deepcopy(value), table)
@@ -69,8 +75,8 @@ def _set(content: dict[str, Any], key: str, value: Any, table: Table) -> None:
     *path, last = key.split(".")
     inner: Any = content
     for number, name in enumerate(path):
-        inner = inner[_index(inner, name, key, table)] if isinstance(inner,
-                                                                     list) else inner.setdefault(name, {})
+        inner = (inner[_index(inner, name, key, table)] if isinstance(inner, list)
+                 else inner.setdefault(name, {}))
         if not isinstance(inner, dict | list):
             raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table", inner)
     inner[_index(inner, last, key, table) if isinstance(inner, list) else last] = value
@@ -94,7 +100,8 @@ def _flat(table: Table) -> Iterator[str]:
     for key, value in table.data.items():
         if isinstance(value, Mapping):
             raise table.error(key,
-                              f'must be a list; write a dotted key in quotation marks, such as "{key}.…" = […]')
+                              'must be a list; write a dotted key in quotation marks, such as '
+                              f'"{key}.…" = […]')
         yield key
 
 
@@ -140,7 +147,8 @@ def _range(table: Table, key: str) -> tuple[float, float, str]:
     first, *others = found
     if len(found) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
         raise table.error(key,
-                          'must be two values of one kind, the smaller first, such as ["8 mm", "15 mm"]; '
+                          'must be two values of one kind, the smaller first, such as ["8 mm", '
+                          '"15 mm"]; '
                           "one element of a list has its number in the key", values)
     (low, unit), (high, _) = first, others[0]
     if not -np.inf < low < high < np.inf:

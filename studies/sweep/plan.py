@@ -17,7 +17,7 @@ from tympan.geometry.toml_reader import Table
 from tympan.geometry.units import quantity
 from tympan.studies.case import Settings
 from tympan.studies.sweep.parameters import Choice, choices, with_choice
-from tympan.studies.sweep.task import Task, solver
+from tympan.studies.sweep.task import SweepTask, solver
 
 #: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
 #: the rig.
@@ -37,13 +37,16 @@ class Entry:
     choice: Choice
     masses: tuple[float, ...]
     voltages: tuple[float, ...]
-    task: Task | None
+    task: SweepTask | None
     reason: str = ""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """All specimens of a sweep; every one has as many masses as the others, and as many voltages."""
+    """All specimens of a sweep.
+
+    Every one has as many masses as the others, and as many voltages.
+    """
 
     entries: tuple[Entry, ...]
     source: str
@@ -121,7 +124,7 @@ class _Reader:
         except Unbuildable as error:
             reason = str(InputError(error.allowed, key=error.key, given=error.given))
             return Entry(name, base.stem, choice, masses, voltages, None, reason)
-        task = Task(specimen, rig, masses, voltages, self.settings, self.fields, solver())
+        task = SweepTask(specimen, rig, masses, voltages, self.settings, self.fields, solver())
         return Entry(name, base.stem, choice, masses, voltages, task)
 
     def _specimen(self, base: _Base, changes: Choice) -> Specimen:
@@ -136,7 +139,7 @@ class _Reader:
             raise self._blamed(error, base.file, changes) from None
 
     def _blamed(self, error: InputError, file: Path, changes: Choice) -> InputError:
-        """The error, told of the sweep if it varies that key or one beside it, of the specimen's file otherwise."""
+        """The error, told of the sweep if it varies that key or one beside it, else of the file."""
         key = error.key or ""
         varied = any(key == name or key.startswith(f"{name}.") or name.startswith(f"{key}.")
                      for name in changes)

@@ -1,4 +1,7 @@
-"""A sweep from plan to table: what is finished is taken, the rest is solved and kept as it comes."""
+"""A sweep from plan to table.
+
+What is finished is taken, the rest is solved and kept as it comes.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tympan.studies.files import from_json, read_json, remove, write_json
-from tympan.studies.parallel import Failure
+from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.table import FILES, dataset, read_table, write_tables
-from tympan.studies.sweep.task import Row, Task, TaskResult, solver
+from tympan.studies.sweep.task import Row, SweepTask, TaskResult, solver
 
 if TYPE_CHECKING:
     import xarray as xr
 
 #: Runs a function of tasks, by id, in any order.
-Pool = Callable[[Callable[[Task], TaskResult], Mapping[str, Task]],
-                Iterator[tuple[str, TaskResult | Failure]]]
+Pool = Callable[[Callable[[SweepTask], TaskResult], Mapping[str, SweepTask]],
+                Iterator[tuple[str, TaskResult | NoValue]]]
 
 #: Called with the number of cases that are ready and of those that were so from the start.
 Progress = Callable[[int, int], None]
@@ -70,7 +73,7 @@ class SweepResult:
         return cls(statuses, solved, kept, version, source, read_table(folder / "sweep.nc"))
 
 
-def run(sweep: Sweep, folder: Path, pool: Pool,
+def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         progress: Progress = lambda done, kept: None) -> SweepResult:
     """Solve what is not finished in a folder yet, and write its tables.
 
@@ -97,7 +100,7 @@ def run(sweep: Sweep, folder: Path, pool: Pool,
             remove(folder, *FILES)
         for task_id, answer in pool(_solve, missing):
             task = tasks[task_id]
-            if isinstance(answer, Failure):  # not kept: another run may have more luck
+            if isinstance(answer, NoValue):  # not kept: another run may have more luck
                 rows[task_id] = task.failed(answer.reason)
             else:
                 checkpoint.put(task, answer)
@@ -112,5 +115,5 @@ def run(sweep: Sweep, folder: Path, pool: Pool,
     return result
 
 
-def _solve(task: Task) -> TaskResult:
+def _solve(task: SweepTask) -> TaskResult:
     return task.run()

@@ -62,7 +62,9 @@ def read_table(file: Path) -> xr.Dataset:
 
 
 def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
-    """Dimensions specimen, mass and voltage; what the specimens differ in is a coordinate along the first.
+    """Dimensions specimen, mass and voltage.
+
+    What the specimens differ in is a coordinate along the first.
 
     Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that
     do not exist are nan; several warnings are joined with " | ".
@@ -78,7 +80,7 @@ def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
             for name in ("id", *COLUMNS)}
     coordinates: dict[str, Any] = {"specimen": [entry.name for entry in entries],
                                    "base": ("specimen", _texts([entry.base for entry in entries]))}
-    coordinates |= _loads(entries) | parameters(entries)
+    coordinates |= _loads(entries) | varied_coordinates(entries)
     table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
     for name, variable in table.variables.items():
         if variable.dtype.kind == "f":
@@ -94,7 +96,7 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
     return flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
 
 
-def parameters(entries: Sequence[Entry]) -> dict[str, Any]:
+def varied_coordinates(entries: Sequence[Entry]) -> dict[str, Any]:
     """Coordinates of what the specimens differ in, one per number; the unit ends the name."""
     found = [dict(flattened(entry.choice)) for entry in entries]
     keys = [key for key in dict.fromkeys(key for row in found for key in row)
@@ -115,7 +117,10 @@ def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
 
 
 def _loads(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Masses and voltages: along their own dimension, or also along the specimens if these differ in them."""
+    """Masses and voltages.
+
+    Along their own dimension, or also along the specimens if these differ in them.
+    """
     found: dict[str, Any] = {}
     for name, axis, values in (("mass_kg", "mass", [entry.masses for entry in entries]),
                                ("voltage_V", "voltage", [entry.voltages for entry in entries])):

@@ -50,8 +50,10 @@ class TaskResult:
 
 
 @dataclass(frozen=True)
-class Task:
-    """A specimen on a rig, its masses [kg] and voltages [V], ascending; ``fields``: whether to keep them all.
+class SweepTask:
+    """A specimen on a rig, its masses [kg] and voltages [V], ascending.
+
+    ``fields``: whether to keep them all.
 
     ``solver`` is who is to solve it: results of different versions must not meet in one table.
     """
@@ -66,7 +68,9 @@ class Task:
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
-        """Of every case, masses first: the hash of its inputs and of the solver; the specimen's name is none of them.
+        """Of every case, masses first: the hash of its inputs and of the solver.
+
+        The specimen's name is none of them.
 
         Equal inputs have equal ids on any machine.
         """

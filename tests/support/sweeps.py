@@ -16,7 +16,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
 from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep, read_sweep
-from tympan.studies.sweep.task import Task
+from tympan.studies.sweep.task import SweepTask
 
 CHEAP = Settings(MeshSettings(order=2).refined(0.6))
 
@@ -72,7 +72,7 @@ def finished(sweep: Sweep, folder: Path) -> dict[str, tuple[int, int]]:
     return found
 
 
-class Lethal(Task):
+class Lethal(SweepTask):
     """Kills the process that solves it."""
 
     def run(self) -> NoReturn:

@@ -41,7 +41,7 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
-    from tympan.studies.sweep.run import run
+    from tympan.studies.sweep.run import run_sweep
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     if not 1 <= workers <= 1024:
@@ -57,7 +57,7 @@ def _run(options: argparse.Namespace) -> None:
                 done = ready
                 progress(ready, kept)
 
-            result = run(sweep, options.output, pool, seen)
+            result = run_sweep(sweep, options.output, pool, seen)
     except KeyboardInterrupt:
         kept = f"{done} of {sweep.cases} cases are kept, the same command goes on from there"
         raise KeyboardInterrupt(kept) from None

@@ -18,7 +18,7 @@ from scipy.stats import binom
 from tests.support.datasets import HEAD, write_dataset
 from tympan.cli import main
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Column, Number, read_sheet
+from tympan.studies.columns import Column, NumberColumn, read_sheet
 from tympan.studies.data import coupon, readings
 from tympan.studies.data.checks import summary, warnings
 from tympan.studies.data.dataset import read_dataset
@@ -42,7 +42,7 @@ FILES = {"static": readings.STATIC, "range": readings.RANGE, "transient": readin
 
 def values_for(column: Column, rows: int) -> st.SearchStrategy[list]:  # type: ignore[type-arg]
     """SI values, or texts, of one column; None is a blank cell."""
-    if not isinstance(column, Number):
+    if not isinstance(column, NumberColumn):
         texts = st.sampled_from(column.choices or ("A", "B"))
         return st.lists(texts if column.required else texts | st.none(), min_size=rows,
                         max_size=rows)
@@ -62,7 +62,7 @@ def sheets(draw, columns: tuple[Column, ...]) -> tuple[str,
     meant, cells = {}, []
     for column in kept:
         values = meant[column.name] = draw(values_for(column, rows))
-        if isinstance(column, Number) and column.unit:
+        if isinstance(column, NumberColumn) and column.unit:
             unit = draw(st.sampled_from(sorted(UNITS[column.dimension])))
             factor = UNITS[column.dimension][unit]
             cells.append([f"{column.name}_{unit}",
@@ -85,10 +85,10 @@ def test_columns_in_any_order_and_unit_are_read_back(name: str, data: st.DataObj
         sheet = read_sheet(file, FILES[name])
     assert sheet.sha256 == hashlib.sha256(text.encode()).hexdigest()
     for column in FILES[name]:
-        blank = np.nan if isinstance(column, Number) else ""
+        blank = np.nan if isinstance(column, NumberColumn) else ""
         wanted = [blank if value is None else value
                   for value in meant.get(column.name, [None] * len(sheet.line))]
-        if isinstance(column, Number):
+        if isinstance(column, NumberColumn):
             assert sheet[column.name] == pytest.approx(np.array(wanted, float), rel=1e-14, abs=0,
                                                        nan_ok=True)
         else:

@@ -18,8 +18,8 @@ from tympan.studies.case import Case, solve
 from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import checkpoint as shelf
 from tympan.studies.sweep.plan import Sweep
-from tympan.studies.sweep.run import run
-from tympan.studies.sweep.task import Task
+from tympan.studies.sweep.run import run_sweep
+from tympan.studies.sweep.task import SweepTask
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def whole(tmp_path_factory) -> tuple[Sweep, Path]:
     """A sweep run without interruption."""
     folder = tmp_path_factory.mktemp("whole")
     sweep = read(folder)
-    run(sweep, folder / "out", serial)
+    run_sweep(sweep, folder / "out", serial)
     return sweep, folder / "out"
 
 
@@ -85,14 +85,14 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
         asked.extend(tasks)
         return serial(function, tasks)
 
-    summary = run(sweep, tmp_path / "out", noted)
+    summary = run_sweep(sweep, tmp_path / "out", noted)
     assert sorted(asked) == [damaged.stem, gone.stem]
     assert (summary.solved, summary.kept) == (12, 36)
     alike(table(tmp_path / "out"), table(folder))
     after = finished(sweep, tmp_path / "out")
     assert {number for number in after if after[number] != before[number]} == set(asked)
     asked.clear()
-    run(sweep, tmp_path / "out", noted)
+    run_sweep(sweep, tmp_path / "out", noted)
     assert not asked
 
 
@@ -100,7 +100,7 @@ def test_a_longer_sample_takes_over_what_is_finished(whole, tmp_path) -> None:
     _, folder = whole
     shutil.copytree(folder, tmp_path / "out")
     longer = read(tmp_path, written(tmp_path).read_text().replace("count = 8", "count = 9"))
-    summary = run(longer, tmp_path / "out", serial)
+    summary = run_sweep(longer, tmp_path / "out", serial)
     assert (summary.solved, summary.kept) == (6, 48)
 
 
@@ -110,16 +110,16 @@ def backwards(function, tasks):
 
 def test_order_and_processes_change_nothing(whole, tmp_path) -> None:
     sweep, folder = whole
-    run(sweep, tmp_path / "backwards", backwards)
+    run_sweep(sweep, tmp_path / "backwards", backwards)
     alike(table(tmp_path / "backwards"), table(folder))
-    run(sweep, tmp_path / "two", partial(processes, workers=2))
+    run_sweep(sweep, tmp_path / "two", partial(processes, workers=2))
     alike(table(tmp_path / "two"), table(folder))
 
 
 def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
     text = ('specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = ["0 kV", "30 kV"]\n'
             '[grid]\n"plate.radius" = ["1 cm", "5 cm"]')
-    summary = run(read(tmp_path, text), tmp_path / "out", serial)
+    summary = run_sweep(read(tmp_path, text), tmp_path / "out", serial)
     assert summary.statuses == {"equilibrium": 1, "no_equilibrium": 1, "failed": 2}
     found = table(tmp_path / "out")
     assert "plate must lie inside the frame" in str(found["warnings"][1, 0, 0].item())
@@ -141,10 +141,11 @@ def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monke
 
     original = task.build_model
     monkeypatch.setattr(task, "build_model", build)
-    run(sweep, tmp_path / "out", serial)
+    run_sweep(sweep, tmp_path / "out", serial)
     found = table(tmp_path / "out")
     assert (found["status"] == "failed").sum() == 6
-    assert set(found["warnings"].values[2].ravel()) == {"frame, plate: cannot be meshed: too little room"}
+    assert set(found["warnings"].values[2].ravel()) == {"frame, plate: cannot be meshed: too "
+                                                        "little room"}
 
 
 def test_another_version_on_a_worker_is_refused(whole) -> None:
@@ -168,9 +169,9 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path,
 
         patch.setattr(shelf, "write_text", full)
         with pytest.raises(InputError, match="cannot be written: No space left on device"):
-            run(sweep, tmp_path / "out", serial)
+            run_sweep(sweep, tmp_path / "out", serial)
     assert len(finished(sweep, tmp_path / "out")) == 3
-    assert run(sweep, tmp_path / "out", serial).kept == 18
+    assert run_sweep(sweep, tmp_path / "out", serial).kept == 18
     alike(table(tmp_path / "out"), table(folder))
 
 
@@ -180,21 +181,23 @@ def _no_space(path: Path) -> None:
 
 
 def test_two_sweeps_do_not_share_a_folder(whole, tmp_path) -> None:
-    with shelf.Checkpoint(tmp_path).alone(), pytest.raises(InputError, match="in use by another sweep"):
-        run(whole[0], tmp_path, serial)
+    with shelf.Checkpoint(tmp_path).alone(), pytest.raises(InputError, match="in use by another "
+                                                                             "sweep"):
+        run_sweep(whole[0], tmp_path, serial)
 
 
 def test_a_process_that_dies_is_replaced_and_a_task_that_kills_is_a_row(whole, tmp_path) -> None:
     sweep, folder = whole
     entries = list(sweep.entries[:3])
     entries[1] = replace(entries[1], task=Lethal(**{name: getattr(entries[1].task, name) for name in
-                                                    Task.__dataclass_fields__}))
-    summary = run(replace(sweep, entries=tuple(entries)), tmp_path / "out",
+                                                    SweepTask.__dataclass_fields__}))
+    summary = run_sweep(replace(sweep, entries=tuple(entries)), tmp_path / "out",
                   partial(processes, workers=1))
     assert summary.statuses == {"equilibrium": 12, "failed": 6}
     found, right = table(tmp_path / "out"), table(folder)
     assert "the process that solved it died" in str(found["warnings"][1, 0, 0].item())
     assert (found["deflection_m"][[0, 2]] == right["deflection_m"][[0, 2]]).all()
     # The next run may have more luck.
-    assert run(replace(sweep, entries=sweep.entries[:3]), tmp_path / "out", serial).solved == 6
+    three = replace(sweep, entries=sweep.entries[:3])
+    assert run_sweep(three, tmp_path / "out", serial).solved == 6
     assert (table(tmp_path / "out")["deflection_m"] == right["deflection_m"][:3]).all()

@@ -17,7 +17,7 @@ from tests.support.sweeps import read
 from tympan.geometry.errors import InputError
 from tympan.studies.parallel import serial
 from tympan.studies.sweep.cluster import cluster
-from tympan.studies.sweep.run import run
+from tympan.studies.sweep.run import run_sweep
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning",
@@ -26,7 +26,7 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
     from distributed import LocalCluster
 
     sweep = read(tmp_path)
-    run(sweep, tmp_path / "here", serial)
+    run_sweep(sweep, tmp_path / "here", serial)
     killed: list[int] = []
     moments = np.random.default_rng(11).choice(np.arange(1, 7), 2, replace=False)
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1",
@@ -38,8 +38,8 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
                 killed.append(list(machine.workers.values())[len(killed)].pid)
                 os.kill(killed[-1], signal.SIGKILL)
 
-        summary = run(sweep, tmp_path / "dask", partial(cluster, address=machine.scheduler_address),
-                      seen)
+        pool = partial(cluster, address=machine.scheduler_address)
+        summary = run_sweep(sweep, tmp_path / "dask", pool, seen)
     assert len(set(killed)) == 2
     assert summary.solved == 48
     with (xr.open_dataset(tmp_path / "here" / "sweep.nc", engine="h5netcdf") as one,
@@ -51,7 +51,7 @@ def test_a_cluster_gives_the_same_table_also_when_both_workers_are_killed(tmp_pa
 def test_a_scheduler_that_is_not_there_is_one_message(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("tympan.studies.sweep.cluster._PATIENCE", "300ms")
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        run(read(tmp_path), tmp_path / "out", partial(cluster, address="tcp://127.0.0.1:9"))
+        run_sweep(read(tmp_path), tmp_path / "out", partial(cluster, address="tcp://127.0.0.1:9"))
 
 
 HOARDING = """
@@ -78,7 +78,10 @@ print(faults())
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"),
                     reason="another allocator than glibc's")
 def test_a_task_keeps_the_memory_it_frees_as_long_as_it_runs() -> None:
-    """By page faults, with Dask's own setting: it gives back every array, which is taken again page by page."""
+    """By page faults, with Dask's own setting.
+
+    It gives back every array, which is taken again page by page.
+    """
     environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}
     printed = subprocess.run([sys.executable, "-c", HOARDING], env=environment, capture_output=True,
                              text=True,

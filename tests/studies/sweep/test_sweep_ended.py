@@ -21,7 +21,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
 from tympan.studies.parallel import serial
 from tympan.studies.sweep.plan import Sweep
-from tympan.studies.sweep.run import run
+from tympan.studies.sweep.run import run_sweep
 
 #: What ``--refine 0.5`` says.
 COARSE = Settings(MeshSettings().refined(0.5))
@@ -47,7 +47,7 @@ def right(tmp_path_factory) -> tuple[Sweep, xr.Dataset]:
     """The sweep, and its table from a run without interruption in this process."""
     folder = tmp_path_factory.mktemp("right")
     sweep = read(folder, MANY, COARSE)
-    run(sweep, folder / "out", serial)
+    run_sweep(sweep, folder / "out", serial)
     return sweep, table(folder / "out")
 
 
@@ -60,7 +60,7 @@ def goes_on(right: tuple[Sweep, xr.Dataset], folder: Path) -> None:
     """What is finished there stays, and the same sweep comes to the right table."""
     sweep, whole = right
     before = finished(sweep, folder)
-    run(sweep, folder, serial)
+    run_sweep(sweep, folder, serial)
     after = finished(sweep, folder)
     assert before.items() <= after.items()  # nothing is lost, nothing written again
     assert len(after) == 32
@@ -143,7 +143,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(right, tmp_path) -> None
         pytest.skip("root may write anywhere")
     file = written(tmp_path, MANY)
     (tmp_path / "kept").mkdir()
-    run(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out",
+    run_sweep(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out",
         serial)
     written(tmp_path, MANY)
     for folder in (tmp_path / "kept" / "out", tmp_path / "kept"):
@@ -166,7 +166,7 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
     text = MANY.replace("count = 32", "count = 3").replace("specimen =",
                                                            "fields = true\nspecimen =")
     sweep, folder = read(tmp_path, text, COARSE), tmp_path / "out"
-    assert run(sweep, folder, serial).solved == 6
+    assert run_sweep(sweep, folder, serial).solved == 6
     found = table(folder)
     files = sorted((folder / "fields").iterdir())
     assert [file.name for file in files] == sorted(f"{number}.vtu"
@@ -185,11 +185,11 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
         asked.extend(tasks)
         return serial(function, tasks)
 
-    run(sweep, folder, noted)
+    run_sweep(sweep, folder, noted)
     assert len(asked) == 1
     assert sorted((folder / "fields").iterdir()) == files
     xr.testing.assert_identical(table(folder), found)
-    assert run(sweep, folder, partial(_never)).kept == 6
+    assert run_sweep(sweep, folder, partial(_never)).kept == 6
 
 
 def _never(tasks: object) -> list:

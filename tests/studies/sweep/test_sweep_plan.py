@@ -14,12 +14,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.studies.sweep.parameters import METHODS
 from tympan.studies.sweep.plan import read_sweep
-from tympan.studies.sweep.task import Task
+from tympan.studies.sweep.task import SweepTask
 
 LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
 
 
-def tasks(folder: Path, text: str, **files: str) -> list[Task]:
+def tasks(folder: Path, text: str, **files: str) -> list[SweepTask]:
     found = [entry.task for entry in read(folder, text, **files).entries]
     assert all(task is not None for task in found)
     return [task for task in found if task is not None]
@@ -120,10 +120,12 @@ REFUSED = {
                r"sample.method: given 'sobel': must be one of"),
     "count": (LOADS + '[sample]\nmethod = "sobol"\ncount = 2.5', r"sample.count: given 2.5"),
     "order": (LOADS
-              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "1 cm"]',
+              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 '
+                'cm", "1 cm"]',
               r"sample.ranges.plate.radius: given .*smaller first"),
     "kinds": (LOADS
-              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 cm", "3 kg"]',
+              + '[sample]\nmethod = "sobol"\ncount = 2\n[sample.ranges]\n"plate.radius" = ["2 '
+                'cm", "3 kg"]',
               r"sample.ranges.plate.radius: given .*one kind"),
     "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]',
                  r"grid.plate: must be a list; write a dotted key"),
