@@ -5,7 +5,7 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
   $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$p && break; done)
 OUT ?= out
 
-.PHONY: study test benchmarks scaling verification robustness hidden optimum outlines map lumped-build paper clean
+.PHONY: study test benchmarks scaling verification robustness hidden optimum outlines map lumped-build paper house clean
 
 study: .venv/ready
 	.venv/bin/tympan study -o "$(OUT)"
@@ -47,6 +47,9 @@ optimum: .venv/ready
 lumped-build: .venv/ready
 	.venv/bin/python -m benchmarks.lumped_build
 
+house: .venv/ready
+	.venv/bin/python -m benchmarks.house
+
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "tympan needs Python 3.11, 3.12 or 3.13: install the Debian package python3"; exit 1; }
 	@$(PYTHON) -c "import ensurepip, venv" 2>/dev/null || \
@@ -58,4 +61,4 @@ lumped-build: .venv/ready
 	@touch $@
 
 clean:
-	rm -rf .venv out
+	rm -rf .venv out build dist tympan.egg-info

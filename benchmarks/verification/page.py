@@ -26,8 +26,8 @@ Written by `make verification`, which runs every claim, and fails if one does. T
 the same tolerances. An error is relative, unless the reference is 0 or an order of convergence, of which only falling
 short counts. Unless a claim says otherwise the film is 1 mm thick before it is stretched by √5 along both axes, lies
 between circles of 10 and 45 mm, has ε_r 4.7, is neo-Hooke 20 kPa, and is meshed as a user gets it: curved triangles of
-order 4, a quarter by symmetry. The references are in `tests/`: `axisymmetric.py`, `inflation.py`, `unstable.py`,
-`laws.py`; they import nothing of the program that they check.
+order 4, a quarter by symmetry. The references are in `tests/oracles/`: `axisymmetric.py`, `inflation.py`,
+`unstable.py`, `laws.py`; they import nothing of the program that they check.
 """
 
 
