@@ -199,34 +199,45 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     """
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
-    field = gmsh.model.mesh.field
-    for number, name in ((1, "plate"), (2, "frame")):
-        field.add("Distance", number)
-        field.setNumbers(number, "CurvesList", [tag for _, tag in groups[name]])
-        field.setNumber(number, "Sampling", 100)
-    field.add("MathEval", 3)
-    field.setString(3, "F", f"{perimeter / settings.around_plate!r} + {settings.growth!r}*F1")
-    field.add("MathEval", 4)
-    field.setString(4, "F", f"{settings.across!r}*(F1 + F2)")
-    fields = [3, 4]
+    plain = perimeter / settings.around_plate
+    plate, frame = (_distance(gmsh, [tag for _, tag in groups[name]])
+                    for name in ("plate", "frame"))
+    fields = [_field(gmsh, "MathEval", F=f"{plain!r} + {settings.growth!r}*F{plate}"),
+              _field(gmsh, "MathEval", F=f"{settings.across!r}*(F{plate} + F{frame})")]
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate)
                if width > 0]
-    widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)} if margins else {}
     if specimen.electrode.outline is not None:
         # What is bare is no longer a band alone; this field is as fine in the bands.
-        least = min([perimeter / settings.around_plate / 4,
-                     *(3 * METRE * width for width in margins)])
-        fields, widths = [*fields, _outline_field(gmsh, settings.across, least, groups)], {}
-    fields += _fillet_fields(gmsh, settings, perimeter / settings.around_plate, groups)
+        least = min([plain / 4, *(3 * METRE * width for width in margins)])
+        nearest = f"F{_electrode_edge(gmsh, groups)} + min(F{plate}, F{frame})"
+        fields.append(_field(gmsh, "MathEval",
+                             F=f"max({least!r}, {settings.across!r}*({nearest}))"))
+    elif margins:
+        widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)}
+        fields += [_field(gmsh, "Constant", VIn=3 * width * METRE,
+                          SurfacesList=[tag for _, tag in groups[name]])
+                   for name, width in widths.items()]
+    fields += _fillet_fields(gmsh, settings, plain, groups)
     fields.append(_curvature_field(gmsh, settings.around_plate))
-    for number, (name, width) in enumerate(widths.items(), start=5):
-        field.add("Constant", number)
-        field.setNumber(number, "VIn", 3 * width * METRE)
-        field.setNumbers(number, "SurfacesList", [tag for _, tag in groups[name]])
-        fields.append(number)
-    field.add("Min", 9)
-    field.setNumbers(9, "FieldsList", fields)
-    field.setAsBackgroundMesh(9)
+    gmsh.model.mesh.field.setAsBackgroundMesh(_field(gmsh, "Min", FieldsList=fields))
+
+
+def _field(gmsh: Any, kind: str, **options: float | str | list[int]) -> int:
+    """A new size field of gmsh; its number."""
+    field = gmsh.model.mesh.field
+    number = int(field.add(kind))
+    for name, value in options.items():
+        if isinstance(value, str):
+            field.setString(number, name, value)
+        elif isinstance(value, list):
+            field.setNumbers(number, name, value)
+        else:
+            field.setNumber(number, name, value)
+    return number
+
+
+def _distance(gmsh: Any, curves: list[int]) -> int:
+    return _field(gmsh, "Distance", CurvesList=curves, Sampling=100)
 
 
 def _curvature_field(gmsh: Any, around: int) -> int:
@@ -243,13 +254,8 @@ def _curvature_field(gmsh: Any, around: int) -> int:
                         for curve, size in zip(curves, sizes, strict=True)])
     view = gmsh.view.add("sizes")
     gmsh.view.addListData(view, "SP", len(points), points.ravel())
-    field = gmsh.model.mesh.field
-    field.add("PostView", 10)
-    field.setNumber(10, "ViewTag", view)
-    field.add("Restrict", 11)
-    field.setNumber(11, "InField", 10)
-    field.setNumbers(11, "CurvesList", [tag for _, tag in curves])
-    return 11
+    sizes_of_points = _field(gmsh, "PostView", ViewTag=view)
+    return _field(gmsh, "Restrict", InField=sizes_of_points, CurvesList=[tag for _, tag in curves])
 
 
 def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
@@ -267,32 +273,17 @@ def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
         if size < plain / 2:
             # Edges of about the same curvature share a field.
             sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])
-    field, numbers = gmsh.model.mesh.field, []
-    for number, (level, tags) in enumerate(sizes.items()):
-        distance, grown = 20 + 2 * number, 21 + 2 * number
-        field.add("Distance", distance)
-        field.setNumbers(distance, "CurvesList", tags)
-        field.setNumber(distance, "Sampling", 100)
-        field.add("MathEval", grown)
-        field.setString(grown, "F",
-                        f"{2 ** ((level + 0.5) / 4)!r} + {settings.growth!r}*F{distance}")
-        numbers.append(grown)
-    return numbers
+    return [_field(gmsh, "MathEval", F=f"{2 ** ((level + 0.5) / 4)!r} + "
+                   f"{settings.growth!r}*F{_distance(gmsh, tags)}")
+            for level, tags in sizes.items()]
 
 
-def _outline_field(gmsh: Any, across: float, least: float,
-                   groups: dict[str, list[tuple[int, int]]]) -> int:
-    """The field that keeps elements small between the electrode's edge and those of the film."""
+def _electrode_edge(gmsh: Any, groups: dict[str, list[tuple[int, int]]]) -> int:
+    """The distance to the edge between what is covered and what is bare."""
     inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False,
                                                               oriented=False)}
                     for name in ("covered", "bare"))
-    field = gmsh.model.mesh.field
-    field.add("Distance", 7)
-    field.setNumbers(7, "CurvesList", sorted(inner & outer))
-    field.setNumber(7, "Sampling", 100)
-    field.add("MathEval", 8)
-    field.setString(8, "F", f"max({least!r}, {across!r}*(F7 + min(F1, F2)))")
-    return 8
+    return _distance(gmsh, sorted(inner & outer))
 
 
 def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) -> meshio.Mesh:
