@@ -209,10 +209,7 @@ class Registry(dict[str, T]):
         return kind
 
     def read(self, table: Table) -> Any:
-        """What a table describes.
-
-        A class that is more than its fields has a ``from_table`` of its own.
-        """
+        """What a table describes, by the kind's own ``from_table`` if it has one."""
         cls: Any = table.choice(self.tag, self)
         return cls.from_table(table) if hasattr(cls, "from_table") else read(cls, table)
 

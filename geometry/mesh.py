@@ -1,7 +1,4 @@
-"""From meshio to scikit-fem.
-
-Tagged triangle meshes with curved elements of order 1 to 4, and their mirror images.
-"""
+"""Tagged triangle meshes with curved elements, from meshio to scikit-fem; mirror images."""
 
 from __future__ import annotations
 
@@ -22,10 +19,7 @@ _CELLS = {"triangle": 1, "triangle6": 2, "triangle10": 3, "triangle15": 4}
 
 @dataclass(repr=False)
 class CurvedTriangles(skfem.MeshTri2):
-    """Isoparametric triangles of any order scikit-fem has an element for.
-
-    Vertices ascend in every triangle.
-    """
+    """Isoparametric triangles of any order; vertices ascend in every triangle."""
 
     @property
     def order(self) -> int:
@@ -58,10 +52,7 @@ def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int,
 
 
 def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
-    """The scikit-fem mesh of a meshio mesh with cell sets.
-
-    Lines become boundaries, triangles subdomains.
-    """
+    """The mesh of a meshio mesh: its sets of lines are boundaries, of triangles subdomains."""
     kind = next(cell.type for cell in source.cells if cell.type in _CELLS)
     order = _CELLS[kind]
     cells = source.cells_dict[kind]
@@ -87,10 +78,7 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
 
 
 def folded(mesh: CurvedTriangles) -> int:
-    """How many elements turn inside out somewhere.
-
-    Their Jacobian changes sign between nodes and quadrature points.
-    """
+    """How many elements turn inside out between nodes and quadrature points."""
     inner = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order)).X
     determinant = mesh.mapping().detDF(np.hstack([inner, ELEMENTS[mesh.order].doflocs.T]))
     return int(np.count_nonzero(determinant.min(axis=1) * determinant.max(axis=1) <= 0))
@@ -106,10 +94,7 @@ def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
 
 @dataclass(frozen=True)
 class Unfolding:
-    """A mirrored mesh.
-
-    ``mesh``, and for each of its nodes the ``origin`` node and the ``signs`` of x and y.
-    """
+    """A mirrored mesh; of each node the ``origin`` and the ``signs`` of x and y."""
 
     mesh: CurvedTriangles
     origin: Ints
@@ -173,10 +158,7 @@ def _barycentric(order: int) -> Ints:
 
 
 def _gmsh_barycentric(order: int) -> Ints:
-    """The same in gmsh's order.
-
-    Vertices, edges 01, 12, 20 in their direction, then the inner triangle.
-    """
+    """In gmsh's order: vertices, edges 01, 12, 20 as they run, then the inner triangle."""
     if order == 0:
         return np.zeros((1, 3), dtype=np.int64)
     corners = order * np.eye(3, dtype=np.int64)

@@ -120,10 +120,7 @@ def _session() -> Iterator[Any]:
 
 @contextmanager
 def _kept(number: int) -> Iterator[None]:
-    """A signal means afterwards what it meant before, in any thread.
-
-    Gmsh's start makes a broken pipe lethal.
-    """
+    """Restore signals, in any thread: gmsh's start makes a broken pipe lethal."""
     get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
     get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int,
                                                                ctypes.c_void_p), ctypes.c_void_p
@@ -135,10 +132,7 @@ def _kept(number: int) -> Iterator[None]:
 
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
-    """Curves by where they lie.
-
-    On the frame, on the plate, on an axis through the plate's centre.
-    """
+    """Curves on the frame, on the plate, on an axis through the plate's centre."""
     groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [],
                                                 "axis_y": []}
     tolerance = 1e-6 * max(specimen.frame.semi_axes)

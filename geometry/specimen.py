@@ -230,10 +230,7 @@ class Specimen:
 
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
-        """The gap and the point of plate or frame where it is [m].
-
-        Each edge is seen from points of the other.
-        """
+        """The gap and where it is [m]; each edge is seen from points of the other."""
         plate = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
         frame = self.frame.points(720)
         narrowest = []
@@ -259,10 +256,7 @@ class Specimen:
         return planes if region is None else planes & region.mirror_planes
 
     def _meets(self, region: Region) -> bool:
-        """Whether any film lies within the region.
-
-        Its edge is on the film, or it holds the film whole.
-        """
+        """Whether film lies within: the region's edge is on it, or it holds the film whole."""
         edge = region.outline.points(720) + np.array(region.offset)[:, None]
         on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())

@@ -23,10 +23,7 @@ DEBIAN = {
 
 
 class MissingLibrary(RuntimeError):
-    """A shared library of the operating system is not installed.
-
-    The message names the Debian package.
-    """
+    """A system library is not installed; the message names the Debian package."""
 
 
 def missing_library(error: OSError | ImportError) -> MissingLibrary:

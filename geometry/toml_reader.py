@@ -1,7 +1,4 @@
-"""Strict reading of TOML.
-
-Every key is asked for by name and checked, and what nobody asked for is an error.
-"""
+"""Strict reading of TOML: keys are asked for by name; what nobody asked for is an error."""
 
 from __future__ import annotations
 
@@ -33,10 +30,7 @@ REQUIRED: Any = _Required()
 
 @dataclass
 class Table:
-    """One TOML table while it is read.
-
-    ``where`` is its dotted path, ``asked`` the keys read so far.
-    """
+    """One TOML table while it is read, its dotted path, and the keys asked for so far."""
 
     file: Path | str
     data: Mapping[str, Any]
@@ -45,10 +39,7 @@ class Table:
 
     @classmethod
     def read(cls, file: Path | str) -> Self:
-        """Parse a file.
-
-        An unreadable or malformed one is an :class:`InputError` naming line and column.
-        """
+        """Parse a file; what cannot be read is an :class:`InputError` with line and column."""
         try:
             return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
         except OSError as error:
@@ -212,10 +203,7 @@ class Table:
 
 @dataclass
 class PlainTable(Table):
-    """A table whose quantities are plain SI numbers under keys that end with the unit.
-
-    ``radius_m``.
-    """
+    """A table whose quantities are SI numbers under keys with the unit: ``radius_m``."""
 
     def spelled(self, key: str, dimension: str) -> str:
         return key + DIMENSIONS[dimension].suffix if dimension else key

@@ -118,8 +118,8 @@ def _peak(stretch: Array, stress: Array, held: float) -> float | None:
     """The first stretch from the mounted one on, else of all, from which the stress falls."""
     falling = np.flatnonzero(np.diff(stress) < 0)
     onward = falling[stretch[falling] >= held - 1e-9]
-    found = onward if len(onward) else falling
-    return float(stretch[found[0]]) if len(found) else None
+    first = onward if len(onward) else falling
+    return float(stretch[first[0]]) if len(first) else None
 
 
 def _failure(what: str, stretches: Pair | None, held: float) -> str:

@@ -34,10 +34,7 @@ class Curve:
         return value, slope
 
     def foot(self, places: Array) -> Foot:
-        """Where on the curve the points nearest to places of shape (n, 2) are.
-
-        Number of the piece, parameter.
-        """
+        """The feet of places of shape (n, 2): number of the piece, parameter."""
         t = np.array([piece.nearest(places) for piece in self.pieces])
         away = np.array([np.linalg.norm(piece.at(row)[0] - places, axis=1)
                          for piece, row in zip(self.pieces, t, strict=True)])
@@ -54,10 +51,7 @@ class Curve:
         return (side * np.linalg.norm(away, axis=1)).reshape(x.shape)
 
     def _normal(self, foot: Foot) -> Array:
-        """Outward normals.
-
-        At a corner the sum of those of both sides, which tells inside from outside there.
-        """
+        """Outward normals, at a corner the sum of both sides', which tells inside from outside."""
         number, t = foot
         count = len(self.pieces)
         here = _unit_normal(self.at(foot)[1])
@@ -124,10 +118,7 @@ class Curve:
         return self if max(abs(x), abs(y)) <= tiny else self.placed(shift=(-x, -y))
 
     def beside(self, distance: Any) -> Curve:
-        """The parallel curve at a distance, outwards if positive.
-
-        Without corners, which would tear it.
-        """
+        """The parallel curve at a distance, outwards if positive; corners would tear it."""
         return Curve(tuple(piece.beside(distance) for piece in self.pieces))
 
     def backwards(self) -> Curve:

@@ -26,10 +26,7 @@ _FLAT = 1e-9
 
 
 def dxf_pieces(file: Path, layer: str) -> list[Piece]:
-    """Of all lines, arcs, ellipses, polylines and splines of a layer, ``*`` of all.
-
-    Without units in millimetres.
-    """
+    """Pieces of a layer, ``*`` of all; a drawing without units is in millimetres."""
     try:
         document = ezdxf.filemanagement.readfile(file)
     except (ezdxf.lldxf.const.DXFError, OSError, UnicodeDecodeError) as error:
@@ -98,10 +95,7 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
 
 
 def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[Piece]:
-    """Splines, exact where they are cubic, polynomial and of continuous curvature.
-
-    Parted where they are rougher.
-    """
+    """Splines, exact where cubic, polynomial and of continuous curvature; parted elsewhere."""
     curve = BSpline(knots, np.column_stack([poles * weights[:, None], weights]), degree)
     low, high = knots[degree], knots[-degree - 1]
     inner, times = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)
@@ -118,7 +112,7 @@ def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[
     result: list[Piece] = []
     for start, end in pairwise(parts):
         # Just inside a corner, so that derivatives are those of this side.
-        own = breaks[(breaks >= start) & (breaks <= end)].astype(float)
+        within_part = breaks[(breaks >= start) & (breaks <= end)].astype(float)
         inset = 1e-13 * (end - start)
 
         def within(place: Array, low: float = start + inset,
@@ -126,7 +120,8 @@ def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[
             return local(np.clip(place, low, high))
 
         size = float(np.ptp(poles, axis=0).max())
-        result.append(spline_through(within, own if exact else graded(within, own, size)))
+        knots = within_part if exact else graded(within, within_part, size)
+        result.append(spline_through(within, knots))
     return result
 
 

@@ -37,10 +37,7 @@ class Outline(Protocol):
         """Whether it cannot cross itself, whatever its numbers."""
 
     def level(self, x: Array, y: Array) -> Array:
-        """Negative inside, zero on the curve, positive outside.
-
-        Near the curve, about the distance [m].
-        """
+        """Negative inside, positive outside; near the curve, about the distance [m]."""
 
     def points(self, count: int) -> Array:
         """Points on the curve, shape (2, count) [m]."""
@@ -57,10 +54,7 @@ class Pieced(ABC):
     """What follows from the pieces alone; a shape adds its numbers and :meth:`pieces`."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Its numbers alone.
-
-        What was computed from them can be sixty times as long, and is computed again.
-        """
+        """Its numbers alone: what follows from them can be sixty times as long."""
         numbers = {item.name for item in fields(cast(Any, self))}
         return {name: value for name, value in vars(self).items() if name in numbers}
 

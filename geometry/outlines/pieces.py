@@ -214,10 +214,7 @@ Piece = Line | Arc | Spline
 
 @dataclass(frozen=True)
 class PieceSamples:
-    """Points along a curved piece from which the nearest ones are searched.
-
-    ``each`` of them between two breaks.
-    """
+    """Points along a curved piece, ``each`` of them between two breaks, to search from."""
 
     piece: Arc | Spline
     each: int
@@ -233,10 +230,7 @@ class PieceSamples:
         return cKDTree(self.piece.at(self._t)[0])
 
     def nearest(self, places: Array) -> Array:
-        """Parameters of the points nearest to places.
-
-        Newton's method from the two nearest samples.
-        """
+        """Parameters of the nearest points: Newton's method from the two nearest samples."""
         seeds = self._tree.query(places, k=2)[1]
         near = [self._refined(places, seed) for seed in seeds.T]
         first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in near)
@@ -261,10 +255,7 @@ class PieceSamples:
 
 
 def spline_through(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
-    """The spline through a curve at knots.
-
-    ``curve`` gives points and derivatives, shape (n, 2) each.
-    """
+    """The spline through a curve, which gives points and derivatives, (n, 2) each, at knots."""
     points, slopes = curve(knots)
     first, last = _pairs(slopes[[0, -1]])
     return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
@@ -319,10 +310,7 @@ def _pairs(points: Array) -> tuple[Point, ...]:
 
 
 def direction(x: Any, y: Any) -> Any:
-    """The angle of a vector from the x axis [rad].
-
-    Of a complex one to first order in the imaginary part.
-    """
+    """The angle of a vector from the x axis [rad], to first order in imaginary parts."""
     angle = np.arctan2(np.real(y), np.real(x))
     if not (np.iscomplexobj(x) or np.iscomplexobj(y)):
         return float(angle)

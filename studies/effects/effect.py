@@ -1,7 +1,4 @@
-"""What an effect is.
-
-A named, parameterised edit of the specimens or the rig that the nominal model leaves out.
-"""
+"""An effect: a named edit of specimens or rig that the nominal model leaves out."""
 
 from __future__ import annotations
 
@@ -35,10 +32,7 @@ class Setup:
 
     def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0,
              direction: float = 0.0) -> Case:
-        """A reading to predict.
-
-        Nominal mass [kg] and voltage [V], so long after the run began [s], and which way.
-        """
+        """A reading to predict, of nominal mass [kg] and voltage [V], after ``elapsed`` [s]."""
         return Case(self.specimen(specimen), mass=mass, voltage=voltage, rig=self.rig,
                     elapsed=elapsed, direction=direction)
 
@@ -260,10 +254,7 @@ class Use:
 
 
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
-    """The setup with several effects, whatever their order.
-
-    They are applied in that of the registry.
-    """
+    """The setup with several effects, applied in the order of the registry."""
     order = list(EFFECTS)
     for use in sorted(uses, key=lambda use: order.index(use.effect)):
         setup = EFFECTS[use.effect].apply(setup, use.values, use.which)

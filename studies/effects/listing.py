@@ -1,7 +1,4 @@
-"""All effects with their parameters and priors.
-
-As data, as text for a terminal, as a page of the documentation.
-"""
+"""All effects with parameters and priors: as data, for a terminal, as a page."""
 
 from __future__ import annotations
 

@@ -36,10 +36,7 @@ class FirstInvariantLaw(ABC):
 
     @property
     def locking(self) -> float:
-        """The I₁ − 3 from which on the law is not defined.
-
-        W is +∞ there and its derivatives are nan.
-        """
+        """The I₁ − 3 from which on W is +∞ and its derivatives are nan."""
         return inf
 
     @abstractmethod

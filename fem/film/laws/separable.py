@@ -1,7 +1,4 @@
-"""Laws written for a film that is already stretched.
-
-Eq. (8) of the source paper as a membrane material.
-"""
+"""Laws of a film already stretched: Eq. (8) of the source paper as a membrane material."""
 
 from __future__ import annotations
 

@@ -17,10 +17,7 @@ from tympan.geometry.outlines.pieces import Piece
 @OUTLINES.register
 @dataclass(frozen=True)
 class RoundedRectangle(Symmetric):
-    """A rectangle of given half sides along x and y and corner radius [m].
-
-    0 leaves its corners sharp.
-    """
+    """A rectangle with rounded or sharp corners."""
 
     shape: ClassVar[str] = "rounded_rectangle"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
