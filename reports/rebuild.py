@@ -77,10 +77,18 @@ def _identify(marker: Path) -> list[Path]:
     return draw_identified(IdentifyResult.load(marker.parent), marker.parent)
 
 
+def _material_fit(marker: Path) -> list[Path]:
+    from tympan.reports.figures.coupon import draw_fit
+    from tympan.studies.material.result import MaterialFitResult
+
+    return draw_fit(MaterialFitResult.load(marker.parent), marker.parent)
+
+
 KINDS = (
     FolderKind("study", "study.json", _study),
     FolderKind("modes", "*-modes.json", _modes),
     FolderKind("path", "*-path.json", _path),
+    FolderKind("material fit", "fit.json", _material_fit),
     FolderKind("diagnose", "diagnosis.json", _diagnosis),
     FolderKind("lumped paper", "paper.json", _paper),
     FolderKind("lumped simulate", "simulate.json", _simulate),

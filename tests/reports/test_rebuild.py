@@ -62,13 +62,27 @@ def paper(folder: Path) -> None:
     assert main(["lumped", "paper", *options, "-o", str(folder)]) == 0
 
 
+def material_fit(folder: Path) -> None:
+    rows = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2) + 0.1 * number % 0.3}\n"
+                   for number, stretch in enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8)))
+    file = folder.parent / "coupon.csv"
+    file.write_text(f"mode,stretch,nominal_stress_kPa\n{rows}", encoding="utf-8")
+    laws = ["--law", "neo_hooke", "--law", "gent"]
+    assert main(["material", "fit", str(file), *laws, "-o", str(folder)]) == 0
+
+
 LOADED = ("--mass", "17.9 g", "--refine", "0.5")
 #: What makes a small folder, by the command of the kind.
 RUNS: dict[str, Callable[[Path], None]] = {
     "study": study,
     "modes": of_specimen("modes", "--voltage", "3 kV", "--count", "3", *LOADED),
     "path": of_specimen("path", *LOADED),
+    "material fit": material_fit,
     "lumped paper": paper,
+    "lumped simulate": of_specimen("lumped simulate", "--signal", "sine", "--duration", "2 s",
+                                   "--interval", "20 ms"),
+    "lumped build": of_specimen("lumped build", "--mass", "17.9 g", "--count", "3",
+                                "--voltages", "0 kV..3 kV", "--refine", "0.5"),
 }
 
 

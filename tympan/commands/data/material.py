@@ -59,8 +59,8 @@ def _fit(kinds: Subcommands) -> None:
     parser.add_argument("--noise", metavar="STRESS",
                         help='standard deviation of one reading, such as "2 kPa"; '
                              "without it, estimated from the residuals")
-    output_argument(parser, "also store the fits (JSON), a figure, and the best law for specimen "
-                            "files (TOML)")
+    output_argument(parser, "also store the fits (JSON), their curves (CSV), a figure, and the "
+                            "best law for specimen files (TOML)")
     json_argument(parser)
 
 
@@ -68,6 +68,7 @@ def _run_fit(options: argparse.Namespace) -> None:
     from tympan.geometry.errors import InputError
     from tympan.studies.data.coupon import read_coupons
     from tympan.studies.material.fit import FitSettings, compare
+    from tympan.studies.material.result import MaterialFitResult, material_fit_result
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 0 < noise < float("inf"):
@@ -78,41 +79,19 @@ def _run_fit(options: argparse.Namespace) -> None:
         comparison = compare(coupons, names, FitSettings(noise))
     except InputError as error:
         raise error.located(file=options.coupons) from None
-    result = _result(options.coupons, comparison)
+    result = material_fit_result(comparison, options.coupons)
     if options.output is not None:
-        _store(options.output, comparison, result)
+        from tympan.reports.figures.coupon import draw_fit
+
+        result.save(options.output)
+        draw_fit(MaterialFitResult.load(options.output), options.output)
     if options.json:
-        print_json(result)
+        print_json(result.json())
     else:
-        _print(comparison, result)
+        _show_fits(comparison, result.json())
 
 
-def _result(file: Path, comparison: Comparison) -> dict[str, Any]:
-    """The numbers of ``--json``."""
-    from tympan.studies.material.fit import material_lines
-
-    coupons, best = comparison.coupons, comparison.best
-    counts = {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes}
-    text = material_lines(best.material,
-                          best.range) if best is not None and best.material is not None else None
-    return {"file": str(file), "readings": counts,
-            "best": None if best is None else best.family.name,
-            "material_toml": text, "noise_Pa": (best or comparison.fits[0]).noise.sigma,
-            "fits": [fit.json() for fit in comparison.fits], "warnings": comparison.warnings}
-
-
-def _store(folder: Path, comparison: Comparison, result: dict[str, Any]) -> None:
-    from tympan.reports.figures.coupon import draw_fit
-    from tympan.studies import files as store
-
-    store.remove(folder, "material.toml")
-    store.write_json(folder / "fit.json", result)
-    if result["material_toml"]:
-        store.write_text(folder / "material.toml", result["material_toml"])
-    draw_fit(comparison, folder)
-
-
-def _print(comparison: Comparison, result: dict[str, Any]) -> None:
+def _show_fits(comparison: Comparison, result: dict[str, Any]) -> None:
     counts = ", ".join(f"{count} {mode.replace('_', ' ')}"
                        for mode, count in result["readings"].items())
     print(f"{counts} readings; lowest criterion first, misfit in kPa; limits are 95 %")

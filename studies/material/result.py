@@ -1,0 +1,107 @@
+"""What a fit of laws to coupon tests found, on disk and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.columns import Column, Label, Number, read_own_sheet, read_sheet, write_sheet
+from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, coupons_from_sheet
+from tympan.studies.files import read_json, remove, write_json, write_text
+from tympan.studies.material.fit import Comparison, material_lines
+
+#: The columns of curves.csv: nominal stress of each law and half its 95 % band.
+CURVES: tuple[Column, ...] = (
+    Label("law"),
+    Label("offered", ("yes", "no")),
+    Label("mode", tuple(MODES)),
+    Number("stretch"),
+    Number("nominal_stress", "kPa", "stress", required=False),
+    Number("half_band", "kPa", "stress", required=False),
+)
+#: So many laws have curves, the best first.
+_DRAWN = 6
+_POINTS = 201
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialFitResult:
+    """The numbers of ``material fit --json``, the readings, and the laws' curves.
+
+    ``curves`` has the columns of :data:`CURVES` in SI, shape (rows,), the best law first.
+    """
+
+    numbers: dict[str, Any]
+    coupons: Coupons
+    curves: Mapping[str, NDArray[Any]]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return self.numbers
+
+    def save(self, folder: Path) -> None:
+        """Write ``fit.json``, ``coupon.csv``, ``curves.csv`` and, if one is offered, ``material.toml``."""
+        remove(folder, "fit.json", "fit.png", "fit.svg", "material.toml")
+        readings = {"mode": self.coupons.mode, "stretch": self.coupons.stretch,
+                    "nominal_stress": self.coupons.stress, "specimen": self.coupons.specimen,
+                    "t": self.coupons.time, "run": self.coupons.run}
+        write_sheet(folder / "coupon.csv", COLUMNS, readings)
+        write_sheet(folder / "curves.csv", CURVES, self.curves)
+        if self.numbers["material_toml"]:
+            write_text(folder / "material.toml", self.numbers["material_toml"])
+        write_json(folder / "fit.json", self.numbers)
+
+    @classmethod
+    def load(cls, folder: Path) -> MaterialFitResult:
+        """What was saved.
+
+        Raises
+        ------
+        InputError
+            When a file is missing or damaged, naming it.
+        """
+        return cls(read_json(folder / "fit.json"),
+                   coupons_from_sheet(read_sheet(folder / "coupon.csv", COLUMNS)),
+                   read_own_sheet(folder / "curves.csv", CURVES))
+
+
+def material_fit_result(comparison: Comparison, file: Path) -> MaterialFitResult:
+    """What a comparison of laws found in the readings of a file."""
+    coupons, best = comparison.coupons, comparison.best
+    material = None if best is None else best.material
+    numbers = {
+        "file": str(file),
+        "readings": {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes},
+        "best": None if best is None else best.family.name,
+        "material_toml": (None if best is None or material is None
+                          else material_lines(material, best.range)),
+        "noise_Pa": (best or comparison.fits[0]).noise.sigma,
+        "fits": [fit.json() for fit in comparison.fits], "warnings": comparison.warnings}
+    return MaterialFitResult(numbers, coupons, _curves(comparison))
+
+
+def _curves(comparison: Comparison) -> dict[str, NDArray[Any]]:
+    """Each law in each mode, up to the stretch it was tested to, or the other modes were."""
+    coupons = comparison.coupons
+    best = comparison.best or comparison.fits[0]
+    fits = [best, *(fit for fit in comparison.fits if fit is not best)][:_DRAWN]
+    parts: dict[str, list[NDArray[Any]]] = {column.name: [] for column in CURVES}
+    for fit in fits:
+        for mode in MODES:
+            tested = coupons.stretch[coupons.mode == mode]
+            reach = tested if len(tested) else coupons.stretch
+            stretch = np.linspace(min(1.0, float(reach.min())), float(reach.max()), _POINTS)
+            with np.errstate(all="ignore"):
+                values = fit.predict(mode, stretch)
+            # nan where the law does not reach.
+            stress, half = (np.where(np.isfinite(value), value, np.nan) for value in values)
+            labels = fit.family.name, "yes" if fit.offered else "no", mode
+            columns = (*(np.full(_POINTS, label) for label in labels), stretch, stress, half)
+            for name, column in zip(parts, columns, strict=True):
+                parts[name].append(column)
+    return {name: np.concatenate(columns) for name, columns in parts.items()}
