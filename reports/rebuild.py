@@ -56,6 +56,27 @@ def _path(marker: Path) -> list[Path]:
                      marker.parent)
 
 
+def _outlines(marker: Path) -> list[Path]:
+    from tympan.reports.figures.outlines import draw_outlines
+    from tympan.studies.alpha.table import OutlineTable
+
+    return draw_outlines(OutlineTable.load(marker.parent), marker.parent)
+
+
+def _map(marker: Path) -> list[Path]:
+    from tympan.reports.figures.map import draw_map
+    from tympan.studies.alpha.map import AlphaMap
+
+    return draw_map(AlphaMap.load(marker.parent), marker.parent)
+
+
+def _optimum(marker: Path) -> list[Path]:
+    from tympan.reports.figures.optimum import draw_optimum
+    from tympan.studies.optimise.result import OptimiseResult
+
+    return draw_optimum(OptimiseResult.load(marker.parent), marker.parent)
+
+
 def _simulate(marker: Path) -> list[Path]:
     from tympan.reports.figures.response import draw_simulated
     from tympan.studies.lumped.response import SimulationResult
@@ -88,6 +109,9 @@ KINDS = (
     FolderKind("study", "study.json", _study),
     FolderKind("modes", "*-modes.json", _modes),
     FolderKind("path", "*-path.json", _path),
+    FolderKind("outlines", "outlines.json", _outlines),
+    FolderKind("map", "alpha-map.json", _map),
+    FolderKind("optimise", "optimum.json", _optimum),
     FolderKind("material fit", "fit.json", _material_fit),
     FolderKind("diagnose", "diagnosis.json", _diagnosis),
     FolderKind("lumped paper", "paper.json", _paper),

@@ -62,15 +62,16 @@ class NumberColumn:
         if not self.unit:
             return title == self.name
         start, unit = title[: len(self.name) + 1], title[len(self.name) + 1 :]
-        return start == f"{self.name}_" and unit.replace("_per_", "").isalpha()
+        return start == f"{self.name}_" and unit.replace("_per_", "").replace("/", "").isalpha()
 
     def factor(self, title: str) -> float:
         """SI value of the unit in a name."""
         if not self.unit:
             return 1.0
         unit = title[len(self.name) + 1 :]
-        if "_per_" in unit:
-            return quantity(f"1 {unit.replace('_per_', '/')}", self.dimension)
+        quotient = unit.replace("_per_", "/")
+        if "/" in quotient:
+            return quantity(f"1 {quotient}", self.dimension)
         return unit_factor(unit, self.dimension)
 
     def texts(self, values: Sequence[float]) -> list[str]:

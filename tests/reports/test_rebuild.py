@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import pytest
 
+from tests.support.datasets import write_dataset
 from tympan.cli import main
+from tympan.reports.figures.map import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
+from tympan.studies.alpha import LoadGrid
+from tympan.studies.alpha.map import AlphaMap, alpha_map
+from tympan.studies.alpha.map_readings import MapSettings
 
 SPECIMEN = """
 name = "oval"
@@ -26,6 +32,15 @@ relative_permittivity = 4.7
 law = "ogden"
 mu = ["15 kPa"]
 alpha = [2]
+"""
+PROBLEM = """
+specimen = "oval.toml"
+voltage = "3 kV"
+[vary]
+"frame.semi_axes.0" = ["55 mm", "65 mm"]
+"frame.semi_axes.1" = ["36 mm", "44 mm"]
+[limits]
+max_field = "40 MV/m"
 """
 STUDY = """
 specimens = ["oval.toml"]
@@ -62,6 +77,37 @@ def paper(folder: Path) -> None:
     assert main(["lumped", "paper", *options, "-o", str(folder)]) == 0
 
 
+def outlines(folder: Path) -> None:
+    assert main(["outlines", "-o", str(folder), "--refine", "0.5"]) == 0
+
+
+def alpha_map_of_few(folder: Path) -> None:
+    few = MapSettings(loads=LoadGrid((17.9e-3,), (0.0, 3e3)), aspects=(1.1, 1.4, 1.8, 2.5),
+                      ratios=(0.1, 0.3, 0.6), inside=3, outside=2)
+    alpha_map(few).save(folder)
+    draw_map(AlphaMap.load(folder), folder)
+
+
+def optimise(folder: Path) -> None:
+    (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
+    (folder.parent / "problem.toml").write_text(PROBLEM, encoding="utf-8")
+    problem = str(folder.parent / "problem.toml")
+    assert main(["optimise", problem, "-o", str(folder), "--refine", "0.5"]) == 0
+
+
+def identify(folder: Path) -> None:
+    rows = "".join(f"{name},{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}\n"
+                   for name in "AB" for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
+    dataset = write_dataset(folder.parent / "dataset", 'name = "test"\nnoise = "10 um"\n',
+                            static=f"specimen,mass_g,voltage_kV,displacement_mm\n{rows}")
+    assert main(["lumped", "identify", str(dataset), "-o", str(folder)]) == 0
+
+
+def diagnose(folder: Path) -> None:
+    table_2 = resources.files("tympan.studies.paper") / "table-2"
+    assert main(["diagnose", str(table_2), "-o", str(folder), "--workers", "1"]) == 0
+
+
 def material_fit(folder: Path) -> None:
     rows = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2) + 0.1 * number % 0.3}\n"
                    for number, stretch in enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8)))
@@ -77,7 +123,12 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "study": study,
     "modes": of_specimen("modes", "--voltage", "3 kV", "--count", "3", *LOADED),
     "path": of_specimen("path", *LOADED),
+    "outlines": outlines,
+    "map": alpha_map_of_few,
+    "optimise": optimise,
     "material fit": material_fit,
+    "diagnose": diagnose,
+    "lumped identify": identify,
     "lumped paper": paper,
     "lumped simulate": of_specimen("lumped simulate", "--signal", "sine", "--duration", "2 s",
                                    "--interval", "20 ms"),
@@ -86,7 +137,13 @@ RUNS: dict[str, Callable[[Path], None]] = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.command)
+def test_every_kind_has_a_run() -> None:
+    assert set(RUNS) == {kind.command for kind in KINDS}
+
+
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, id=kind.command, marks=pytest.mark.study if kind.command == "diagnose" else ())
+    for kind in KINDS])
 def test_figures_are_drawn_again_byte_for_byte(kind, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     RUNS[kind.command](folder)

@@ -27,7 +27,7 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.errors import InputError
     from tympan.progress import bar
     from tympan.reports.figures.map import draw_map
-    from tympan.studies.alpha.map import alpha_map
+    from tympan.studies.alpha.map import AlphaMap, alpha_map
     from tympan.studies.alpha.map_readings import MapSettings
 
     if options.workers < 1:
@@ -36,5 +36,5 @@ def _run(options: argparse.Namespace) -> None:
     with bar(len(settings.grid()) + settings.inside + settings.outside) as progress:
         result = alpha_map(settings, options.workers, progress)
     result.save(options.output)
-    draw_map(result, options.output)
+    draw_map(AlphaMap.load(options.output), options.output)
     show(result.json(), options.json)

@@ -33,7 +33,7 @@ def add(commands: Subcommands) -> None:
 def _run(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.optimise.problem import default_problem, read_problem
-    from tympan.studies.optimise.result import optimise
+    from tympan.studies.optimise.result import OptimiseResult, optimise
 
     problem = default_problem() if options.file is None else read_problem(options.file)
     with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:
@@ -42,7 +42,7 @@ def _run(options: argparse.Namespace) -> None:
     if result.specimens:
         from tympan.reports.figures.optimum import draw_optimum
 
-        draw_optimum(result, options.output)
+        draw_optimum(OptimiseResult.load(options.output), options.output)
     record = result.json()
     if options.json:
         show(record, True)

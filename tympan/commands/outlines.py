@@ -29,12 +29,12 @@ def _run(options: argparse.Namespace) -> None:
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
     from tympan.reports.figures.outlines import draw_outlines
-    from tympan.studies.alpha.table import HEADER, outline_table
+    from tympan.studies.alpha.table import HEADER, OutlineTable, outline_table
 
     with bar(len(examples())) as progress:
         result = outline_table(read_settings(options), progress=progress)
     result.save(options.output)
-    draw_outlines(result, options.output)
+    draw_outlines(OutlineTable.load(options.output), options.output)
     table = result.json()["outlines"]
     if options.json:
         print_json(result.json())
