@@ -10,19 +10,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.columns import Column, Label, Number, read_own_sheet, read_sheet, write_sheet
+from tympan.studies.columns import (
+    Column,
+    LabelColumn,
+    NumberColumn,
+    read_own_sheet,
+    read_sheet,
+    write_sheet,
+)
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, coupons_from_sheet
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.fit import Comparison, material_lines
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
-    Label("law"),
-    Label("offered", ("yes", "no")),
-    Label("mode", tuple(MODES)),
-    Number("stretch"),
-    Number("nominal_stress", "kPa", "stress", required=False),
-    Number("half_band", "kPa", "stress", required=False),
+    LabelColumn("law"),
+    LabelColumn("offered", ("yes", "no")),
+    LabelColumn("mode", tuple(MODES)),
+    NumberColumn("stretch"),
+    NumberColumn("nominal_stress", "kPa", "stress", required=False),
+    NumberColumn("half_band", "kPa", "stress", required=False),
 )
 #: So many laws have curves, the best first.
 _DRAWN = 6

@@ -34,13 +34,14 @@ mu = ["15 kPa"]
 alpha = [2]
 """
 PROBLEM = """
-specimen = "oval.toml"
-voltage = "3 kV"
+specimen = "elliptical-large"
+voltage = "6.5 kV"
 [vary]
-"frame.semi_axes.0" = ["55 mm", "65 mm"]
-"frame.semi_axes.1" = ["36 mm", "44 mm"]
+"frame.semi_axes.0" = ["40 mm", "11 cm"]
+"frame.semi_axes.1" = ["30 mm", "8 cm"]
+"plate.radius" = ["9 mm", "20 mm"]
 [limits]
-max_field = "40 MV/m"
+max_field = "60 MV/m"
 """
 STUDY = """
 specimens = ["oval.toml"]
@@ -142,8 +143,8 @@ def test_every_kind_has_a_run() -> None:
 
 
 @pytest.mark.parametrize("kind", [
-    pytest.param(kind, id=kind.command, marks=pytest.mark.study if kind.command == "diagnose" else ())
-    for kind in KINDS])
+    pytest.param(kind, id=kind.command,
+                 marks=pytest.mark.study if kind.command == "diagnose" else ()) for kind in KINDS])
 def test_figures_are_drawn_again_byte_for_byte(kind, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     RUNS[kind.command](folder)
