@@ -139,7 +139,7 @@ class Edge:
         value, slope = self.outline.curve.at(foot)
         length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
         normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-        return value + np.array(self.centre) + self.distance * normal
+        return np.asarray(value + np.array(self.centre) + self.distance * normal)
 
 
 def _edges(specimen: Specimen) -> dict[str, Edge]:

@@ -78,7 +78,7 @@ class Discretisation:
     @property
     def mirrored(self) -> int:
         """How often the mesh repeats in the whole film: 1, 2 or 4."""
-        return 2 ** len(self.planes)
+        return 1 << len(self.planes)
 
     @cached_property
     def covered(self) -> Array:

@@ -91,4 +91,4 @@ def _node_pairs(connectivity: Array, free: NDArray[np.bool_]) -> tuple[Array, Ar
 def _runs(start: Array, length: Array) -> Array:
     """The integers start[k], …, start[k] + length[k] − 1 for each k in turn."""
     before = np.cumsum(length) - length
-    return np.arange(length.sum()) + np.repeat(start - before, length)
+    return np.asarray(np.arange(length.sum()) + np.repeat(start - before, length))

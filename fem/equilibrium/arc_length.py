@@ -1,4 +1,4 @@
-"""Branches of equilibria followed by their arc length, through limit points (Crisfield; Keller)."""
+"""Branches of equilibria followed by their arc length, through limit points and beyond."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Tangent:
     def plate_stiffness(self) -> Array:
         """Stiffness of this part's plate freedoms at given loads, the film following, (p, p)."""
         schur = self._schur[: self._plates, : self._plates]
-        return (schur + schur.T) / 2
+        return np.asarray((schur + schur.T) / 2)
 
     @property
     def plate_stable(self) -> bool:

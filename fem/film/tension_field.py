@@ -37,7 +37,7 @@ def tension_state(stress_1: Array, stress_2: Array, tense: Array
     array([0, 1, 2])
     """
     pressed = (np.asarray(stress_1) <= 0).astype(np.int64) + (np.asarray(stress_2) <= 0)
-    return np.maximum(pressed, 2 - np.asarray(tense))
+    return np.asarray(np.maximum(pressed, 2 - np.asarray(tense)))
 
 
 @dataclass(frozen=True)

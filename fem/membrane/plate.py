@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-#: The plate's freedoms: translations [m], then rotations [rad]; z is the deflection, positive along the
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
 #: load.
 FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
 HEAVE = FREEDOMS.index("z")
@@ -31,7 +31,8 @@ class PlateMotion:
     @property
     def deflection(self) -> float:
         """Deflection along the load [m]."""
-        return self.translation[HEAVE].item()
+        deflection: float = self.translation[HEAVE].item()
+        return deflection
 
     @property
     def tilt(self) -> float:

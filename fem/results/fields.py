@@ -6,7 +6,7 @@ show the discretisation error.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -29,7 +29,8 @@ _RIMS = ("plate", "frame")
 
 #: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12,
 #: 02.
-_EDGES = (lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
+_EDGES: tuple[Callable[[Array], tuple[Array, Array]], ...] = (
+    lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,17 +265,17 @@ def _cauchy(f: Array, stress: Array, radial: Array) -> tuple[Array, Array, Array
     a, b = np.einsum("ni,nik->nk", first, f), np.einsum("ni,nik->nk", second, f)
 
     def pair(u: Array, v: Array) -> Array:
-        return (u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
-                + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
+        along = u[:, 0] * v[:, 0] * stress[:, 0] + u[:, 1] * v[:, 1] * stress[:, 1]
+        return np.asarray(along + (u[:, 0] * v[:, 1] + u[:, 1] * v[:, 0]) * stress[:, 2])
 
     return pair(a, a), pair(b, b), pair(a, b)
 
 
 def _normal(along: Array, towards: Array) -> Array:
     """Unit normals of vectors in the plane, on the side of ``towards``."""
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1,
-                                                                           keepdims=True)
-    return normal * np.sign((normal * towards).sum(axis=1, keepdims=True))
+    normal = np.column_stack([along[:, 1], -along[:, 0]])
+    normal = normal / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.asarray(normal * np.sign((normal * towards).sum(axis=1, keepdims=True)))
 
 
 def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:

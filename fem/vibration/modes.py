@@ -93,7 +93,7 @@ class RigidPlate:
         centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
         result = self.mass * centre.T @ centre
         result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
-        return result
+        return np.asarray(result)
 
 
 def symmetry_classes(model: Model) -> Iterator[Model]:
