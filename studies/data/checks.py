@@ -42,11 +42,11 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "repeated_states": 0 if static is None
         else int((np.bincount(repeat_groups(static)) > 1).sum()),
         "noise": _noise(dataset),
-        "warnings": warnings(dataset),
+        "warnings": dataset_warnings(dataset),
     }
 
 
-def warnings(dataset: Dataset) -> list[str]:
+def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     checks: tuple[Callable[[Dataset], Iterator[str]], ...] = (
         _unused, _too_little, _ramps, _noise_warnings, slips_of_unit)

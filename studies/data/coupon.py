@@ -1,6 +1,6 @@
 """Tests of strips and sheets of a film.
 
-The coupon.csv of a dataset (design §4), and the stress a law predicts.
+The coupon.csv of a dataset, and the stress a law predicts.
 """
 
 from __future__ import annotations

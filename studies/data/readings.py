@@ -1,4 +1,4 @@
-"""What a dataset's files of readings hold: their columns (design §4), and the readings in SI."""
+"""What a dataset's files of readings hold: their columns, and the readings in SI."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ SPECIMEN = LabelColumn("specimen")
 _LOAD: tuple[Column, ...] = (SPECIMEN, NumberColumn("mass", "g", "mass", _MASS))
 _SIGMA = NumberColumn("sigma", "mm", "length", POSITIVE, required=False)
 
-#: The columns of static.csv; ``run`` (which mounting or ramp a reading belongs to) is beyond design
-#: §4.
+#: The columns of static.csv; ``run``: which mounting or ramp a reading belongs to.
 STATIC: tuple[Column, ...] = (
     *_LOAD,
     NumberColumn("voltage", "kV", "voltage", _VOLTAGE),
@@ -40,7 +39,7 @@ STATIC: tuple[Column, ...] = (
     NumberColumn("film_voltage", "kV", "voltage", _VOLTAGE, required=False),
     NumberColumn("tilt", "mrad", "angle", FINITE, required=False),
 )
-#: The columns of range.csv; ``sigma``, of the range, is beyond design §4.
+#: The columns of range.csv; ``sigma`` is that of the range.
 RANGE: tuple[Column, ...] = (
     *_LOAD,
     NumberColumn("voltage_min", "kV", "voltage", _VOLTAGE),

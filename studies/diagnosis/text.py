@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tympan.studies.data.checks import warnings as data_warnings
+from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.diagnosis.inference.verdict import Judgement
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def where(judged: Judgement) -> str:
 def warnings(diagnosis: Diagnosis) -> list[str]:
     """What limits the conclusions."""
     judged, readings = diagnosis.judgement, diagnosis.readings
-    words = [*data_warnings(diagnosis.dataset), *readings.remarks]
+    words = [*dataset_warnings(diagnosis.dataset), *readings.remarks]
     noise = float(np.median(judged.table.sigma))
     if readings.assumed:
         words.append("the noise is not known but assumed, so no cause is named")

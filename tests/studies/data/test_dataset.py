@@ -20,7 +20,7 @@ from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, NumberColumn, read_sheet
 from tympan.studies.data import coupon, readings
-from tympan.studies.data.checks import summary, warnings
+from tympan.studies.data.checks import dataset_warnings, summary
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.data.noise import pooled, reading_sigma, repeat_noise, stated_ratio
 from tympan.studies.paper.actuators import actuators
@@ -277,11 +277,11 @@ WARNINGS = [
 @pytest.mark.parametrize(("parts", "message"), WARNINGS)
 def test_warnings(tmp_path, parts, message: str) -> None:
     assert any(message in words
-               for words in warnings(read_dataset(write_dataset(tmp_path / "d", **parts))))
+               for words in dataset_warnings(read_dataset(write_dataset(tmp_path / "d", **parts))))
 
 
 def test_a_good_dataset_has_no_warnings(tmp_path) -> None:
-    assert warnings(read_dataset(write_dataset(tmp_path / "d", NOISY, static=RAMP))) == []
+    assert dataset_warnings(read_dataset(write_dataset(tmp_path / "d", NOISY, static=RAMP))) == []
 
 
 def test_noise_of_repeats_by_hand(tmp_path) -> None:
