@@ -15,11 +15,15 @@ from tympan.reports import look
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
+from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
+from tympan.studies.lumped.build_result import BuildResult
 from tympan.studies.modes import ModesResult
+from tympan.studies.optimise.result import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.sensitivity import SensitivityResult
+from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 
 _HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
@@ -127,6 +131,51 @@ def _(result: SweepResult, axes: Axes) -> None:
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
     if len(table["specimen"]) * len(table["mass_kg"]) <= _SHOWN:
         axes.legend()
+
+
+@draw.register
+def _(result: StudyResult, axes: Axes) -> None:
+    for number, specimen in enumerate(result.specimens):
+        curves = specimen.curves
+        for mass in np.unique(curves["mass"]):
+            at = curves["mass"] == mass
+            axes.plot(1e-3 * curves["voltage"][at], 1e3 * curves["deflection"][at],
+                      f"{look.marker_of(number)}-", color=look.colour_of(number), markersize=3,
+                      label=f"{specimen.name}, {1e3 * mass:.4g} g")
+    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]", title=result.name)
+    axes.legend()
+
+
+@draw.register
+def _(result: BuildResult, axes: Axes) -> None:
+    for number, statics in enumerate(result.statics):
+        for kinematics, line in {"field": "o", "membrane": "-"}.items():
+            for row, mass in enumerate(statics.masses):
+                axes.plot(1e-3 * statics.voltages, statics.deflections[f"{kinematics}_mm"][row],
+                          line, color=look.colour_of(number), markersize=3,
+                          label=f"{statics.specimen}, {1e3 * mass:.4g} g, {kinematics}")
+    axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
+    axes.legend()
+
+
+@draw.register
+def _(result: Diagnosis, axes: Axes) -> None:
+    content = result.json()
+    causes = content["causes"][::-1]
+    axes.barh([cause["effect"].replace("_", " ") for cause in causes],
+              [cause["probability"] for cause in causes], color=look.PALETTE[0])
+    axes.set(xlabel="probability", xlim=(0, 1), title=f"verdict: {content['verdict']}")
+
+
+@draw.register
+def _(result: OptimiseResult, axes: Axes) -> None:
+    stroke = 1e3 * np.asarray(result.trials["stroke"], float)
+    axes.plot(stroke, "o", color=look.PALETTE[5], markersize=2, label="tried")
+    accepted = np.asarray(result.trials["accepted"], bool)
+    axes.plot(np.flatnonzero(accepted), stroke[accepted], "o", color=look.PALETTE[0], markersize=3,
+              label="accepted")
+    axes.set(xlabel="trial", ylabel="stroke [mm]")
+    axes.legend()
 
 
 def _film(film: FilmSurface | None, warnings: tuple[str, ...]) -> FilmSurface:

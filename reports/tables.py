@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
+from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.lumped.build_result import BuildResult
 from tympan.studies.modes import ModesResult
+from tympan.studies.optimise.result import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.sensitivity import SensitivityResult
+from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import frame
 
@@ -61,6 +65,39 @@ def _(result: AlphaResult) -> Any:
 @table.register
 def _(result: SweepResult) -> Any:
     return frame(result.table)
+
+
+@table.register
+def _(result: StudyResult) -> Any:
+    import pandas as pd
+
+    return pd.concat([pd.DataFrame({"specimen": specimen.name, **specimen.curves})
+                      for specimen in result.specimens], ignore_index=True)
+
+
+@table.register
+def _(result: BuildResult) -> Any:
+    return _frame([{"specimen": statics.specimen, "mass_kg": mass, "voltage_V": voltage}
+                   | {name: values[row, column] for name, values
+                      in (statics.deflections | statics.capacitances).items()}
+                   for statics in result.statics
+                   for row, mass in enumerate(statics.masses)
+                   for column, voltage in enumerate(statics.voltages)])
+
+
+@table.register
+def _(result: Diagnosis) -> Any:
+    return _frame([{key: cause[key] for key in ("effect", "probability", "surprise")}
+                   | {"parameter": name, **sizes}
+                   for cause in result.json()["causes"]
+                   for name, sizes in cause["parameters"].items()])
+
+
+@table.register
+def _(result: OptimiseResult) -> Any:
+    import pandas as pd
+
+    return pd.DataFrame(dict(result.trials))
 
 
 def _frame(rows: list[dict[str, Any]]) -> Any:

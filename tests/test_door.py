@@ -128,6 +128,21 @@ def test_every_study_has_a_picture_and_a_table(tmp_path: Path) -> None:
     assert dict(results["status"].to_xarray().sizes) == {"specimen": 1, "mass": 1, "voltage": 2}
 
 
+def test_studies_and_lumped_models_have_pictures_and_tables(tmp_path: Path) -> None:
+    (tmp_path / "STUDY.toml").write_text(
+        'specimens = ["oval.toml"]\n' + "".join(
+            f'[{loads}]\nmass = ["17.9 g"]\nvoltage = ["0 kV", "2 kV"]\n'
+            for loads in ("curves", "alpha_fit", "alpha_held_out")))
+    written(tmp_path)
+    studied = tympan.study(tmp_path / "STUDY.toml")
+    built = tympan.lumped(tympan.load(tmp_path / "oval.toml"), settings=COARSE)
+    for column, result in {"voltage": studied, "field_mm": built}.items():
+        assert result.to_pandas()[column].notna().any()
+        assert result.plot(Figure().add_subplot()).has_data()
+        assert list(result.save(tmp_path / column).iterdir())
+    assert isinstance(built.models[0].specimen, tympan.Specimen)
+
+
 def test_loads_are_named_and_carry_their_unit() -> None:
     with pytest.raises(TypeError, match="positional"):
         tympan.Case(circular(), 20, 3)

@@ -25,8 +25,9 @@ __all__ = [
     "ArrudaBoyce", "Case", "Circle", "ClosedSpline", "Electrode", "Ellipse", "Film", "Gent",
     "InputError", "Magnet", "MeshSettings", "MooneyRivlin", "NeoHooke", "Ogden", "Plate", "Polygon",
     "Region", "RegularPolygon", "Result", "Rig", "Rotated", "RoundedRectangle", "Settings",
-    "Specimen", "Spring", "Stadium", "Superellipse", "Yeoh", "__version__", "alpha", "load",
-    "material", "modes", "path", "sensitivity", "solve", "sweep",
+    "Specimen", "Spring", "Stadium", "Superellipse", "Yeoh", "__version__", "alpha", "diagnose",
+    "load", "lumped", "material", "modes", "optimise", "path", "sensitivity", "solve", "study",
+    "sweep",
 ]
 
 

@@ -19,9 +19,13 @@ from tympan.studies.case import Settings as Settings
 
 if TYPE_CHECKING:
     from tympan.studies.alpha import AlphaResult, AlphaSettings
+    from tympan.studies.diagnosis.result import Diagnosis
+    from tympan.studies.lumped.build_result import BuildResult
     from tympan.studies.modes import ModesResult
+    from tympan.studies.optimise.result import OptimiseResult
     from tympan.studies.path import PathResult
     from tympan.studies.sensitivity import SensitivityResult
+    from tympan.studies.study import StudyResult
     from tympan.studies.sweep.run import SweepResult
 
 File = str | os.PathLike[str]
@@ -121,3 +125,42 @@ def sweep(file: File, folder: File | None = None, workers: int = 1,
     pool = serial if workers == 1 else partial(processes, workers=workers)
     with tempfile.TemporaryDirectory() as scratch:
         return Result(run_sweep(planned, Path(folder or scratch), pool))
+
+
+def study(file: File | None = None) -> Result[StudyResult]:
+    """The main job of STUDY.toml, or on the paper's three actuators."""
+    from tympan.studies.study import default_study, read_study, run_study
+
+    return Result(run_study(default_study() if file is None else read_study(Path(file))))
+
+
+def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig()
+           ) -> Result[BuildResult]:
+    """Lumped models of specimens from their field models alone."""
+    from tympan.studies.lumped.build import build
+    from tympan.studies.lumped.build_result import BuildResult
+
+    return Result(BuildResult.of([build(specimen, settings, rig=rig) for specimen in specimens]))
+
+
+def diagnose(dataset: File, workers: int = 1, seed: int = 0) -> Result[Diagnosis]:
+    """What a dataset's readings say the simulation gets wrong, and which effect explains it.
+
+    With more than one worker the calling script needs a main guard.
+    """
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.diagnosis.diagnose import diagnose
+
+    return Result(diagnose(read_dataset(Path(dataset)), workers, seed))
+
+
+def optimise(file: File | None = None, settings: Settings = Settings()) -> Result[OptimiseResult]:
+    """The frame and plate with the largest stroke under the limits of OPTIMISE.toml.
+
+    Without a file: the paper's large ellipse at equal frame area and perimeter.
+    """
+    from tympan.studies.optimise.problem import default_problem, read_problem
+    from tympan.studies.optimise.result import optimise
+
+    problem = default_problem() if file is None else read_problem(Path(file))
+    return Result(optimise(problem, settings))
