@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry, Special, read, takes_units
-from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check
+from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
 from tympan.geometry.toml_reader import NON_NEGATIVE, Rule, Table
 
@@ -185,10 +185,10 @@ class Specimen:
             raise Unbuildable(error.allowed, key=error.key, given=error.given) from None
 
     def _check(self) -> None:
-        check(self.frame, "frame")
-        check(self.plate.outline, "plate")
+        check_outline(self.frame, "frame")
+        check_outline(self.plate.outline, "plate")
         if self.electrode.outline is not None:
-            check(self.electrode.outline.outline, "electrode.outline")
+            check_outline(self.electrode.outline.outline, "electrode.outline")
         gap, (x, y) = self._narrowest
         if gap <= 0:
             raise InputError(

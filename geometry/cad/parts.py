@@ -1,4 +1,4 @@
-"""Frame, clamp ring and plate for laser cutting or printing, with screw holes [mm]; and drawings of them."""
+"""Frame, clamp ring and plate for laser cutting or printing [mm], and drawings of them."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _hole(centre: Array, radius: float) -> cq.Wire:
 
 
 def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
-    """Wires of the faces in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
+    """Wires in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
     wires = []
     for face in (face for shape in shapes for face in shape.Faces() if _flat(face)):
         inner = sorted(face.innerWires(), key=lambda wire: -wire.Length())
@@ -134,7 +134,8 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
     width, height = box.xlen + 2 * margin, box.ylen + 2 * margin
     lines = [f'<svg xmlns="http://www.w3.org/2000/svg" '
              f'width="{width:.6f}mm" height="{height:.6f}mm" '
-             f'viewBox="{box.xmin - margin:.6f} {-box.ymax - margin:.6f} {width:.6f} {height:.6f}">',
+             f'viewBox="{box.xmin - margin:.6f} {-box.ymax - margin:.6f} '
+             f'{width:.6f} {height:.6f}">',
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:
         loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)], None)

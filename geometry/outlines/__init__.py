@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.outlines.checks import check
+from tympan.geometry.outlines.checks import check_outline
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, Outline, Pieced, Rotated
 from tympan.geometry.outlines.shapes.circle import Circle
@@ -22,7 +22,7 @@ from tympan.geometry.outlines.shapes.superellipse import Superellipse
 __all__ = [
     "OUTLINES", "Circle", "ClosedSpline", "Curve", "Drawn", "DxfFile", "Ellipse", "Outline",
     "Pieced", "Polygon", "RegularPolygon", "Rotated", "RoundedRectangle", "Stadium",
-    "StepFile", "Superellipse", "area", "check", "examples", "perimeter",
+    "StepFile", "Superellipse", "area", "check_outline", "examples", "perimeter",
 ]
 
 

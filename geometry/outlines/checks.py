@@ -19,7 +19,7 @@ SMALLEST = 1e-3
 _POINTS = 6000
 
 
-def check(outline: Any, key: str) -> None:
+def check_outline(outline: Any, key: str) -> None:
     """Refuse what encloses no area that could be made and meshed.
 
     Raises

@@ -26,7 +26,7 @@ from tympan.geometry.outlines import (
     Outline,
     Polygon,
     area,
-    check,
+    check_outline,
     examples,
 )
 from tympan.geometry.outlines.drawings import dxf_pieces, edge_pieces
@@ -116,7 +116,7 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
 ])
 def test_what_cannot_be_an_outline_is_refused_with_its_place(outline: Outline, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        check(outline, "frame")
+        check_outline(outline, "frame")
     assert caught.value.key == "frame"
 
 
@@ -130,7 +130,7 @@ def test_a_plate_beyond_a_frame_that_bends_inwards_is_refused_with_its_place() -
 def test_fillets_that_do_not_fit_are_refused_with_their_side() -> None:
     with pytest.raises(InputError,
                        match="the side from 0, 0 mm is 10 mm long, the arcs at its ends need 12 mm"):
-        check(Polygon(((0.0, 0.0), (0.01, 0.0), (0.01, 0.05), (0.0, 0.05)), 6e-3), "frame")
+        check_outline(Polygon(((0.0, 0.0), (0.01, 0.0), (0.01, 0.05), (0.0, 0.05)), 6e-3), "frame")
 
 
 def _lines(*points: tuple[float, ...]) -> Callable[[ezdxf.layouts.Modelspace], None]:
