@@ -21,7 +21,7 @@ from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
 from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
 from tympan.studies.identify.responses import Record, drive_of
-from tympan.studies.identify.static_fit import Readings, StaticProblem
+from tympan.studies.identify.static_fit import StaticProblem, StaticReadings
 from tympan.studies.identify.static_search import identify_static, nelder_mead
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import rest
@@ -34,7 +34,7 @@ NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 
 VISCOUS = Viscous(15e6, 100e6, 100e3)
 
 
-def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> Readings:
+def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> StaticReadings:
     """At rest, with noise; ε_r of the search's start is 6."""
     rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)))
             for number, one in enumerate(specimens) for mass in masses for volts in voltages]
@@ -42,7 +42,7 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: A
     unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
                     for one in specimens)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
-    return Readings(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
+    return StaticReadings(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
 
 
 def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
@@ -68,7 +68,7 @@ def show(words: str, judgement: Identifiability) -> None:
 
 
 def statics(specimens: Sequence[Specimen]) -> Held:
-    """Readings at rest: what of the constants they determine, by how much is read."""
+    """StaticReadings at rest: what of the constants they determine, by how much is read."""
     print("at rest")
     fits = {}
     for words, masses, voltages in (("both masses, to 7 kV", MASSES, VOLTAGES),

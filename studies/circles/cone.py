@@ -1,4 +1,4 @@
-"""The paper's lumped model: a film that is a straight cone, Eqs. (2)–(5), and mixtures of such circles, Eq. (5)."""
+"""The paper's lumped model: films that are straight cones, Eqs. (2)–(5), and their mixtures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ALIKE = 1e-9  # relative difference at which semi-axes are one circle's
 
 
 def radii_of(frame: Outline) -> tuple[float, ...]:
-    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one where they are equal.
+    """Radii [m] of the circles of a frame's semi-axes, the shortest first; one if equal.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def radii_of(frame: Outline) -> tuple[float, ...]:
 
 
 def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
-    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], and its two derivatives by y."""
+    """√(1 + (κy)²) of a film with the slope κy, κ = ``steepness`` [1/m], its derivatives by y."""
     slope = steepness * deflection
     stretch = np.sqrt(1 + slope * slope)
     return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
@@ -144,7 +144,7 @@ class ConeCircle:
 
 @dataclass(frozen=True)
 class Lumped(Specimen):
-    """An actuator as the lumped model has it: circles of its semi-axes, the shortest first, with weights α.
+    """An actuator as the lumped model has it: circles of its semi-axes, with weights α.
 
     ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness,
     the plate's offset and the direction of the prestretch do not enter.
@@ -168,7 +168,8 @@ class Lumped(Specimen):
         super().__post_init__()
         count = len(radii_of(self.frame))
         if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
-            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each semi-axis",
+            raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each "
+                             "semi-axis",
                              key="weights", given=self.weights)
 
     @classmethod

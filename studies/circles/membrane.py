@@ -15,7 +15,7 @@ from tympan.studies.circles.cone import ConeCircle, sloped_film
 
 @dataclass(frozen=True)
 class MembraneCircle:
-    """A circular actuator, outer radius R and plate radius r, whose film has a weightless membrane's shape.
+    """A circular actuator whose film is shaped as a weightless membrane; radius R, plate radius r.
 
     Under even tension and hardly deflected that is y ln(R/ρ)/ln(R/r) at a distance ρ from the axis,
     with the slope y/(ρ ln(R/r)). Over the whole film, whatever its law, the energy of those slopes
@@ -94,7 +94,7 @@ class MembraneCircle:
         return self._pull(maxwell(self.specimen, 1.0), deflection)
 
     def capacitance(self, deflection: Any) -> Any:
-        """Of the whole film [F] at a deflection [m]; half its derivative times U² is the voltage's pull."""
+        """Of the whole film [F]; half its derivative by y times U² is the voltage's pull."""
         return self.flat_capacitance - 2 * self.electric(deflection)[0]
 
     def _pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:

@@ -1,4 +1,4 @@
-"""Eq. (12): the lumped model's viscous constants from responses in time of all shapes, masses and runs at once."""
+"""Eq. (12): viscous constants from responses of all shapes, masses and runs at once."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
 _STILL = 1e-6  # of a logarithm that does not move
 _BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
 _UNNOTICED = 100.0  # scales: a combination determined no better moves no response
-_DELAY, _FURTHEST = 0.5, 1.5  # standard deviation and bound of a run's delay, in its sampling interval
+_DELAY, _FURTHEST = 0.5, 1.5  # deviation and bound of a run's delay, in sampling intervals
 
 
 class Statics(Protocol):
-    """What a response needs of the static constants: actuators, and in how many ways these may still turn."""
+    """What a response needs of the static constants: actuators, and how these may still turn."""
 
     @property
     def count(self) -> int:
         """How many ways are open."""
 
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
-        """The actuator of a specimen (by number) under a mass [kg]; ``turn`` is how far it went each way."""
+        """The actuator of a specimen (by number); ``turn`` is how far it went each way."""
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
         """Derivatives of a specimen's force [N] by the turns, shape (points, turns)."""
@@ -84,7 +84,7 @@ class Held:
 
     @cached_property
     def directions(self) -> Array:
-        """Changes of the static constants, a column for each combination that any reading may notice."""
+        """Changes of the static constants, a column for each combination a reading may notice."""
         scale = self.fit.problem.column("scale")
         return np.array([scale * one.coefficients * min(one.deviation, CREDIBLE)
                          for one in self.fit.judgement.combinations
@@ -111,12 +111,12 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class DynamicProblem:
-    """Responses and what their motions depend on: z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs).
+    """Responses and what their motions depend on.
 
-    A run's delay, in its sampling intervals, is how long before the sample that first shows it a
-    voltage came: no record says. Turns and delays are unknown with a standard deviation of 1 and a
-    half. Where no reading follows the oscillation, η₂ is not ``followed`` and stays where it
-    begins.
+    z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs). A run's delay, in its
+    sampling intervals, is how long before the sample that first shows it a voltage came: no record
+    says. Turns and delays are unknown with a standard deviation of 1 and a half. Where no reading
+    follows the oscillation, η₂ is not ``followed`` and stays where it begins.
     """
 
     statics: Statics
@@ -180,7 +180,7 @@ class DynamicProblem:
 
     @cached_property
     def began(self) -> tuple[float, ...]:
-        """Of every run the voltage [V] it began at rest at: its first, or none, where the first reading is nearer."""
+        """The voltages [V] of the rests that runs began from: their first, or none, if nearer."""
         return tuple(self._began(record) for record in self.records)
 
     def _began(self, record: Record) -> float:
@@ -192,7 +192,8 @@ class DynamicProblem:
                           for volts in (0.0, first)])
         away = np.abs(record.first - rests)
         if away.min() > _BEGUN * abs(rests[1] - rests[0]):
-            raise InputError("must begin at rest, at its first voltage or without any: record it from before the step",
+            raise InputError("must begin at rest, at its first voltage or without any: record it "
+                             "from before the step",
                              key=f"transient.csv, {actuator.specimen.name}, run {record.run}",
                              given=f"{1e3 * record.first:.4f} mm, rests {1e3 * rests[1]:.4f} and "
                                    f"{1e3 * rests[0]:.4f} mm")
@@ -217,7 +218,7 @@ class DynamicProblem:
         return complex(max(poles, key=abs))
 
     def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
-        """Of every run what the model shows minus what was read [m], and its derivative by z; the last is kept."""
+        """Of every run model less reading [m], and its derivative by z; the last is kept."""
         if not derivatives or not np.array_equal(self._latest.get("z", ()), z):
             self._latest.update(found=self._parts(z, derivatives),
                                 z=z.copy() if derivatives else ())

@@ -1,4 +1,4 @@
-"""The search for Eq. (12)'s constants: bounded least squares with exact derivatives, and the paper's simplex."""
+"""The search for Eq. (12)'s constants: bounded least squares, and the paper's simplex."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: The search sees the first so many periods of the fast oscillation, then more: a response that is
 #: out of step by half a period has its own minimum.
 _PERIODS = (1.5, 6.0, 25.0, 100.0)
-_LOOSE = 3.0  # standard deviation of a constant's logarithm about the start, while little of the record is seen
+_LOOSE = 3.0  # deviation of a logarithm about the start while little of the record is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +74,24 @@ class DynamicFit:
         """What a reader must know."""
         found, given = [], self.problem.noise
         if given is not None and self.sigma > given:
-            found.append(f"the responses do not follow this model: misfit {1e6 * self.sigma:.3g} um, noise "
-                         f"{1e6 * given:.3g} um; the limits count the misfit as noise, and it is not")
+            found.append("the responses do not follow this model: misfit "
+                         f"{1e6 * self.sigma:.3g} um, noise {1e6 * given:.3g} um; the limits count "
+                         "the misfit as noise, and it is not")
         if isinstance(self.problem.statics, Exact):
             equal = ", equal weights" if self.problem.statics.weights is None else ", the weights"
-            found.append(f"there is no static.csv: the films' own material{equal} and permittivity are taken as exact")
+            found.append(f"there is no static.csv: the films' own material{equal} and permittivity "
+                         "are taken as exact")
         if self.waited:
             often = min(record.interval for record in self.problem.records)
-            found.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast oscillation, a radian of "
-                         f"which takes {1e3 * self.fast:.3g} ms: those within {self.waited:.2g} s after a jump of the "
-                         "voltage were left out, and eta_2, which damps it, is not determined")
+            found.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "
+                         f"oscillation, a radian of which takes {1e3 * self.fast:.3g} ms: "
+                         f"those within {self.waited:.2g} s after a jump of the voltage were left "
+                         "out, and eta_2, which damps it, is not determined")
         return found
 
 
 def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicFit:
-    """Fit k₁, η₁ and η₂ to all responses, by bounded least squares with exact derivatives in their logarithms.
+    """Fit k₁, η₁ and η₂ to all responses, by bounded least squares in their logarithms.
 
     First to the beginning of every response, then to more of it. As in the static fit, what the
     responses do not see stays where the search began, and limits are by profiles of the misfit.
@@ -136,7 +139,7 @@ def _lengths(problem: DynamicProblem) -> list[float]:
 
 
 def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
-    """Without readings of an oscillation that no run is sampled often enough to follow, and how long it lasts [s].
+    """Without readings of an oscillation that no run follows, and how long it lasts [s].
 
     Out of step with it by whole periods a fit has other minima. It is given twice the time in which
     it falls from the whole range to the noise.
@@ -151,7 +154,7 @@ def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
 
 
 def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, Any]:
-    """The paper's way: Nelder and Mead's simplex on Eq. (12), the statics held, in logarithms, from the same start."""
+    """The paper's way: Nelder and Mead's simplex on Eq. (12), in logarithms, the statics held."""
     began, start = time.perf_counter(), problem.start
 
     def cost(logs: Array) -> float:

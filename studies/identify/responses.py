@@ -19,7 +19,7 @@ _LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded volt
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Displacements read [m] at times [s] of one run of a specimen (by number) under a mass [kg], and its voltage.
+    """Displacements read [m] at times [s] of a run of a specimen (by number) and its voltage.
 
     ``interval`` is the time between two readings as it is most often [s], ``first`` the first of
     them [m].

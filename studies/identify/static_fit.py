@@ -1,4 +1,4 @@
-"""Eq. (11): the lumped model's static constants from readings at rest of all shapes, masses and voltages at once."""
+"""Eq. (11): static constants from readings at rest of all shapes, masses and voltages at once."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _POWERS = (2.0, 4.0, 6.0)  # of Eq. (8)
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
-    """Displacements read [m] of specimens (by number) under masses [kg] and voltages [V]; ``noise`` of one, or None."""
+class StaticReadings:
+    """Displacements read [m] of specimens (by number) under loads; ``noise`` is that of one."""
 
     specimens: tuple[Specimen, ...]
     rig: Rig
@@ -44,7 +44,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Constant:
-    """One number to find: a name, a unit, where the search begins, the size it is judged by, and its bounds."""
+    """A number to find: name, unit, where the search begins, the size it is judged by, bounds."""
 
     name: str
     unit: str
@@ -56,16 +56,17 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class StaticProblem:
-    """Readings and the law: Eq. (8) with β, γ (``eq8``), or one factor on the films (``film``); and ε_r, α.
+    """StaticReadings, and what is to be found: a law's constants, ε_r and α.
 
-    ``alpha`` says whether each shape with two semi-axes has its own α of the circle with the short
-    one (``each``), or one serves all as in Eq. (11) (``shared``). Each is what a user expects,
-    because α belongs to the shape: for the paper's ellipses the membrane's is 0.562 and 0.608
-    (`tympan alpha`), and one for both leaves that difference to the other constants. Shapes alike
-    in their semi-axes share. Without such a shape α is left out.
+    The law is Eq. (8) with β and γ (``eq8``), or one factor on the films (``film``). ``alpha`` says
+    whether each shape with two semi-axes has its own α of the circle with the short one (``each``),
+    or one serves all as in Eq. (11) (``shared``). Each is what a user expects, because α belongs to
+    the shape: for the paper's ellipses the membrane's is 0.562 and 0.608 (`tympan alpha`), and one
+    for both leaves that difference to the other constants. Shapes alike in their semi-axes share.
+    Without such a shape α is left out.
     """
 
-    readings: Readings
+    readings: StaticReadings
     law: Law = "eq8"
     alpha: Sharing = "each"
 
@@ -199,7 +200,7 @@ class StaticProblem:
         return y, -slopes / stiffness[:, None]
 
     def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:
-        """What the search makes small, and its derivative: metres of deflection, or newtons of Eq. (11).
+        """What a search makes small, and its derivative: deflections [m] or Eq. (11)'s forces [N].
 
         ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
         what is within its brackets has the sign of Eq. (5) reversed, so that it asks the film to
@@ -213,7 +214,7 @@ class StaticProblem:
         return self.load - sign * force, -sign * slopes
 
 
-def readings_of(dataset: Any) -> Readings:
+def static_readings(dataset: Any) -> StaticReadings:
     """The readings at rest of a dataset.
 
     Raises
@@ -227,6 +228,6 @@ def readings_of(dataset: Any) -> Readings:
                          key=dataset.name)
     names: Sequence[str] = [specimen.name for specimen in dataset.specimens]
     which = np.array([names.index(name) for name in static.specimen.tolist()])
-    return Readings(dataset.specimens, dataset.rig, which, static.mass, static.voltage,
+    return StaticReadings(dataset.specimens, dataset.rig, which, static.mass, static.voltage,
                     static.displacement,
                     dataset.noise)

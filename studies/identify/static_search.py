@@ -1,4 +1,4 @@
-"""The search for Eq. (11)'s constants: bounded least squares with exact derivatives, and the paper's simplex."""
+"""The search for Eq. (11)'s constants: bounded least squares, and the paper's simplex."""
 
 from __future__ import annotations
 
@@ -50,13 +50,14 @@ class StaticFit:
         given = self.problem.readings.noise
         if given is None or self.sigma <= given:
             return []
-        return [f"the readings do not follow this law: misfit {1e6 * self.sigma:.3g} um, noise {1e6 * given:.3g} um; "
+        return [f"the readings do not follow this law: misfit {1e6 * self.sigma:.3g} um, noise "
+                f"{1e6 * given:.3g} um; "
                 "the limits count the misfit as noise, and it is not"]
 
 
 def identify_static(problem: StaticProblem, objective: Objective = "deflection",
                     profiles: bool = True) -> StaticFit:
-    """Fit the constants by bounded least squares with exact derivatives, and judge what the readings determine.
+    """Fit the constants by bounded least squares, and judge what the readings determine.
 
     What the readings do not see, by the singular directions of the Jacobian, stays where the search
     began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
@@ -94,7 +95,7 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
 
 
 def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastSquares:
-    """Residuals over the constants in their scales, in units of a reading's noise [m] or the force that makes it."""
+    """Residuals over the constants in their scales, in a reading's noise [m] or its force."""
     scale = problem.column("scale")
     stiffness = float(np.mean(problem.load / np.abs(problem.read)))
     unit = size * (1.0 if objective == "deflection" else stiffness)
@@ -108,7 +109,7 @@ def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastS
 
 def nelder_mead(problem: StaticProblem, objective: Objective = "force",
                 most: int = 20_000) -> dict[str, Any]:
-    """The paper's way: Nelder and Mead's simplex on the sum of squares of Eq. (11), from the same start."""
+    """The paper's way: Nelder and Mead's simplex on Eq. (11)'s squares, from the same start."""
     began, scale = time.perf_counter(), problem.column("scale")
     low, high, start = problem.column("low"), problem.column("high"), problem.column("start")
     unit = float(np.mean(problem.load)) if objective != "deflection" else 1e-3

@@ -104,7 +104,7 @@ class Actuator:
     One actuator, or an array of them of any shape: circles and their weights are on the last axis
     of ``circles.radius`` and ``weights``, and what is before it broadcasts with the masses, the
     corrections and the points a method is asked about. Who has fewer circles than others has some
-    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, shape (…, 2 + circles). With
+    of weight 0. A state is (y, ẏ, ε₁ of every circle) on its last axis, (…, 2 + circles). With
     φ = dλ_r/dy and V = 2π r z₀ l₀ of each circle, Eq. (5) reads
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],

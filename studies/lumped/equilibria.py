@@ -37,10 +37,11 @@ class Root:
 
 def roots(actuator: Actuator, voltage: float, low: float = 0.0,
           high: float | None = None) -> tuple[Root, ...]:
-    """All deflections at rest between two [m], ascending; by default from flat to :attr:`Actuator.reach`.
+    """All deflections at rest between two [m], ascending.
 
-    Sign changes on a grid of 4001 points and, between them, extrema of the balance refined, so that
-    two roots closer than the grid and one where the curve only touches are found too.
+    By default from flat to :attr:`Actuator.reach`. Sign changes on a grid of 4001 points and,
+    between them, extrema of the balance refined, so that two roots closer than the grid and one
+    where the curve only touches are found too.
     """
     y = np.linspace(low, actuator.reach if high is None else high, _GRID)
 

@@ -46,7 +46,7 @@ _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
 @dataclass(frozen=True)
 class LumpedModel:
-    """What stands for a specimen: circles of given radii [m], the shortest first, with weights α; two factors.
+    """What stands for a specimen: circles of radii [m], the shortest first, weights α, two factors.
 
     The film's law, thickness, prestretch and permittivity, and the plate's size, are those of
     ``specimen``. ``flat_capacitance`` is the whole flat film's [F], ``highest_voltage`` the highest

@@ -31,7 +31,7 @@ class Motion:
     creep: Array
 
     def deflection(self, time: Array) -> tuple[Array, Array, Array]:
-        """y [m], ẏ [m/s], both (times,), and y's derivatives, (times, p); at rest beyond the mesh."""
+        """y [m], ẏ [m/s], (times,), and y's derivatives, (times, p); at rest beyond the mesh."""
         step, basis, moving = self._place(time)
         y, speed = (np.einsum("ekn,ekn->n", part, self.ends[:, :, step])
                     for part in (basis, moving))
@@ -49,8 +49,9 @@ class Motion:
         h = np.diff(self.time)[step][:, None]
         s = (at - self.time[step])[:, None] / h
         r = 1 - s
-        branches = (r**2 * ((1 + 2 * s) * self.nodes[step, 2:] + h * s * self.creep[step])
-                    + s**2 * ((1 + 2 * r) * self.nodes[step + 1, 2:] - h * r * self.creep[step + 1]))
+        left, right = self.nodes[step, 2:], self.nodes[step + 1, 2:]
+        branches = (r**2 * ((1 + 2 * s) * left + h * s * self.creep[step])
+                    + s**2 * ((1 + 2 * r) * right - h * r * self.creep[step + 1]))
         return np.column_stack([y, speed, branches])
 
     @property
@@ -67,7 +68,7 @@ class Motion:
                           / 46080)
 
     def _place(self, time: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """The step of each time, the basis of y, ẏ, ÿ at its ends, (2, 3, times), its derivative."""
+        """The step of each time, the basis of y, ẏ, ÿ at its ends, (2, 3, times), its slope."""
         at = np.clip(time, self.time[0], self.time[-1])
         step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
         h = np.diff(self.time)[step]

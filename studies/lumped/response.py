@@ -126,7 +126,7 @@ class SimulationResult:
         return {"responses": [response.numbers for response in self.responses]}
 
     def save(self, folder: Path) -> None:
-        """Write simulate.json, transient.csv, which a dataset may hold, and of loops hysteresis.csv.
+        """Write simulate.json, transient.csv, which datasets may hold, and of loops hysteresis.csv.
 
         simulate.json comes last, so its presence means the rest is complete.
         """

@@ -18,7 +18,7 @@ _HIGHEST = 1e6
 
 
 class Signal(Protocol):
-    """A voltage [V] from time 0 to ``end`` [s], smooth between ``breaks`` [s], 0 and the end too."""
+    """A voltage [V] from time 0 to ``end`` [s], smooth between ``breaks`` [s], both included."""
 
     @property
     def end(self) -> float:

@@ -1,4 +1,4 @@
-"""What the paper prints of its actuators' behaviour and what survived of it: ranges, percentages, settling times."""
+"""What the paper prints and what survived of it: ranges, percentages, settling times."""
 
 from __future__ import annotations
 

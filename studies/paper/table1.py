@@ -13,7 +13,7 @@ from tympan.studies.paper.actuators import actuators
 
 @dataclass(frozen=True)
 class Cell:
-    """One row of Table 1: what it is called there, its value [SI], None where it is lost, and a note."""
+    """A row of Table 1: its name there, its value [SI], None where it is lost, and a note."""
 
     name: str
     symbol: str
@@ -68,7 +68,7 @@ def known(symbol: str) -> float:
 
 
 def eq8(specimen: Specimen, relative_permittivity: float) -> Specimen:
-    """A specimen whose film follows Eq. (8) with Table 1's constants; ε_r, which is lost, must be given.
+    """A specimen whose film follows Eq. (8) with Table 1's constants; ε_r, lost, must be given.
 
     Good for the lumped model alone: as a membrane the law has no stable shape
     (``tympan.fem.film.library.REFUSED``).

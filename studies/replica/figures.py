@@ -1,4 +1,4 @@
-"""The paper's figures 7–14 and Table 2 computed again with its lumped model and Table 1's constants."""
+"""The paper's figures 7–14 and Table 2 computed again with its lumped model and Table 1."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _SEEDS = 10_000
 
 @dataclass(frozen=True)
 class Choices:
-    """What the paper leaves open: figure 14's levels and their seed, figure 13's period [s]; None: found, and told.
+    """What the paper leaves open: figure 14's levels and seed, figure 13's period [s]; None: found.
 
     ``near`` [V]: without a seed the first one whose levels come so near to both of the paper's
     voltages is taken. ``reading`` is how Table 2 is read to find the missing ε_r and α₁: ``rest``,
@@ -84,13 +84,14 @@ class Choices:
                           published.HIGHEST - float(signal.voltage.max()))
             if self.seed is not None or reached <= self.near:
                 return signal, seed
-        raise InputError(f"with so few levels none of {_SEEDS} seeds comes within {self.near:g} V of both ends",
+        raise InputError(f"with so few levels none of {_SEEDS} seeds comes within "
+                         f"{self.near:g} V of both ends",
                          key="--levels", given=self.levels)
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A response to draw: of each span of time its smallest and largest deflection [m]; the extremes of all samples."""
+    """A response to draw: of each span of time its least and largest deflection [m]."""
 
     time: Array
     deflection: Array
@@ -115,7 +116,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Replica:
-    """Everything of figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator."""
+    """Figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator."""
 
     reading: Reading
     fits: dict[Reading, MissingParameters]
@@ -152,7 +153,7 @@ class Replica:
 
     @cached_property
     def criteria(self) -> list[Criterion]:
-        """Settling times by the usual criteria, by what the sensor sees, and by the nearest of each kind."""
+        """Settling times by usual criteria, what the sensor sees, and the nearest of each kind."""
         usual = [settling.settling_times(self.decays, kind, share) for kind in settling.KINDS
                  if kind != "length"
                  for share in settling.USUAL]
@@ -229,7 +230,8 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
                  for row in models]
     if any(response.drawn_in is not None for row in responses for response in row):
         raise InputError("one of the films is drawn in: a step overshoots what a slow ramp may "
-                         "reach; lower the voltage", key="signal", given=f"{signal.peak / 1e3:g} kV")
+                         "reach; lower the voltage", key="signal",
+                         given=f"{signal.peak / 1e3:g} kV")
     return time, np.array([[response.deflection(time) for response in row] for row in responses])
 
 

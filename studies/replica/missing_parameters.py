@@ -24,7 +24,7 @@ _BOUNDS = ((1.0, 15.0), (0.0, 1.0), (0.0, 1.0))
 def actuators(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -> Actuator:
     """The paper's three actuators under masses [kg] with what is missing, as one array.
 
-    ``permittivity`` ε_r has any shape, ``alpha``, α₁ of both ellipses' short circles, one axis more;
+    ``permittivity`` ε_r has any shape, ``alpha``, α₁ of the ellipses' short circles, one axis more;
     the actuators have theirs, and two: masses and shapes.
     """
     circle, small, large = paper_actuators(1.0)
@@ -154,7 +154,7 @@ def smallest_worst(shared: bool = True) -> MissingParameters:
 
 
 def allowed(factor: float = 2.0, shared: bool = True) -> dict[str, tuple[float, float]]:
-    """Lowest and highest ε_r and α₁ whose misfit is nowhere above ``factor`` times the smallest worst."""
+    """Lowest and highest ε_r and α₁ whose worst misfit is within ``factor`` times the smallest."""
     spread, best = _spread(shared), smallest_worst(shared)
     alphas = ("alpha_1",) if shared else ("alpha_small", "alpha_large")
     names = ("relative_permittivity", *alphas)

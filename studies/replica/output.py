@@ -98,7 +98,9 @@ def _table_2(replica: Replica) -> list[dict[str, Any]]:
 def _settling(criterion: Criterion) -> dict[str, Any]:
     unit, factor = _UNITS[criterion.kind]
     threshold = f"{factor * criterion.threshold:.3g}"
-    words = f"{threshold} um" if criterion.kind == "length" else f"{threshold} % of the {criterion.kind}"
+    words = f"{threshold} % of the {criterion.kind}"
+    if criterion.kind == "length":
+        words = f"{threshold} um"
     cells = {f"{name}_{1e3 * mass:g}g_s": float(criterion.times[row, column])
              for row, mass in enumerate(MASSES) for column, name in enumerate(NAMES)}
     return {"criterion": words, "threshold": factor * criterion.threshold, "unit": unit, **cells,
@@ -114,7 +116,7 @@ def _hysteresis(replica: Replica) -> list[dict[str, Any]]:
 
 
 def loop_gap(deflection: Array) -> float:
-    """Largest distance between rising and falling branch of one period of a sine over the range of the deflection.
+    """Largest distance between rising and falling branch of a sine's period over its range.
 
     The samples begin at phase 0 and are even; the branches meet the same voltage at φ and π − φ.
     """

@@ -1,4 +1,4 @@
-"""Settling times of Section 4.2: by which criterion ours come nearest to the paper's, which names none."""
+"""Settling times of Section 4.2: by which criterion ours come nearest to the paper's."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """Half the way [m] between neighbouring extremes, the time midway [s], and how far the response went at last [m].
+    """Half the way [m] between neighbouring extremes, the time midway [s], the whole travel [m].
 
     The crossing of a threshold is interpolated between them on a logarithmic scale, as an
     oscillation dies.
@@ -27,7 +27,7 @@ class Decay:
 
     @classmethod
     def of(cls, time: Array, deflection: Array) -> Decay:
-        """Of a sampled response to a step, the extremes refined by the parabola through three samples."""
+        """Of a sampled response to a step, the extremes refined by parabolas of three samples."""
         turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
         before, at, after = (deflection[turning + shift] for shift in (-1, 0, 1))
         bend = before - 2 * at + after
@@ -85,9 +85,9 @@ def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Cr
 
 
 def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
-    """The threshold of a kind whose six times are nearest to the paper's, among those that give all six."""
+    """The threshold of a kind whose six times are nearest to the paper's, if it gives all six."""
     largest = min(one.height.max() / KINDS[kind](one) for row in decays for one in row)
     smallest = max(one.height.min() / KINDS[kind](one) for row in decays for one in row)
-    found = (settling_times(decays, kind, threshold) for threshold in np.geomspace(largest, smallest,
-                                                                       402)[1:-1])
-    return min(found, key=lambda one: one.rms)
+    thresholds = np.geomspace(largest, smallest, 402)[1:-1]
+    return min((settling_times(decays, kind, threshold) for threshold in thresholds),
+               key=lambda criterion: criterion.rms)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from tympan.studies.replica.figures import Replica
 from tympan.studies.replica.findings.checks import checks
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.findings.kinematics import cone, energy
 from tympan.studies.replica.findings.law import softening
 from tympan.studies.replica.findings.signs import sign
 from tympan.studies.replica.findings.table2 import lost_cells, mass_ratio
 
-__all__ = ["Finding", "Number", "findings"]
+__all__ = ["Evidence", "Finding", "findings"]
 
 
 def findings(found: Replica) -> tuple[Finding, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from tympan.geometry.outlines import area
 from tympan.studies.paper.published import MASSES, NAMES, PERCENTAGES, ROUNDING, SURFACES, ranges
 from tympan.studies.paper.table1 import known, paper_actuators
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.words import sentences
 
 
@@ -31,10 +31,11 @@ def checks() -> Finding:
                   mass_g=1e3 * MASSES[row], share=shares[row, column],
                   printed=PERCENTAGES[row, column], largest=largest, thickness=thickness,
                   stretch=stretch, thinnest_um=1e6 * known("z_ini") / 25),
-        (*(Number(f"film's surface, {name}", value, "m²")
+        (*(Evidence(f"film's surface, {name}", value, "m²")
            for name, value in zip(NAMES, surfaces, strict=True)),
-         Number("largest difference from Table 1", off, "m²"),
-         *(Number(f"percentage from the ranges, {name}, {1e3 * mass:g} g", float(shares[r, c]), "%")
+         Evidence("largest difference from Table 1", off, "m²"),
+         *(Evidence(f"percentage from the ranges, {name}, {1e3 * mass:g} g",
+                    float(shares[r, c]), "%")
            for r, mass in enumerate(MASSES) for c, name in enumerate(NAMES)),
-         Number("percentages that do not follow", float(len(far))),
-         Number("thickness ratio", thickness), Number("stretch along each axis", stretch)))
+         Evidence("percentages that do not follow", float(len(far))),
+         Evidence("thickness ratio", thickness), Evidence("stretch along each axis", stretch)))

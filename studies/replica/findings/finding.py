@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Number:
+class Evidence:
     """One number of a finding: what it is, its value and its unit ("" for none)."""
 
     what: str
@@ -22,7 +22,7 @@ class Finding:
     key: str
     title: str
     words: list[str]
-    numbers: tuple[Number, ...]
+    numbers: tuple[Evidence, ...]
 
     def __getitem__(self, what: str) -> float:
         """The value of a number by its name."""

@@ -9,7 +9,7 @@ from tympan.fem.film.library import DEFAULT, MATERIALS
 from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.paper.published import NAMES
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.findings.law import stress
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.replica.words import sentences
@@ -20,8 +20,9 @@ _TERMS, _POINTS = 14, 400
 def membrane_stiffness(semi_axes: tuple[float, float], plate: float) -> float:
     """Stiffness over tension of a taut film between a round plate and an ellipse about it [1].
 
-    Hardly deflected. The deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ + 1, zero on the
-    ellipse by least squares at 400 points; the stiffness is 2π|A|, for a circle 2π/ln(R/r).
+    Hardly deflected. The deflection is harmonic: A ln(ρ/r) + Σ B_n ((ρ/r)^2n − (ρ/r)^−2n) cos 2nθ
+    + 1, zero on the ellipse by least squares at 400 points; the stiffness is 2π|A|, for a circle
+    2π/ln(R/r).
 
     Examples
     --------
@@ -72,12 +73,13 @@ def cone(missing: MissingParameters) -> Finding:
                   modulus_kPa=modulus / 1e3, prestretch=prestretch, library=DEFAULT,
                   tape_kPa=tape / 1e3, permittivity=missing.permittivity,
                   over=missing.permittivity / stiffer[0]),
-        (*(Number(f"taut film over cones, {name}", value)
+        (*(Evidence(f"taut film over cones, {name}", value)
            for name, value in zip(NAMES, stiffer, strict=True)),
-         Number("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
-         Number("neo-Hookean modulus of that prestress", modulus, "Pa"),
-         Number(f"prestress of the library's {DEFAULT}", tape, "Pa"),
-         Number("relative permittivity over the circle's factor", missing.permittivity / stiffer[0])))
+         Evidence("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
+         Evidence("neo-Hookean modulus of that prestress", modulus, "Pa"),
+         Evidence(f"prestress of the library's {DEFAULT}", tape, "Pa"),
+         Evidence("relative permittivity over the circle's factor",
+                  missing.permittivity / stiffer[0])))
 
 
 def energy(missing: MissingParameters) -> Finding:
@@ -97,11 +99,11 @@ def energy(missing: MissingParameters) -> Finding:
         "energy", "½ C u² is not the energy of Eq. (5)",
         sentences("energy", times=times, capacitances=flat[2] / flat[0],
                   slopes=slopes[2] / slopes[0]),
-        (*(Number(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
+        (*(Evidence(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, times, strict=True)),
-         *(Number(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
+         *(Evidence(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, closed, strict=True)),
-         Number("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
-         Number("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
+         Evidence("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
+         Evidence("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
 
 

@@ -9,7 +9,7 @@ from tympan.fem.film.laws import Separable
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.paper.published import HIGHEST, MASSES
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.replica.words import sentences
 
@@ -47,14 +47,14 @@ def softening(missing: MissingParameters) -> Finding:
     if abs(peaks) < 1e-3:
         words += sentences("law, maximum", y_mm=1e3 * float(largest.x),
                            mass_g=1e3 * -float(largest.fun) / circle.rig.gravity)
-    numbers = [Number("stress at the mounted stretch", at, "Pa"),
-               Number("its slope there", slope, "Pa"),
-               *(Number(f"of it by i = {i}", part, "Pa")
+    numbers = [Evidence("stress at the mounted stretch", at, "Pa"),
+               Evidence("its slope there", slope, "Pa"),
+               *(Evidence(f"of it by i = {i}", part, "Pa")
                  for i, part in zip((1, 2, 3), parts, strict=True)),
-               Number("stretch where the stress stops falling", turns),
-               Number("largest stretch at 7 kV", float(max(visited))),
-               Number("circle's stiffness at 3 mm over that when flat", second / first),
-               Number("the same of a constant stress", flatter)]
+               Evidence("stretch where the stress stops falling", turns),
+               Evidence("largest stretch at 7 kV", float(max(visited))),
+               Evidence("circle's stiffness at 3 mm over that when flat", second / first),
+               Evidence("the same of a constant stress", flatter)]
     return Finding("law", "Table 1's Ogden set loses stress with stretch", words, tuple(numbers))
 
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.laws import Separable
 from tympan.fem.rig import Rig
-from tympan.studies.identify.static_fit import Readings, StaticProblem
+from tympan.studies.identify.static_fit import StaticProblem, StaticReadings
 from tympan.studies.paper.published import MASSES
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.missing_parameters import MissingParameters, deflections
 from tympan.studies.replica.words import sentences
 
@@ -28,7 +28,7 @@ def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
     rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
     voltage, mass, which = (axis.ravel() for axis in np.meshgrid(
         _VOLTAGES, MASSES, np.arange(3), indexing="ij"))
-    problem = StaticProblem(Readings(specimens, Rig(), which, mass, voltage, rests.ravel()))
+    problem = StaticProblem(StaticReadings(specimens, Rig(), which, mass, voltage, rests.ravel()))
     law = specimens[0].membrane.material
     assert isinstance(law, Separable)
     values = np.array([*law.beta, *law.gamma, missing.permittivity, *missing.alpha])
@@ -49,9 +49,9 @@ def sign(missing: MissingParameters) -> Finding:
         "sign", "Eq. (11) has the signs of Eq. (5) reversed",
         sentences("sign", printed=np.abs(printed / load).max(), right=np.abs(right / load).max(),
                   stress_kPa=stress / 1e3, permittivity=permittivity),
-        (Number("residual over weight, as printed", float(np.abs(printed / load).max())),
-         Number("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
-         *(Number(f"stress at the mounted stretch found, {name}", value[0], "Pa")
+        (Evidence("residual over weight, as printed", float(np.abs(printed / load).max())),
+         Evidence("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
+         *(Evidence(f"stress at the mounted stretch found, {name}", value[0], "Pa")
            for name, value in searched.items()),
-         *(Number(f"relative permittivity found, {name}", value[1])
+         *(Evidence(f"relative permittivity found, {name}", value[1])
            for name, value in searched.items())))

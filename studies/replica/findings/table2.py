@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, ROUNDING, STEP, SWITCH, ranges
-from tympan.studies.replica.findings.finding import Finding, Number
+from tympan.studies.replica.findings.finding import Evidence, Finding
 from tympan.studies.replica.missing_parameters import MissingParameters, rest_ranges
 from tympan.studies.replica.words import sentences
 
@@ -33,23 +33,24 @@ def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters],
                   heavy=heavy, rounding_mm=1e3 * ROUNDING, times=best.worst / ROUNDING,
                   permittivity=(low, high), alpha=(first, last), ellipses_mm=ellipses,
                   circle_mm=circle),
-        (Number("relative permittivity, at rest", missing.permittivity),
-         Number("alpha_1, at rest", missing.alpha[0]),
-         Number("root mean square misfit, at rest", missing.rms, "m"),
-         Number("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
-         Number("alpha_1 of the small ellipse", each.alpha[0]),
-         Number("alpha_1 of the large ellipse", each.alpha[1]),
-         Number("smallest worst misfit", best.worst, "m"),
-         Number("relative permittivity there", best.permittivity),
-         Number("lowest relative permittivity within twice", low),
-         Number("highest relative permittivity within twice", high),
-         Number("lowest alpha_1 within twice", first), Number("highest alpha_1 within twice", last),
-         Number("relative permittivity from 17.9 g alone", light.permittivity),
-         Number("relative permittivity from 22.45 g alone", heavy.permittivity),
-         Number("relative permittivity, ends of levels", levels.permittivity),
-         Number("alpha_1, ends of levels", levels.alpha[0]),
-         Number("root mean square misfit, ends of levels", levels.rms, "m"),
-         Number("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
+        (Evidence("relative permittivity, at rest", missing.permittivity),
+         Evidence("alpha_1, at rest", missing.alpha[0]),
+         Evidence("root mean square misfit, at rest", missing.rms, "m"),
+         Evidence("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
+         Evidence("alpha_1 of the small ellipse", each.alpha[0]),
+         Evidence("alpha_1 of the large ellipse", each.alpha[1]),
+         Evidence("smallest worst misfit", best.worst, "m"),
+         Evidence("relative permittivity there", best.permittivity),
+         Evidence("lowest relative permittivity within twice", low),
+         Evidence("highest relative permittivity within twice", high),
+         Evidence("lowest alpha_1 within twice", first),
+         Evidence("highest alpha_1 within twice", last),
+         Evidence("relative permittivity from 17.9 g alone", light.permittivity),
+         Evidence("relative permittivity from 22.45 g alone", heavy.permittivity),
+         Evidence("relative permittivity, ends of levels", levels.permittivity),
+         Evidence("alpha_1, ends of levels", levels.alpha[0]),
+         Evidence("root mean square misfit, ends of levels", levels.rms, "m"),
+         Evidence("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
@@ -91,7 +92,8 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
     ``rest``, ``levels`` and ``whole`` are the model's ranges [m] at rest, at the ends of figure
     14's levels and of all samples, shape (masses, actuators).
     """
-    growth, at_rest, at_ends, moving = (ours[1] / ours[0] for ours in (ranges(), rest, levels, whole))
+    growth, at_rest, at_ends, moving = (heavy / light for light, heavy
+                                        in (ranges(), rest, levels, whole))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
                             np.array([1e3, 4e3, HIGHEST]))
     extra = unaccounted(missing, growth)
@@ -108,16 +110,16 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
                   least=least.min(), extra_g=_listed(1e3 * extra, 1), cubic=cubic,
                   remaining=(100 * min(remaining), 100 * max(remaining)),
                   at_ends=_listed(at_ends), moving=_listed(moving), odd=odd),
-        (Number("weights", masses),
-         *(Number(f"{what}, {name}", float(value)) for what, values in (
+        (Evidence("weights", masses),
+         *(Evidence(f"{what}, {name}", float(value)) for what, values in (
              ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
              ("ends of levels", at_ends),
              ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
-         *(Number(f"unaccounted mass, {name}", float(value), "kg")
+         *(Evidence(f"unaccounted mass, {name}", float(value), "kg")
            for name, value in zip(NAMES, extra, strict=True)),
-         Number("film without prestress", cubic),
-         Number("least share of creep left after 30 s", min(remaining)),
-         Number("largest share of creep left after 30 s", max(remaining))))
+         Evidence("film without prestress", cubic),
+         Evidence("least share of creep left after 30 s", min(remaining)),
+         Evidence("largest share of creep left after 30 s", max(remaining))))
 
 
 def _listed(values: Array, digits: int = 3) -> str:

@@ -55,7 +55,7 @@ def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
 
 
 def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
-    """Readings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and says so."""
+    """StaticReadings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and says so."""
     base, values = clean(), np.append(TRUTH[:-1], [0.40, 0.55])
     problem = StaticProblem(base)
     read = problem.rest(values)[0]

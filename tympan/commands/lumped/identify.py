@@ -78,7 +78,7 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
                 progress: Progress
                 ) -> StaticFit | None:
     from tympan.geometry.errors import InputError
-    from tympan.studies.identify.static_fit import StaticProblem, readings_of
+    from tympan.studies.identify.static_fit import StaticProblem, static_readings
     from tympan.studies.identify.static_search import identify_static, nelder_mead
 
     if options.dynamic and dataset.static is None:
@@ -87,7 +87,7 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
         raise InputError("is for --dynamic without static.csv, whose readings tell α",
                          key="--weights",
                          given=options.weights)
-    problem = StaticProblem(readings_of(dataset), options.law, options.alpha)
+    problem = StaticProblem(static_readings(dataset), options.law, options.alpha)
     progress("readings at rest")
     fit = identify_static(problem, options.objective)
     result["static"] = fit.json()
