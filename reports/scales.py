@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 @dataclass(frozen=True)
 class AxisScale:
-    """A linear axis or colour scale from ``low`` to ``high`` with round ticks ``step`` apart, in one unit."""
+    """A linear axis or colour scale from ``low`` to ``high`` with round ticks ``step`` apart."""
 
     low: float
     high: float
@@ -126,7 +126,7 @@ def bar_length(width: float) -> float:
 
 
 def digits(value: float | None, count: int = 3) -> str:
-    """A number with ``count`` significant digits, never in powers of ten if it is between 0.0001 and a million.
+    """A number with ``count`` significant digits; from 0.0001 to a million without powers of ten.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def digits(value: float | None, count: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    r"""A share in per cent with two significant digits; what is less than a millionth is called that.
+    r"""A share in per cent with two significant digits; below a millionth it is called that.
 
     Examples
     --------

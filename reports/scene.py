@@ -156,7 +156,7 @@ def picture_frame(projected: Array, resolution: float, margin: float = 0.01,
 
 
 def _add_lines(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
-    """A square net on the film, the two axes through the plate, the frame's and the plate's edge."""
+    """A square net on the film, the axes through the plate, the frame's and the plate's edge."""
     edges = film_rims(surface)
     centre = edges[-1].mean(0)
     for coordinate, colour in enumerate((view.short, view.long)):

@@ -42,7 +42,7 @@ def specimen_argument(parser: argparse.ArgumentParser) -> None:
 
 def case_arguments(parser: argparse.ArgumentParser, *, mass: str = "on the plate",
                    voltage: str = "across the film") -> None:
-    """Specimen, load, voltage, rig and mesh; read by :func:`read_case` and :func:`read_settings`."""
+    """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
     specimen_argument(parser)
     parser.add_argument("--mass", required=True, help=f'{mass}, such as "17.9 g"')
     parser.add_argument("--voltage", default="0 kV",

@@ -19,7 +19,8 @@ def bar(total: int) -> Iterator[Callable[[str], None]]:
     from tqdm import tqdm
 
     with tqdm(total=total, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False,
-              bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}] {postfix}") as progress:
+              bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}] {postfix}",
+              ) as progress:
         started = False
 
         def step(words: str) -> None:
@@ -51,7 +52,7 @@ def shares(words: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def cases(total: int) -> Iterator[Callable[[int, int], None]]:
-    """Yields a function to call with the cases that are ready and those that were so from the start.
+    """Yields a function to call with the cases ready now and those ready from the start.
 
     Shows the rate and the time left; where standard error is no terminal, as a line every half
     minute.

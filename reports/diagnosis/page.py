@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one self-contained HTML page whose first screen needs no statistics."""
+"""The report of a diagnosis: one HTML page whose first screen needs no statistics."""
 
 from __future__ import annotations
 

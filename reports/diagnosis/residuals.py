@@ -1,4 +1,4 @@
-"""Residuals before and after the model was extended: a row for each specimen, one column for each model."""
+"""Residuals of the nominal and the extended model: a row for each specimen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Readings less what a model says [µm], shape (rows,) each; ``noise`` is a standard deviation [µm]."""
+    """Readings less what a model says [µm], shape (rows,) each.
+
+    ``noise`` is the standard deviation of each reading [µm].
+    """
 
     specimen: NDArray[np.str_]
     mass: Array

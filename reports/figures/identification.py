@@ -42,7 +42,7 @@ def draw_static(fit: Fitted, folder: Path) -> list[Path]:
 
 
 def draw_dynamic(fit: Fitted, folder: Path) -> list[Path]:
-    """Draw folder/dynamic, a row for each mass: readings, fit and residuals, and their beginning."""
+    """Draw folder/dynamic, a row for each mass: readings, fit, residuals, and their beginning."""
     return style.save_figure(folder, "dynamic", lambda: _dynamic(fit))
 
 

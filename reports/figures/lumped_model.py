@@ -1,4 +1,4 @@
-"""The lumped model beside the field model it is built from: deflection against voltage, and what is left."""
+"""The lumped model beside its field model: deflection against voltage, and the difference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of a map: α₁ and stroke over aspect ratio and plate size, and what the formula misses."""
+"""Pictures of a map: α₁ and stroke over aspect ratio and plate size, the formula's error."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ def _compose(alpha_map: AlphaMap) -> Figure:
     return figure
 
 
-def _levels(axes: Axes, alpha_map: AlphaMap, values: Any, levels: Any, title: str, form: str) -> None:
+def _levels(axes: Axes, alpha_map: AlphaMap, values: Any, levels: Any, title: str,
+            form: str) -> None:
     shape = len(alpha_map.settings.aspects), len(alpha_map.settings.ratios)
     axes.grid(False)
-    drawn = axes.contour(alpha_map.settings.aspects, alpha_map.settings.ratios, values.reshape(shape).T,
-                         levels, colors=style.PALETTE[0], linewidths=1.0)
+    drawn = axes.contour(alpha_map.settings.aspects, alpha_map.settings.ratios,
+                         values.reshape(shape).T, levels, colors=style.PALETTE[0], linewidths=1.0)
     axes.clabel(drawn, fmt=form, fontsize=6)
     axes.set(title=title, xlabel="aspect ratio r₂/r₁", ylabel="plate r/r₁")
 
@@ -56,8 +57,8 @@ def _errors(axes: Axes, alpha_map: AlphaMap) -> None:
         "outside": (alpha_map.outside, style.PALETTE[1], "^")}
     for name, (readings, colour, marker) in sets.items():
         aspects = [reading.place.aspect for reading in readings if np.isfinite(reading.alpha)]
-        axes.semilogy(aspects, np.abs(alpha_map.formula.errors(readings)).clip(1e-5), marker, ms=2.5,
-                      color=colour, label=name)
+        errors = np.abs(alpha_map.formula.errors(readings)).clip(1e-5)
+        axes.semilogy(aspects, errors, marker, ms=2.5, color=colour, label=name)
     axes.axvspan(*alpha_map.formula.aspects, color="0.93", zorder=0)
     axes.set(title="|formula − α₁|", xlabel="aspect ratio r₂/r₁", ylim=(8e-6, 0.1))
     axes.legend(loc="lower right", handletextpad=0.2)

@@ -25,7 +25,7 @@ _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
 def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
-    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if there are modes.
+    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if any.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Responses of the lumped model: voltage and displacement in time, and loops of the one against the other."""
+"""Responses of the lumped model: voltage and displacement in time, and their loops."""
 
 from __future__ import annotations
 

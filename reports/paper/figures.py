@@ -1,4 +1,4 @@
-"""The paper's figures 7 to 14 drawn again, in its axes, from what ``tympan lumped paper`` stored."""
+"""The paper's figures 7 to 14 in its axes, from what ``tympan lumped paper`` stored."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LEFT, _RIGHT, _TOP, _AXIS, _HEIGHT = 14.0, 4.0, 6.0, 12.0, 70.0  # [mm]
 
 
 @dataclass(frozen=True)
-class Curves:
+class PaperCurves:
     """The CSV files of a replica's folder: two columns by what the columns before them say."""
 
     folder: Path
@@ -41,19 +41,19 @@ class Curves:
             When the file is missing or damaged.
         """
         file = self.folder / f"{name}.csv"
-        found: dict[Key, list[tuple[float, float]]] = {}
+        pairs: dict[Key, list[tuple[float, float]]] = {}
         try:
             with file.open(encoding="utf-8", newline="") as stream:
                 rows = csv.reader(stream)
                 next(rows)
                 for row in rows:
                     first, second = row[keys:keys + 2]
-                    found.setdefault(tuple(row[:keys]),
-                                     []).append((float(first), float(second or "nan")))
+                    values = float(first), float(second or "nan")
+                    pairs.setdefault(tuple(row[:keys]), []).append(values)
         except (OSError, ValueError, StopIteration) as error:
             raise InputError(f"cannot be read: {error}; run tympan lumped paper again",
                              file=file) from None
-        columns = {key: np.array(pairs).T for key, pairs in found.items()}
+        columns = {key: np.array(values).T for key, values in pairs.items()}
         return {key: (both[0], both[1]) for key, both in columns.items()}
 
     @cached_property
@@ -63,8 +63,8 @@ class Curves:
 
     def row(self, mass: float, name: str) -> dict[str, Any]:
         """Ranges under a mass [kg] of an actuator, ours and the paper's."""
-        return next(one for one in self.content["table_2"]["rows"]
-                    if abs(one["mass_g"] - 1e3 * mass) < 1e-6 and one["specimen"] == name)
+        return next(row for row in self.content["table_2"]["rows"]
+                    if abs(row["mass_g"] - 1e3 * mass) < 1e-6 and row["specimen"] == name)
 
     @cached_property
     def steps(self) -> dict[Key, tuple[Array, Array]]:
@@ -87,25 +87,26 @@ def read_paper(folder: Path) -> dict[str, Any]:
 
 def draw_paper(folder: Path) -> list[Path]:
     """Draw folder/fig7 … fig14 and folder/misfit; answers the files."""
-    curves = Curves(folder)
+    curves = PaperCurves(folder)
     return [file for name, compose in FIGURES.items()
             for file in style.save_figure(folder, name, partial(compose, curves))]
 
 
-def _static(mass: float) -> Callable[[Curves], Figure]:
-    def make(curves: Curves) -> Figure:
+def _static(mass: float) -> Callable[[PaperCurves], Figure]:
+    def make(curves: PaperCurves) -> Figure:
         figure, axes = _single()
         for colour, name, (volts, y) in _three(curves.read("static", 2), mass):
             row = curves.row(mass, name)
             axes.plot(volts, y, color=colour,
-                      label=f"{name}: range {row['at_rest_mm']:.2f} mm (paper, over steps: {row['paper_mm']:.2f} mm)")
+                      label=f"{name}: range {row['at_rest_mm']:.2f} mm "
+                            f"(paper, over steps: {row['paper_mm']:.2f} mm)")
         return _finish(figure, axes, "voltage (kV)")
 
     return make
 
 
-def _step(mass: float, zoom: bool) -> Callable[[Curves], Figure]:
-    def make(curves: Curves) -> Figure:
+def _step(mass: float, zoom: bool) -> Callable[[PaperCurves], Figure]:
+    def make(curves: PaperCurves) -> Figure:
         figure, axes = _single()
         end = ZOOM if zoom else np.inf
         for colour, name, (time, y) in _three(curves.steps, mass):
@@ -129,19 +130,20 @@ def _step(mass: float, zoom: bool) -> Callable[[Curves], Figure]:
     return make
 
 
-def _loops(curves: Curves) -> Figure:
+def _loops(curves: PaperCurves) -> Figure:
     loops = curves.read("hysteresis", 3)
     height, gap, left = 42.0, 11.0, 16.0
     figure = style.new_figure(_TOP + 3 * (height + gap))
     width = style.WIDTH / 2 - left - _RIGHT
     for row, name in enumerate(NAMES):
         for column, (offset, amplitude) in enumerate(SINES):
-            axes = style.place_axes(figure, left + column * style.WIDTH / 2, _TOP + row * (height + gap),
-                               width, height)
+            axes = style.place_axes(figure, left + column * style.WIDTH / 2,
+                                    _TOP + row * (height + gap), width, height)
             volts, y = loops[f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             letter = "abcdef"[2 * row + column]
-            axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, u₁ = {amplitude / 1e3:g} kV", loc="left")
+            axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, "
+                           f"u₁ = {amplitude / 1e3:g} kV", loc="left")
             axes.locator_params(axis="x", nbins=8)
             style.faint_grid(axes)
             axes.set_xlabel("voltage (kV)" if row == 2 else "")
@@ -149,7 +151,7 @@ def _loops(curves: Curves) -> Figure:
     return figure
 
 
-def _random(curves: Curves) -> Figure:
+def _random(curves: PaperCurves) -> Figure:
     traces, ((time, volts),) = curves.read("random", 2), curves.read("signal", 0).values()
     heights = (26.0, 48.0, 48.0)
     figure = style.new_figure(sum(heights) + 3 * (_TOP + 2) + _AXIS - 2)
@@ -166,7 +168,8 @@ def _random(curves: Curves) -> Figure:
             for colour, name, (at, y) in _three(traces, mass):
                 row = curves.row(mass, name)
                 axes.plot(at, y, color=colour, linewidth=0.7,
-                          label=f"{name} {row['at_levels_mm']:.2f} mm (paper {row['paper_mm']:.2f})")
+                          label=f"{name} {row['at_levels_mm']:.2f} mm "
+                                f"(paper {row['paper_mm']:.2f})")
             axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g, ranges at the ends of the levels",
                            loc="left")
             axes.set_ylabel("distance (mm)")
@@ -179,7 +182,7 @@ def _random(curves: Curves) -> Figure:
     return figure
 
 
-def _misfit(curves: Curves) -> Figure:
+def _misfit(curves: PaperCurves) -> Figure:
     columns = curves.read("misfit", 1)
     permittivity = np.array([float(key) for (key,) in columns])
     alpha = next(iter(columns.values()))[0]
@@ -206,7 +209,7 @@ def _misfit(curves: Curves) -> Figure:
 
 
 #: Every figure by its file's name.
-FIGURES: dict[str, Callable[[Curves], Figure]] = {
+FIGURES: dict[str, Callable[[PaperCurves], Figure]] = {
     "fig7": _static(MASSES[0]), "fig8": _static(MASSES[1]), "fig9": _step(MASSES[0], False),
     "fig10": _step(MASSES[0], True), "fig11": _step(MASSES[1], False),
     "fig12": _step(MASSES[1], True),
@@ -222,7 +225,8 @@ def _three(found: dict[Key, tuple[Array, Array]],
 
 def _single(share: float = 0.75) -> tuple[Figure, Axes]:
     figure = style.new_figure(_TOP + _HEIGHT + _AXIS, share * style.WIDTH)
-    return figure, style.place_axes(figure, _LEFT, _TOP, share * style.WIDTH - _LEFT - _RIGHT, _HEIGHT)
+    width = share * style.WIDTH - _LEFT - _RIGHT
+    return figure, style.place_axes(figure, _LEFT, _TOP, width, _HEIGHT)
 
 
 def _finish(figure: Figure, axes: Axes, across: str) -> Figure:

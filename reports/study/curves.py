@@ -69,7 +69,7 @@ def _panel(axes: Axes, run: StudyView, mass: float) -> None:
 
 
 def _mark_pull_in(axes: Axes, curve: VoltageCurve, colour: str) -> None:
-    """A cross at the last equilibrium and a dotted line up: from there on the film finds no rest."""
+    """A cross at the last equilibrium and a dotted line up: beyond, the film finds no rest."""
     if curve.pull_in is None or np.isnan(curve.pull_in[0]):
         return
     below, _ = curve.pull_in

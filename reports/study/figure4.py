@@ -1,4 +1,4 @@
-"""The paper's Fig. 4: the deformed membranes side by side in colours of stress, and the stress along their axes."""
+"""The paper's Fig. 4: deformed membranes in colours of stress, and stress along their axes."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ from tympan.reports.study.view import SpecimenView, StudyView
 
 _LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
 _TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]
-_LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02  # narrowest column and widest film [mm], and room for the film's outline
+# Narrowest column and widest film [mm], and room for the film's outline.
+_LEAST, _MOST, _ROOM = 36.0, 85.0, 1.02
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Everything of the figure that is a number: one scale of paper, colours and view for all membranes.
+    """Every number of the figure: one scale of paper, colours and view for all membranes.
 
     ``paper`` is mm of paper per mm of membrane, ``columns`` the widths of each row's columns on
     paper [mm], ``reach`` mm of the curves' abscissa per mm of paper.
@@ -114,7 +115,7 @@ def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[Picture])
 
 
 def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, float, str]]:
-    """What is written at the plate: text, stress [kPa] and colour; one entry where the axes do not differ."""
+    """What is written at the plate: text, stress [kPa] and colour; one entry for like axes."""
     short, long = specimen.short.at_plate, specimen.long.at_plate
     texts = [scale.text(value, more=1) for value in (short, long)]
     if specimen.alike or texts[0] == texts[1]:
@@ -126,7 +127,7 @@ def end_values(specimen: SpecimenView, scale: AxisScale) -> list[tuple[str, floa
 
 
 def _spread(positions: Sequence[float], least: float) -> list[float]:
-    """Positions moved apart, in order and around their middle, so that neighbours are ``least`` apart.
+    """Positions moved apart, in order and around their middle, to be ``least`` apart.
 
     Examples
     --------

@@ -64,7 +64,7 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
 
 
 def strokes(run: StudyView) -> str:
-    """How far the voltage moves each plate under the picture's mass, or the lightest of the curves."""
+    """How far the voltage moves each plate, under the picture's mass or the curves' lightest."""
     masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not masses:
         return ""

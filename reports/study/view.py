@@ -95,7 +95,7 @@ class VoltageCurve:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenView:
-    """One specimen of the study: ``semi_axes`` along x and y [mm], its results, lines and curves."""
+    """One specimen of the study: ``semi_axes`` along x and y [mm], results, lines and curves."""
 
     name: str
     semi_axes: tuple[float, float]
@@ -150,7 +150,7 @@ class SpecimenView:
 
 @dataclass(frozen=True, eq=False)
 class StudyView:
-    """A finished study: ``mass`` [g] and ``voltage`` [kV] of the picture, and ``record`` as stored."""
+    """A finished study: ``mass`` [g], ``voltage`` [kV] of the picture, ``record`` as stored."""
 
     name: str
     version: str

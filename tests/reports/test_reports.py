@@ -1,4 +1,4 @@
-"""The report of a small study: its pictures, its numbers, and what it says when the study is damaged."""
+"""The report of a small study: its pictures, its numbers, and what it says of damage."""
 
 from __future__ import annotations
 
@@ -41,9 +41,11 @@ def study_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     circle = published.specimens[0]
     standing = replace(circle, name="standing", frame=Ellipse((0.045, 0.075)))
     few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((20e-3,), (2.5e3,)))
-    run_study(Study(NAME, (circle, standing), (published.sources[0], "# </pre><script>alert(1)</script>"),
-              curves=LoadGrid((17.9e-3, 22.45e-3), (0.0, 3e3, 40e3)), alpha=few,
-              settings=Settings(MeshSettings(order=2, around_plate=8, growth=1, across=1)))).save(folder)
+    sources = (published.sources[0], "# </pre><script>alert(1)</script>")
+    coarse = Settings(MeshSettings(order=2, around_plate=8, growth=1, across=1))
+    run_study(Study(NAME, (circle, standing), sources,
+                    curves=LoadGrid((17.9e-3, 22.45e-3), (0.0, 3e3, 40e3)), alpha=few,
+                    settings=coarse)).save(folder)
     return folder
 
 
@@ -166,7 +168,7 @@ def test_colours_are_exactly_those_of_the_bar(stored: StudyView, share: float) -
 
 
 def loosened(run: StudyView, state: int) -> StudyView:
-    """The run with the films' right halves wrinkled (1) or slack (2), in the picture and on the last curves."""
+    """The run with the films' right halves wrinkled (1) or slack (2), and on the last curves."""
     changed = []
     for item in run.specimens:
         right = item.film.mounted[:, 0] > 1e-9
@@ -207,7 +209,8 @@ def test_loss_of_tension_and_breakdown_are_told(stored: StudyView, page: Page) -
         assert words_ in text
     assert "Tension is lost in 50\u202f% of circular and 50\u202f% of standing" in text
     assert "strength is at least 1.50 (circular) and 1.50 (standing) times its field" in text
-    assert "circular: under 22.45 g the film loses tension from 3 kV on, over up to 25\u202f% of it" in text
+    assert ("circular: under 22.45 g the film loses tension from 3 kV on, over up to "
+            "25\u202f% of it") in text
     assert "standing: under 22.45 g the film would break down from 3 kV on" in text
     hollow = [line for axes in curves.compose_curves(loose).axes for line in axes.lines
               if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
@@ -237,7 +240,8 @@ def test_no_opengl_is_one_clear_message(stored: StudyView, monkeypatch: pytest.M
 
     monkeypatch.setattr(scene, "vtkRenderWindow", Blind)
     with pytest.raises(MissingLibrary, match="libegl1"):
-        figure4.specimen_picture(stored.specimens[0], figure4.lay_out(stored.specimens, stored.stress_range).view)
+        figure4.specimen_picture(stored.specimens[0], figure4.lay_out(
+            stored.specimens, stored.stress_range).view)
 
 
 def test_page_refers_to_nothing_outside_itself(page: Page, report: Path) -> None:
@@ -320,7 +324,8 @@ def test_field_lines_and_result_agree(stored: StudyView) -> None:
             assert specimen.stress.min() * (1 - 1e-3) <= line.stress.min()
             assert line.stress.max() <= highest * (1 + 1e-3)
         assert specimen.around_plate.deflection == pytest.approx(specimen.deflection, rel=1e-9)
-        assert specimen.film.points[:, 2].max() == pytest.approx(1e-3 * specimen.deflection, rel=1e-9)
+        deepest = 1e3 * specimen.film.points[:, 2].max()
+        assert deepest == pytest.approx(specimen.deflection, rel=1e-9)
 
 
 def test_larger_long_axis_is_told(stored: StudyView) -> None:
@@ -339,7 +344,8 @@ def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
 
 
 def test_curve_without_any_equilibrium() -> None:
-    curve = VoltageCurve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2, *np.full((3, 2), np.nan))
+    curve = VoltageCurve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2,
+                         *np.full((3, 2), np.nan))
     assert curves.curve_label("a", curve) == "a: no equilibrium"
     assert words.stroke("a", curve)["trouble"] == "no equilibrium"
 
@@ -365,7 +371,8 @@ def test_scale_covers_its_values_with_few_round_ticks(low: float, high: float) -
 
 def test_label_tells_where_the_scale_starts() -> None:
     assert figure4.stress_label(round_scale(0, 41)) == "largest principal true stress (kPa)"
-    assert "scales start at 96.5, not 0" in figure4.stress_label(AxisScale(96.5, 98.0, (97.0, 98.0)))
+    above_0 = AxisScale(96.5, 98.0, (97.0, 98.0))
+    assert "scales start at 96.5, not 0" in figure4.stress_label(above_0)
 
 
 @pytest.mark.parametrize("films", [[90.0], [90, 120, 150], [20, 150, 30], [300, 10, 10]])
@@ -428,4 +435,5 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
 
 def test_unknown_format_is_refused(study_folder: Path) -> None:
     with pytest.raises(InputError, match="png, pdf, svg"):
-        figure4.draw_figure4(view_study(StudyResult.load(study_folder), study_folder), study_folder, ("gif",))
+        study = view_study(StudyResult.load(study_folder), study_folder)
+        figure4.draw_figure4(study, study_folder, ("gif",))

@@ -31,7 +31,8 @@ def add(commands: Subcommands) -> None:
     parser.add_argument("--seed", type=int, default=0,
                         help="of random draws (default: %(default)s)")
     parser.add_argument("--plan", action="store_true",
-                        help="say what such readings can tell; what is read may be missing from the files")
+                        help="say what such readings can tell; what is read may be missing from "
+                             "the files")
     json_argument(parser)
 
 
@@ -81,7 +82,8 @@ def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
     if options.json:
         print_json(record)
         return
-    print(f"{record['readings']} readings of {record['dataset']}, noise {record['noise_um']:.3g} um")
+    print(f"{record['readings']} readings of {record['dataset']}, "
+          f"noise {record['noise_um']:.3g} um")
     print(f"{'effect':<40}{'parameter':<16}{'usual':>8}{'seen from':>11}{'told from':>11}"
           "  nearest rival")
     for effect in record["effects"]:

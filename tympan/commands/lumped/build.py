@@ -123,20 +123,21 @@ def _viscous(text: str | None) -> Viscous:
 def _show(result: dict[str, Any]) -> None:
     from tympan.studies.lumped.build import KINEMATICS
 
-    for one in result["built"]:
-        print(f"{one['specimen']}: factor on the film {one['stiffness']:.5f}, on the voltage "
-              f"{one['permittivity']:.5f}; flat {1e12 * one['flat_capacitance_F']:.1f} pF")
-        for circle in one["circles"]:
+    for built in result["built"]:
+        print(f"{built['specimen']}: factor on the film {built['stiffness']:.5f}, on the voltage "
+              f"{built['permittivity']:.5f}; flat {1e12 * built['flat_capacitance_F']:.1f} pF")
+        for circle in built["circles"]:
             print(f"  circle of {1e3 * circle['radius_m']:.4g} mm: α {circle['alpha']:.4f}, "
                   f"{circle['membrane_factor']:.3f} times as stiff as the paper's cone")
         for kind, words in KINEMATICS.items():
-            errors = one["deflection_error"][kind]
-            print(f"  {kind:<10}deflection off by up to {_percent(errors['fitted']):<8} where fitted, "
-                  f"{_percent(errors['held_out']):<8} elsewhere: {words}")
-        (low, high), (slow, fast) = one["frequency_Hz"]["field"], one["frequency_Hz"]["lumped"]
-        print(f"  heave {_hertz(slow)} and {_hertz(fast)} at the ends of the voltage, field model {_hertz(low)} and "
-              f"{_hertz(high)}; capacitance within {_percent(one['capacitance_error']['corrected'])}")
-        for words in one["warnings"]:
+            errors = built["deflection_error"][kind]
+            print(f"  {kind:<10}deflection off by up to {_percent(errors['fitted']):<8} "
+                  f"where fitted, {_percent(errors['held_out']):<8} elsewhere: {words}")
+        (low, high), (slow, fast) = built["frequency_Hz"]["field"], built["frequency_Hz"]["lumped"]
+        print(f"  heave {_hertz(slow)} and {_hertz(fast)} at the ends of the voltage, "
+              f"field model {_hertz(low)} and {_hertz(high)}; "
+              f"capacitance within {_percent(built['capacitance_error']['corrected'])}")
+        for words in built["warnings"]:
             print(f"warning: {words}")
 
 

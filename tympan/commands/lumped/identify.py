@@ -1,4 +1,4 @@
-"""``tympan lumped identify``: the lumped model's constants behind a dataset, and which of them it determines."""
+"""``tympan lumped identify``: the lumped model's constants behind a dataset."""
 
 from __future__ import annotations
 
@@ -31,19 +31,22 @@ def add(kinds: Subcommands) -> None:
     parser.add_argument("dataset", type=Path, metavar="DATASET",
                         help="folder with dataset.toml and static.csv, transient.csv or both")
     parser.add_argument("--dynamic", action="store_true",
-                        help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the static "
-                             "constants are those of static.csv or, where there is none, the films' own")
+                        help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); "
+                             "the static constants are those of static.csv or, where there is "
+                             "none, the films' own")
     parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
-                        help="the paper's Eq. (8), or one factor on the films' own material (default: %(default)s)")
+                        help="the paper's Eq. (8), or one factor on the films' own material "
+                             "(default: %(default)s)")
     parser.add_argument("--alpha", choices=("each", "shared"), default="each",
-                        help="an α of the circle with the short semi-axis for each shape, or one for all as in "
-                             "Eq. (11) (default: %(default)s)")
+                        help="an α of the circle with the short semi-axis for each shape, or one "
+                             "for all as in Eq. (11) (default: %(default)s)")
     parser.add_argument("--weights", metavar="A,B",
-                        help="both α of all shapes, for --dynamic without static.csv (default: equal)")
+                        help="both α of all shapes, for --dynamic without static.csv "
+                             "(default: equal)")
     parser.add_argument("--objective", choices=("deflection", "force", "printed"),
                         default="deflection",
-                        help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or as printed "
-                             "(default: %(default)s)")
+                        help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), "
+                             "or as printed (default: %(default)s)")
     parser.add_argument("--nelder-mead", action="store_true",
                         help="also the paper's simplex, to compare")
     output_argument(parser, "write identify.json and figures")
@@ -116,18 +119,17 @@ def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.N
     return fit
 
 
-def _show_fit(title: str, found: dict[str, Any], other: dict[str, Any] | None) -> None:
-    print(f"{title}: misfit {found['rmse_um']:.3g} um (noise {found['noise_um']:.3g} um); "
-          f"{found['determined']} of {len(found['constants'])} numbers are determined")
-    _show_constants(found)
-    if other is not None:
-        print(f"Nelder-Mead: misfit {other['rmse_um']:.3g} um, {other['evaluations']} evaluations, "
-              f"{other['seconds']:.2f} s; least squares: {found['evaluations']}, {found['seconds']:.2f} s")
-
-
-def _show_constants(found: dict[str, Any]) -> None:
-    for one in found["constants"]:
-        limits = "not determined by these data" if one["low"] is None else f"{one['low']:.6g} to {one['high']:.6g}"
-        print(f"  {one['name']:<28}{one['value']:>14.6g} {'' if one['unit'] == '1' else one['unit']:<5}{limits}")
-    for words in found["warnings"]:
-        print(f"warning: {words}")
+def _show_fit(title: str, fit: dict[str, Any], simplex: dict[str, Any] | None) -> None:
+    print(f"{title}: misfit {fit['rmse_um']:.3g} um (noise {fit['noise_um']:.3g} um); "
+          f"{fit['determined']} of {len(fit['constants'])} numbers are determined")
+    for constant in fit["constants"]:
+        limits = ("not determined by these data" if constant["low"] is None
+                  else f"{constant['low']:.6g} to {constant['high']:.6g}")
+        unit = "" if constant["unit"] == "1" else constant["unit"]
+        print(f"  {constant['name']:<28}{constant['value']:>14.6g} {unit:<5}{limits}")
+    for warning in fit["warnings"]:
+        print(f"warning: {warning}")
+    if simplex is not None:
+        print(f"Nelder-Mead: misfit {simplex['rmse_um']:.3g} um, "
+              f"{simplex['evaluations']} evaluations, {simplex['seconds']:.2f} s; "
+              f"least squares: {fit['evaluations']}, {fit['seconds']:.2f} s")
