@@ -434,6 +434,6 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
 
 
 def test_unknown_format_is_refused(study_folder: Path) -> None:
+    study = view_study(StudyResult.load(study_folder), study_folder)
     with pytest.raises(InputError, match="png, pdf, svg"):
-        study = view_study(StudyResult.load(study_folder), study_folder)
         figure4.draw_figure4(study, study_folder, ("gif",))
