@@ -1,1 +1,1 @@
-"""Diagnosis: what measured data say the simulation gets wrong, which effect explains it, and what it would gain."""
+"""What measured data say the simulation gets wrong, which effect explains it, the gain."""

@@ -1,4 +1,4 @@
-"""The simulation of a dataset: its force laws, as far as its readings and the refitted nominal model need them."""
+"""The simulation of a dataset: its force laws, as far as the readings and the nominal fit need."""
 
 from __future__ import annotations
 
@@ -56,11 +56,13 @@ def calibrated(setup: Setup, table: ReadingTable) -> tuple[Simulation, Fit]:
             break
         # Never less than before: a fit held back by the reach of its laws must not take that reach
         # away.
-        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.possible else 1.5 * heave)
+        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.possible
+                           else 1.5 * heave)
         voltage_squared = np.where(have[1] < 0.99 * voltage_squared, voltage_squared,
                           np.maximum(voltage_squared, np.minimum(wanted[1], 2 * voltage_squared)))
     if not found.possible:
-        raise InputError("no stiffness and permittivity make equilibria of all states that were read: are masses, "
+        raise InputError("no stiffness and permittivity make equilibria of all states that were "
+                         "read: are masses, "
                          "voltages and sizes right?", key="readings",
                          given=f"{len(table)} readings")
     return simulation, found
@@ -76,14 +78,18 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
 def _nominal(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
     try:
         return tuple(nominal_law(setup, specimen.name, float(w), float(q))
-                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
+                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared,
+                                               strict=True))
     except NotSampled as error:
         raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
                          given=", ".join(one.name for one in setup.specimens)) from None
 
 
 def _first_reach(setup: Setup, table: ReadingTable) -> tuple[Array, Array]:
-    """Heaves and U² to begin with, for each specimen: by the largest readings, or a share of the gap."""
+    """Heaves and U² to begin with, for each specimen.
+
+    By the largest readings, or a share of the gap.
+    """
     heaves, voltages_squared = [], []
     for number, specimen in enumerate(setup.specimens):
         own = (table.specimen == number) & (table.kind == "displacement")
@@ -106,12 +112,14 @@ def _needed(simulation: Simulation, found: Fit, table: ReadingTable) -> Array:
     """Heaves and U² that the fit and its surroundings need, shape (2, specimens)."""
     heave = np.nan_to_num(simulation.heaves((), found.unknowns,
                                             table.states)) if found.possible else None
-    share = float(np.exp(found.unknowns[PERMITTIVITY] - found.unknowns[STIFFNESS])) if found.possible else 1.0
+    share = 1.0
+    if found.possible:
+        share = float(np.exp(found.unknowns[PERMITTIVITY] - found.unknowns[STIFFNESS]))
     heaves, voltages_squared = _first_reach(simulation.setup, table)
     for number, specimen in enumerate(simulation.setup.specimens):
         own = table.states.specimen == number
-        voltages_squared[number] = max(_ROOM[1] * share * largest_voltage_squared(simulation.setup, table, number),
-                              1e4)
+        largest = largest_voltage_squared(simulation.setup, table, number)
+        voltages_squared[number] = max(_ROOM[1] * share * largest, 1e4)
         if heave is not None:
             largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
             heaves[number] = min(largest, _LARGEST * specimen.gap)
@@ -135,7 +143,7 @@ def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Arr
 
 
 def law_error(simulation: Simulation, one: Fit, table: ReadingTable, count: int = 6) -> float:
-    """Largest error of the reduced model's heaves [m] at a fit, against finite elements on a fine mesh.
+    """Largest error of the reduced heaves [m] at a fit, against finite elements on a fine mesh.
 
     At ``count`` of the states, from small to large heaves; states the finite elements do not reach
     are left out.

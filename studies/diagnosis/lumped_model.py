@@ -1,4 +1,4 @@
-"""Force laws of the paper's lumped model, so that it goes through the same diagnosis as the finite elements.
+"""Force laws of the paper's lumped model, for the same diagnosis as that of finite elements.
 
 ``Simulation(setup, lumped_laws(setup, grids))`` with a setup of :func:`lumped` specimens is all a
 diagnosis needs. The rig acts as it does on finite elements; of the effects that change films only
@@ -57,11 +57,13 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
 def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
     film = HeldFilm.of(setup, name)
     if film.heavy or not grid.odd or film.loading.arm != (0.0, 0.0):
-        raise InputError("must be without gas pressure, weight of its own and offset weights in the lumped model",
+        raise InputError("must be without gas pressure, weight of its own and offset weights in "
+                         "the lumped model",
                          key="specimen", given=name)
     nominal = lumped_nodes(film.specimen, grid)
     every = film_axes(setup, name)
-    moved = [lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid) for axis in every]
+    moved = [lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid)
+             for axis in every]
     axes = tuple(axis for axis, nodes in zip(every, moved, strict=True)
                  if not np.array_equal(nodes, nominal))
     where = samples(axes)
@@ -78,6 +80,7 @@ def lumped_nodes(specimen: Specimen, grid: Grid) -> Array:
         raise InputError("must be a specimen of the lumped model", key="specimen",
                          given=specimen.name)
     heaves, voltages_squared = grid.nodes
-    force = [[specimen.force(heave, voltage_squared**0.5) for voltage_squared in voltages_squared] for heave in heaves]
+    force = [[specimen.force(heave, voltage_squared**0.5) for voltage_squared in voltages_squared]
+             for heave in heaves]
     capacitance = [[specimen.capacitance(heave)] * len(voltages_squared) for heave in heaves]
     return np.array([force, capacitance])

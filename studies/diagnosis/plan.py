@@ -11,7 +11,10 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import calibrated, largest_voltage_squared, with_effects
-from tympan.studies.diagnosis.inference.identifiability import EffectIdentifiability, effect_identifiability
+from tympan.studies.diagnosis.inference.identifiability import (
+    EffectIdentifiability,
+    effect_identifiability,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings, prepared_readings
 from tympan.studies.diagnosis.reduced.sampling import nominal_law
@@ -39,14 +42,17 @@ class ReadingPlan:
             "noise_um": 1e6 * float(np.sqrt(np.mean(self.table.sigma[lengths] ** 2))),
             "noise_from": self.readings.noise_from,
             "not_visible": sorted({str(cause) for cause in self.identifiability.invisible}),
-            "indistinguishable": [[str(cause) for cause in group] for group in self.identifiability.classes],
+            "indistinguishable": [[str(cause) for cause in group]
+                                  for group in self.identifiability.classes],
             "effects": [effect.json() for effect in self.identifiability.effects],
         }
 
 
 def plan_readings(dataset: Dataset, workers: int = 1,
          progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> ReadingPlan:
-    """What a dataset's readings can tell, whatever was or will be read: their values are not looked at.
+    """What a dataset's readings can tell, whatever was or will be read.
+
+    Their values are not looked at.
 
     Raises
     ------
@@ -68,7 +74,8 @@ def predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
               for number in range(len(setup.specimens))]
     for _ in range(_ROUNDS):
         laws = tuple(nominal_law(setup, specimen.name, float(w), float(q))
-                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
+                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared,
+                                               strict=True))
         values = Simulation(setup, laws).predict((), np.zeros(2), table)
         if np.isfinite(values).all():
             return table.with_values(values)
@@ -77,5 +84,6 @@ def predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
     state = table.states[table.state[row : row + 1]]
     raise InputError("the nominal model has no equilibrium there: plan a lower voltage or mass",
                      key="readings",
-                     given=f"{setup.specimens[int(state.specimen[0])].name}, {1e3 * state.mass[0]:.4g} g, "
+                     given=f"{setup.specimens[int(state.specimen[0])].name}, "
+                           f"{1e3 * state.mass[0]:.4g} g, "
                            f"{1e-3 * state.voltage[0]:.4g} kV")

@@ -67,7 +67,9 @@ class States:
 
 @dataclass(frozen=True, eq=False)
 class ReadingTable:
-    """Rows to predict: ``kind``, the ``state`` read and for a range the one it is counted from (``since``, else -1).
+    """Rows to predict.
+
+    ``kind``; the ``state`` read and for a range the one it is counted from (``since``, else -1).
 
     ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in
     the sequence, nan where not known; ``file`` and ``line`` say where a row is from; ``run`` which
@@ -133,7 +135,8 @@ class ReadingTable:
                                                                 other.since + count)]), **named)
 
 
-def rows(states: States, kind: Kind, sigma: float | Array, value: Array | None = None) -> ReadingTable:
+def rows(states: States, kind: Kind, sigma: float | Array,
+         value: Array | None = None) -> ReadingTable:
     """One row of a kind for each state."""
     count = len(states)
     return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1),

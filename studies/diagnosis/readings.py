@@ -1,4 +1,7 @@
-"""A dataset's readings as a table to predict, with their noise; many readings of nearly one state become one."""
+"""A dataset's readings as a table to predict, with their noise.
+
+Many readings of nearly one state become one.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,8 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     setup = Setup(tuple(one for one in dataset.specimens if one.name in used), dataset.rig)
     count = sum(len(table) for table in (dataset.static, dataset.ranges) if table is not None)
     if count < FEWEST:
-        raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness and permittivity "
+        raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
+                         f"and permittivity "
                          "alone take two of them", key="readings", given=count)
     for slip in slips_of_unit(dataset):
         raise InputError(slip, key=dataset.name)
@@ -90,7 +94,9 @@ def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> Prepared
     """A noise for every row, and how well it is known."""
     unknown = np.isnan(table.sigma)
     repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
-    remarks = ["tilt readings are not used"] if dataset.static is not None and "tilt" in dataset.static.channels else []
+    remarks = []
+    if dataset.static is not None and "tilt" in dataset.static.channels:
+        remarks.append("tilt readings are not used")
     assumed = bool(unknown.any())
     if assumed and np.isnan(table.value).any():
         raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
@@ -173,7 +179,8 @@ def averaged(table: ReadingTable) -> ReadingTable:
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))
     merged = merged.joined(states[table.since[first][origin]])
-    return ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value), sigma,
+    return ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
+                        sigma,
                  mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all()
                  else np.full(len(first), np.nan),
                  table.run[first], table.file[first], table.line[first])

@@ -29,7 +29,7 @@ from tympan.studies.diagnosis.next_experiment.proposals import Proposals, propos
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.text import AGAIN, warnings, where
+from tympan.studies.diagnosis.text import AGAIN, limitations, where
 from tympan.studies.diagnosis.validation.gain import LENGTHS, GainReport, SplitGain, gain_of
 from tympan.studies.effects import EffectParameter, Setup
 from tympan.studies.files import write_csv, write_json, write_text
@@ -123,7 +123,8 @@ class Diagnosis:
                              "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
             "knowable": [effect.json() for effect in self.identifiability.effects],
-            "warnings": warnings(self),
+            "warnings": limitations(self.dataset, self.readings, judged, self.model_error,
+                                    self.moves),
         }
 
     def save(self, folder: Path) -> None:
@@ -134,7 +135,7 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def _causes(self) -> list[Json]:
-        """The causes in question, most probable first, with the parameters of each one's best hypothesis."""
+        """The causes in question, most probable first, with their parameters."""
         posterior, listed = self.judgement.posterior, []
         for cause, probability in ({} if posterior is None else posterior.of_causes()).items():
             if posterior is None or (probability < _LEAST

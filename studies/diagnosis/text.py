@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tympan.studies.data.checks import dataset_warnings
+from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.inference.verdict import Judgement
-
-if TYPE_CHECKING:
-    from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.diagnosis.readings import PreparedReadings
 
 #: The next experiment where no effect explains a misfit.
 AGAIN = ("mount the specimens again and repeat the readings, up and down: see whether the misfit "
@@ -25,7 +22,7 @@ _ROUGH = 1.4
 
 
 def where(judged: Judgement) -> str:
-    """Where the misfit is: the strongest pattern, and the strongest one of another kind if there is one.
+    """Where the misfit is: the strongest pattern, and the strongest of another kind.
 
     Of patterns that are about as strong the one is taken that says more: of a specimen before of
     all readings.
@@ -39,21 +36,24 @@ def where(judged: Judgement) -> str:
     return "; ".join(words[name] for name in order[:1] + others[:1])
 
 
-def warnings(diagnosis: Diagnosis) -> list[str]:
-    """What limits the conclusions."""
-    judged, readings = diagnosis.judgement, diagnosis.readings
-    words = [*dataset_warnings(diagnosis.dataset), *readings.remarks]
+def limitations(dataset: Dataset, readings: PreparedReadings, judged: Judgement,
+                model_error: float, moves: bool) -> list[str]:
+    """What limits the conclusions.
+
+    ``model_error`` [m], and whether the verdict moves with the priors.
+    """
+    words = [*dataset_warnings(dataset), *readings.remarks]
     noise = float(np.median(judged.table.sigma))
     if readings.assumed:
         words.append("the noise is not known but assumed, so no cause is named")
-    if diagnosis.model_error > 0.5 * noise:
-        words.append(f"the reduced model is off by up to {1e6 * diagnosis.model_error:.2g} um, "
+    if model_error > 0.5 * noise:
+        words.append(f"the reduced model is off by up to {1e6 * model_error:.2g} um, "
                      f"which is not small beside the noise of {1e6 * noise:.2g} um")
     if judged.test.noise > _ROUGH and readings.stated:
         words.append(f"the readings scatter {judged.test.noise:.2g} times as much about smooth "
                      "curves as stated: the noise is understated, or something jumps, such as a "
                      "plate that rubs")
-    if diagnosis.moves:
+    if moves:
         words.append("the verdict depends on how wide the effects' priors are taken (half or "
                      "twice as wide)")
     return words

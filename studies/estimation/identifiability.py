@@ -1,4 +1,4 @@
-"""What readings determine of a model's constants: their independent combinations, and 95 % limits."""
+"""What readings determine of a model's constants: independent combinations and 95 % limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.estimation.least_squares import LeastSquares
-from tympan.studies.estimation.profile import Profile, profile, settled
+from tympan.studies.estimation.profile import Profile, profile, settled_minimum
 
 Array = NDArray[np.float64]
 
@@ -146,7 +146,7 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
 
 
 def covariance(jacobian: Array, sigma: float) -> Array:
-    """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one at all.
+    """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Name
                       for width in (np.minimum(deviations, CREDIBLE), deviations))
     spread = quantile * np.sqrt(np.diag(credible))
     held = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
-    free = settled(held, best) if profiles else best
+    free = settled_minimum(held, best) if profiles else best
     estimates, lines = [], []
     for index, constant in enumerate(constants):
         z, half = float(best[index]), float(spread[index])
@@ -217,7 +217,7 @@ def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Name
 
 
 def _limited(low: float | None, high: float | None, least: float) -> tuple[float, float] | None:
-    """The limits, where both are there, close enough to say something and not closer than can be."""
+    """The limits, where both are there and neither too far apart nor closer than can be."""
     if low is None or high is None or not least <= high - low <= 2 * DETERMINED:
         return None
     return low, high

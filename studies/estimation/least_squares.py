@@ -1,7 +1,7 @@
-"""Bounded least squares: a problem by its residuals and their derivative, and the one search for its minimum.
+"""Bounded least squares: a problem by its residuals and their derivative, and the search.
 
-The search is Levenberg's and Marquardt's (Marquardt, J. Soc. Indust. Appl. Math. 11, 431, 1963) with
-unknowns held that press against a bound. SciPy's ``least_squares`` does the same for problems like
+The search is Levenberg's and Marquardt's (J. Soc. Indust. Appl. Math. 11, 431, 1963) with unknowns
+held that press against a bound. SciPy's ``least_squares`` does the same for problems like
 these with a third to a half more time and, but for ``dogbox``, does not end on a bound that is met.
 """
 
@@ -33,7 +33,7 @@ class Unreachable(InputError):
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Evaluation:
     """A problem at some unknowns.
 
     ``residual``: shape (n,), in units of a reading's standard deviation, nan where the model has no
@@ -56,7 +56,7 @@ class Point:
         return self.slopes()
 
 
-Evaluate = Callable[[Array, Point | None], Point]
+Evaluate = Callable[[Array, Evaluation | None], Evaluation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,35 +79,38 @@ class LeastSquares:
     def of(cls, both: Callable[[Array], tuple[Array, Array]], low: Array, high: Array,
            linear: tuple[int, ...] = ()) -> LeastSquares:
         """From a function that answers residuals and their derivative together."""
-        def evaluate(unknowns: Array, near: Point | None) -> Point:
+        def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             residual, slopes = both(unknowns)
-            return Point(residual, lambda: slopes)
+            return Evaluation(residual, lambda: slopes)
 
         return cls(evaluate, low, high, linear)
 
-    def at(self, unknowns: Array) -> Point:
+    def at(self, unknowns: Array) -> Evaluation:
         """The point at some unknowns."""
         return self.evaluate(unknowns, None)
 
-    def cost(self, unknowns: Array, point: Point) -> float:
-        """Minus the logarithm of posterior density but for a constant; inf where the model has no answer."""
+    def cost(self, unknowns: Array, point: Evaluation) -> float:
+        """Minus the logarithm of posterior density; inf where the model has no answer."""
         cost = 0.5 * (point.squares + float(np.sum(self.prior * unknowns**2)))
         return cost if np.isfinite(cost) else np.inf
 
-    def slope(self, unknowns: Array, point: Point) -> Array:
+    def slope(self, unknowns: Array, point: Evaluation) -> Array:
         """Derivative of the cost, shape (p,)."""
         return np.asarray(point.jacobian.T @ point.residual + self.prior * unknowns)
 
-    def curvature(self, point: Point) -> Array:
+    def curvature(self, point: Evaluation) -> Array:
         """Second derivative of the cost, residuals taken as linear, shape (p, p)."""
         inner = point.jacobian.T @ point.jacobian
         return np.asarray(inner + np.diag(np.broadcast_to(self.prior, len(inner))))
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
-        """With further residuals ``rows`` (z − ``centre``): priors, or what is to stay where it is."""
-        def evaluate(unknowns: Array, near: Point | None) -> Point:
+        """With further residuals ``rows`` (z − ``centre``).
+
+        Priors, or what is to stay where it is.
+        """
+        def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             point = self.evaluate(unknowns, near)
-            return Point(np.concatenate([point.residual, rows @ (unknowns - centre)]),
+            return Evaluation(np.concatenate([point.residual, rows @ (unknowns - centre)]),
                          lambda: np.concatenate([point.jacobian, rows]), point.state)
 
         return replace(self, evaluate=evaluate)
@@ -118,7 +121,7 @@ class Minimum:
     """Where a search ended, and how many evaluations it took."""
 
     unknowns: Array
-    point: Point
+    point: Evaluation
     cost: float
     evaluations: int
 
@@ -200,13 +203,13 @@ def _separated(problem: LeastSquares, linear: Mask) -> LeastSquares:
     Variable projection with Kaufman's derivative (BIT 15, 49, 1975). A point's state is the
     unknowns in full, and the problem's point there.
     """
-    def evaluate(unknowns: Array, near: Point | None) -> Point:
+    def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         full = unknowns.copy()
         begun = problem.at(full)
         columns = begun.jacobian[:, linear]
         step = -np.linalg.lstsq(columns, begun.residual, rcond=None)[0]
         full[linear] += step
-        point = Point(begun.residual + columns @ step, lambda: problem.at(full).jacobian)
+        point = Evaluation(begun.residual + columns @ step, lambda: problem.at(full).jacobian)
 
         def slopes() -> Array:
             basis = np.linalg.qr(point.jacobian[:, linear])[0]
@@ -214,7 +217,7 @@ def _separated(problem: LeastSquares, linear: Mask) -> LeastSquares:
             slopes[:, linear] = 0.0
             return slopes
 
-        return Point(point.residual, slopes, (full, point))
+        return Evaluation(point.residual, slopes, (full, point))
 
     return LeastSquares(evaluate, problem.low, problem.high)
 
@@ -226,7 +229,7 @@ def minima(problem: LeastSquares, starts: Array, precision: float = 1e-12) -> li
 
 
 def seeded_starts(low: float, high: float, dimension: int, count: int) -> Array:
-    """Well-spread starts, the same every time, shape (count, dimension); one where there is nothing to spread."""
+    """Well-spread starts, the same every time, shape (count, dimension)."""
     if dimension == 0:
         return np.empty((1, 0))
     return low + (high - low) * qmc.LatinHypercube(dimension, seed=20).random(count)

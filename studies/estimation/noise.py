@@ -12,7 +12,7 @@ MISFIT = 2.0
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of one reading in its unit, and the quantile that makes 95 % intervals of it.
+    """Standard deviation of a reading in its unit, and the quantile for 95 % intervals.
 
     Given, the quantile is the normal one; estimated from the residuals, Student's with their
     degrees of freedom.
@@ -30,7 +30,7 @@ class Noise:
 
 
 def noise_of(squares: float, freedom: int, given: float | None) -> Noise:
-    """The noise stated, or that of the residuals; their misfit where the stated noise cannot explain it."""
+    """The noise stated, or that of the residuals where none is or it cannot explain them."""
     estimated = Noise.of(squares, freedom, None)
     if given is None:
         return estimated

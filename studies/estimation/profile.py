@@ -1,4 +1,4 @@
-"""How the least misfit grows as one unknown is held away from its best value, and its 95 % limits."""
+"""How the least misfit grows as one unknown is held off its best value; its 95 % limits."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Profile:
     evaluations: int
 
 
-def settled(problem: LeastSquares, best: Array) -> Array:
-    """The minimum with everything free, from one where some directions were held; profiles begin there.
+def settled_minimum(problem: LeastSquares, best: Array) -> Array:
+    """The minimum with everything free, from one where some directions were held.
 
     What readings do not determine follows the noise there, and χ² is smaller by about one for each
     such direction.
@@ -52,7 +52,7 @@ def settled(problem: LeastSquares, best: Array) -> Array:
 
 def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
             met: float = _MET) -> Profile:
-    """The profile of one unknown about a minimum, out to where χ² has grown by quantile² on both sides.
+    """The profile of one unknown about a minimum, out to where χ² has grown by quantile².
 
     At each value of it all others are fitted again, those the readings do not determine included
     (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). ``met`` is how exactly the
@@ -100,7 +100,7 @@ class _Walk:
         self.seen.append(self.centre)
 
     def side(self, step: float) -> float | None:
-        """Where the quantile is met on the side of ``step``, which is the first guess of how far."""
+        """Where the quantile is met on the side of ``step``, the first guess of how far."""
         sign = np.sign(step)
         end = float((self.problem.low if sign < 0 else self.problem.high)[self.index])
         inside, outside = self.centre, None
@@ -133,7 +133,7 @@ class _Walk:
         return self.centre.at + (inside.at - self.centre.at) * max(grown, 1.02)
 
     def _rise(self, last: Array, at: float) -> tuple[Array, float]:
-        """The unknowns refitted with this one at a value, and how far the misfit is above its least."""
+        """The unknowns refitted with this one at a value, and the rise of the misfit."""
         start = last + self.along * (at - last[self.index])
         unknowns = np.clip(start, self.problem.low, self.problem.high)
         unknowns[self.index] = at

@@ -1,4 +1,4 @@
-"""Laws as families of curves to fit: which constants stress is linear in, which shape it, and their bounds."""
+"""Laws as families of curves to fit: constants that stress is linear in, and that shape it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class Family:
-    """A law with free constants: ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
+    """A law with free constants.
+
+    ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
 
     ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest
     I₁ − 3 of the readings.
@@ -45,7 +47,10 @@ class Family:
         return self.make(_plain(values[:split]), _plain(values[split:]))
 
     def columns(self, l1: Array, l2: Array, shape: Array) -> Array:
-        """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear); complex-safe in ``shape``."""
+        """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear).
+
+        Complex-safe in ``shape``.
+        """
         unit = np.eye(len(self.linear))
         return np.stack([np.broadcast_to(self.make(_plain(row),
                                                    _plain(shape)).derivatives(l1, l2)[1], l1.shape)

@@ -1,4 +1,4 @@
-"""Fits a law to coupon tests: constants with intervals, what the tests leave open, and which law to take."""
+"""Laws fitted to coupon tests: constants with limits, what stays open, which law to take."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class FitSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
-    """Readings of nominal stress [Pa] at stretches (λ₁, λ₂), shape (n,) each, and the family to fit to them."""
+class CouponCurves:
+    """Nominal stress [Pa] read at stretches (λ₁, λ₂), shape (n,) each, and the family to fit."""
 
     family: Family
     l1: Array
@@ -61,7 +61,7 @@ class Curves:
     stress: Array
 
     @classmethod
-    def of(cls, coupons: Coupons, family: Family) -> Curves:
+    def of(cls, coupons: Coupons, family: Family) -> CouponCurves:
         """The readings of all tests."""
         return cls(family, *coupons.in_plane, coupons.stress)
 
@@ -119,7 +119,7 @@ class Curves:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LawFit:
     """A law fitted to readings: the new material and the raw result.
 
     ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where
@@ -156,7 +156,7 @@ class Fit:
         return float((self.squares / self.readings) ** 0.5)
 
     def predict(self, mode: str, stretch: Array) -> tuple[Array, Array]:
-        """Nominal stress and half the width of its 95 % band [Pa], from the linearised covariance."""
+        """Nominal stress and half the width of its 95 % band [Pa], linearised."""
         across = stretch ** MODES[mode]
         rows = self.family.jacobian(stretch, across, self.values)
         with np.errstate(invalid="ignore"):
@@ -186,10 +186,10 @@ class Comparison:
     """Fits of several laws to the same readings, lowest criterion first."""
 
     coupons: Coupons
-    fits: tuple[Fit, ...]
+    fits: tuple[LawFit, ...]
 
     @property
-    def best(self) -> Fit | None:
+    def best(self) -> LawFit | None:
         """The first that may be offered."""
         return next((fit for fit in self.fits if fit.offered), None)
 
@@ -198,21 +198,24 @@ class Comparison:
         """What stands between the best fit and its use."""
         best, first = self.best, self.fits[0]
         if best is None:
-            return ["none of the fitted laws is admissible over the stretches of the tests: none is offered"]
+            return ["none of the fitted laws is admissible over the stretches of the tests: none "
+                    "is offered"]
         found = [f"{best.family.name}: {note}" for note in best.notes]
         if first is not best:
-            found.append(f"{first.family.name} fits better by the criterion but is not admissible over the stretches "
+            found.append(f"{first.family.name} fits better by the criterion but is not admissible "
+                         f"over the stretches "
                          "of the tests: not offered")
         if "equibiaxial" not in self.coupons.modes:
             found.append("no equibiaxial test: a mounted film is stretched nearly equibiaxially")
         found += self._overfitted(best)
         times = self.coupons.time[np.isfinite(self.coupons.time)]
         if len(times) and np.ptp(times) > 0:
-            found.append(f"readings from {times.min():g} to {times.max():g} s are taken as one elastic response: "
+            found.append(f"readings from {times.min():g} to {times.max():g} s are taken as one "
+                         f"elastic response: "
                          "relaxation is not fitted")
         return found
 
-    def _overfitted(self, best: Fit) -> list[str]:
+    def _overfitted(self, best: LawFit) -> list[str]:
         """Modes that the best law foretells far worse than another does."""
         found = []
         for mode, error in best.held_out.items():
@@ -221,7 +224,8 @@ class Comparison:
             least, name = min(rivals, default=(float("inf"), ""))
             if error is None or error > 2 * least:
                 missed = "cannot follow" if error is None else f"misses by {error / 1e3:.3g} kPa"
-                found.append(f"{best.family.name} {missed} the {mode.replace('_', ' ')} readings when they are held out"
+                found.append(f"{best.family.name} {missed} the {mode.replace('_', ' ')} readings "
+                             f"when they are held out"
                              + (f", {name} by {least / 1e3:.3g} kPa"
                                 if name not in ("", best.family.name) else ""))
         return found
@@ -246,20 +250,20 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
     if largest_excess(*coupons.in_plane) < 1e-6:
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
-    fits = (fit(coupons, family, settings) for family in families)
+    fits = (fit_law(coupons, family, settings) for family in families)
     return Comparison(coupons, tuple(sorted(fits, key=lambda item: item.criterion)))
 
 
-def fit(coupons: Coupons, family: Family, settings: FitSettings | None = None) -> Fit:
-    """Fit one law: of all minima found the best that is admissible over the tests' stretches, else the best."""
+def fit_law(coupons: Coupons, family: Family, settings: FitSettings | None = None) -> LawFit:
+    """Fit one law: the best minimum that is admissible over the tests' stretches, else the best."""
     settings = settings or FitSettings()
-    curves = Curves.of(coupons, family)
+    curves = CouponCurves.of(coupons, family)
     ends = curves.minima(settings.starts)
     values, (material, failing) = _admissible(ends, family, coupons)
     squares = curves.squares(values)
     noise = Noise.of(squares, len(coupons) - len(values), settings.noise)
     spread = covariance(curves.jacobian(values), noise.sigma)
-    result = Fit(
+    result = LawFit(
         family=family, material=material, values=values,
         limits=curves.limits(values, np.sqrt(np.diag(spread)), noise), covariance=spread,
         noise=noise, squares=squares, readings=len(coupons),
@@ -347,7 +351,7 @@ def _criterion(squares: float, readings: int, constants: int, noise: float | Non
 
 
 def _condition(columns: Array) -> float:
-    """Condition number of the sensitivities, each scaled to length 1; 1e300 where one is missing."""
+    """Condition number of the sensitivities, scaled to length 1; 1e300 where one is missing."""
     lengths = np.linalg.norm(columns, axis=0)
     if not lengths.all():
         return 1e300
@@ -361,31 +365,36 @@ def _held_out(coupons: Coupons, family: Family, settings: FitSettings) -> dict[s
         rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
         if len(rest) < _needed(family):
             continue
-        ends = Curves.of(rest, family).minima(max(2, settings.starts // 3))
+        ends = CouponCurves.of(rest, family).minima(max(2, settings.starts // 3))
         values, _ = _admissible(ends, family, rest)
-        missed = Curves.of(tested, family).residual(values)
+        missed = CouponCurves.of(tested, family).residual(values)
         errors[mode] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
     return errors
 
 
-def _noted(result: Fit, curves: Curves, coupons: Coupons, worse: bool) -> Fit:
+def _noted(result: LawFit, curves: CouponCurves, coupons: Coupons, worse: bool) -> LawFit:
     """The fit with what its reader must know."""
     notes = [*_open_constants(result), *_open_modes(result, coupons)]
     if result.material is None:
-        notes.append("the best constants have no meaning (a modulus that is not positive, or terms that cancel one "
+        notes.append("the best constants have no meaning (a modulus that is not positive, or terms "
+                     "that cancel one "
                      "another): not offered")
     if result.inadmissible is not None:
-        notes.append(f"true stress falls with stretch at ({result.inadmissible[0]:.3g}, {result.inadmissible[1]:.3g}), "
-                     f"within the tests' range {result.range[0]:.3g} to {result.range[1]:.3g}: not offered")
+        notes.append(f"true stress falls with stretch at ({result.inadmissible[0]:.3g}, "
+                     f"{result.inadmissible[1]:.3g}), "
+                     f"within the tests' range {result.range[0]:.3g} to {result.range[1]:.3g}: not "
+                     f"offered")
     elif worse:
-        notes.append("other constants fit better but are not admissible over the stretches of the tests")
+        notes.append("other constants fit better but are not admissible over the stretches of the "
+                     "tests")
     if _systematic(curves.residual(result.values), coupons):
-        notes.append("the residuals run in long stretches of one sign: the law misses the shape of the curves, and the "
+        notes.append("the residuals run in long stretches of one sign: the law misses the shape of "
+                     "the curves, and the "
                      "intervals tell of noise alone")
     return replace(result, notes=tuple(notes))
 
 
-def _open_constants(result: Fit) -> list[str]:
+def _open_constants(result: LawFit) -> list[str]:
     """Constants and pairs of constants that the readings do not settle."""
     names, linear, notes = result.family.constants, len(result.family.linear), []
     for index, (name, value, (low, high)) in enumerate(zip(names, result.values, result.limits,
@@ -396,20 +405,22 @@ def _open_constants(result: Fit) -> list[str]:
                                  if limit is None)
             notes.append(f"{name} is poorly determined: the readings set no {sides} limit")
         elif high - low > 2 * WIDE * abs(value):
-            notes.append(f"{name} is poorly determined: {value / size:.4g}{unit}, 95 % limits {low / size:.4g} and "
+            notes.append(f"{name} is poorly determined: {value / size:.4g}{unit}, 95 % limits "
+                         f"{low / size:.4g} and "
                          f"{high / size:.4g}{unit}")
     spread = np.sqrt(np.diag(result.covariance))
     for one, other in combinations(range(len(names)), 2):
         if np.isfinite(spread[[one, other]]).all() and spread[one] * spread[other] > 0:
             correlation = result.covariance[one, other] / (spread[one] * spread[other])
             if abs(correlation) > CORRELATED:
-                notes.append(f"{names[one]} and {names[other]} are poorly determined apart (correlation "
+                notes.append(f"{names[one]} and {names[other]} are poorly determined apart "
+                             f"(correlation "
                              f"{correlation:.4f}): the readings see a combination of them")
     return notes
 
 
-def _open_modes(result: Fit, coupons: Coupons) -> list[str]:
-    """Modes that were not tested and in which the fit's stress is uncertain by more than a tenth."""
+def _open_modes(result: LawFit, coupons: Coupons) -> list[str]:
+    """Modes not tested in which the fit's stress is uncertain by more than a tenth."""
     notes = []
     reach = coupons.stretch_range[1]
     for mode in MODES:
@@ -422,13 +433,14 @@ def _open_modes(result: Fit, coupons: Coupons) -> list[str]:
             continue
         stress, half = result.predict(mode, stretch)
         if half[0] > 0.1 * abs(stress[0]):
-            notes.append(f"untested in {mode.replace('_', ' ')}: at stretch {stretch[0]:.3g} its stress there is "
+            notes.append(f"untested in {mode.replace('_', ' ')}: at stretch {stretch[0]:.3g} its "
+                         f"stress there is "
                          f"{stress[0] / 1e3:.4g} ± {half[0] / 1e3:.2g} kPa (95 %)")
     return notes
 
 
 def _systematic(residual: Array, coupons: Coupons) -> bool:
-    """Whether residuals, ordered by stretch within each mode, change sign far too seldom (runs test, p < 0.001)."""
+    """Whether residuals in order of stretch change sign far too seldom (runs test, p < 0.001)."""
     order = np.lexsort((coupons.stretch, coupons.mode))
     positive = residual[order] > 0
     above, below = int(positive.sum()), int((~positive).sum())

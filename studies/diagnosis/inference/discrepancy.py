@@ -1,4 +1,4 @@
-"""The evidence that something is wrong which no effect of the library makes: smooth discrepancies of any kind."""
+"""The evidence of what no effect of the library makes: smooth discrepancies of any kind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SIZES = np.geomspace(0.3, 100.0, 12)
 
 
 def discrepancy_evidence(nominal: Fit, groups: tuple[ResidualPattern, ...], sigma: Array) -> float:
-    """Logarithm of the probability of the readings if the nominal model is off by some smooth pattern.
+    """Logarithm of the readings' probability if the nominal model is off by some smooth pattern.
 
     A pattern's columns have independent normal coefficients that make it a typical size, the same
     for one pattern of the table at a time or for all; the nominal model is taken as linear about

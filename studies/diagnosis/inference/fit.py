@@ -22,9 +22,9 @@ from tympan.studies.diagnosis.reduced.hypothesis import (
 )
 from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
 from tympan.studies.estimation.least_squares import (
+    Evaluation,
     LeastSquares,
     Minimum,
-    Point,
     Unreachable,
     minimise,
 )
@@ -52,8 +52,8 @@ class Fit:
     derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
     of the cost with the priors, by which the unknowns are about normal; ``cost``: minus the
     logarithm of posterior density, up to what all hypotheses share; ``evidence``: logarithm of the
-    probability of the readings, up to the same. ``possible`` is False where no unknowns make a state
-    of equilibrium of every state that was read.
+    probability of the readings, up to the same. ``possible`` is False where no
+    unknowns make a state of equilibrium of every state that was read.
     """
 
     hypothesis: Hypothesis
@@ -110,7 +110,7 @@ class _Search:
         return LeastSquares(self._evaluate, self.bounds[0], self.bounds[1],
                             prior=self.widths**-2.0)
 
-    def _evaluate(self, unknowns: Array, near: Point | None) -> Point:
+    def _evaluate(self, unknowns: Array, near: Evaluation | None) -> Evaluation:
         """Readings minus predictions over their noise; a point's state are the heaves."""
         simulation, table = self.simulation, self.table
         heave = simulation.heaves(self.hypothesis, unknowns, table.states,
@@ -121,10 +121,10 @@ class _Search:
             by_unknowns = simulation.jacobian(self.hypothesis, unknowns, table, heave, self.bounds)
             return -by_unknowns / table.sigma[:, None]
 
-        return Point((table.value - values) / table.sigma, slopes, heave)
+        return Evaluation((table.value - values) / table.sigma, slopes, heave)
 
     def starts(self, start: Array | None) -> list[Array]:
-        """Where to begin: at the unknowns given, and sizes of which a sign changes nothing at some size."""
+        """Where to begin; sizes of which a sign changes nothing begin at a usual one."""
         first = np.zeros(len(self.widths))
         if start is not None:
             first[: len(start)] = start[: len(first)]

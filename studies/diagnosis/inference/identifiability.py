@@ -1,4 +1,7 @@
-"""What can be known from some readings before they are made: what effects must reach to be seen and told apart."""
+"""What can be known from some readings before they are made.
+
+What effects must reach to be seen and told apart.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ TYPICAL = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """What a cause does to readings over their noise that stiffness and permittivity do not take up.
+    """What a cause does to readings over noise that stiffness and permittivity do not take up.
 
     ``columns``: of its parameters at a typical size, shape (rows, parameters).
     """
@@ -38,7 +41,7 @@ class Signature:
 
     @property
     def strength(self) -> float:
-        """χ² of the typical size, of the weakest combination of its parameters that is not nothing."""
+        """χ² of the typical size, of the parameter that shows most."""
         return float((self.columns**2).sum(0).max())
 
 
@@ -94,7 +97,7 @@ def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
 
 def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
                table: ReadingTable) -> Array:
-    """Readings over their noise with one parameter at its typical size, less the nominal model fitted to them.
+    """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
     """
@@ -114,14 +117,14 @@ def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array
 
 
 def distance(one: Signature, other: Signature) -> float:
-    """χ² that is left of the first's typical readings when the other may explain them, by the signatures."""
+    """χ² that remains of the first's typical readings when the other may explain them."""
     column = one.columns[:, np.argmax((one.columns**2).sum(0))]
     return float(np.sum(without(orthonormal(other.columns), column[:, None]) ** 2))
 
 
 def classes_of(found: Sequence[Signature]) -> tuple[tuple[Cause, ...],
                                                     tuple[tuple[Cause, ...], ...]]:
-    """Causes nobody can see, and classes of two or more that nobody can tell apart, at the typical size."""
+    """Causes nobody can see at the typical size, and classes that nobody can tell apart."""
     invisible = [one.cause for one in found if one.strength < SAME]
     seen = [one for one in found if one.strength >= SAME]
     classes: list[list[Signature]] = []
@@ -153,16 +156,17 @@ def effect_identifiability(simulation: Simulation, table: ReadingTable, unknowns
 
 
 def _detectable(one: Signature, nearest: Signature | None) -> Detectable:
-    """Sizes at which the strongest parameter is seen and told, in proportion to its typical size."""
+    """Sizes at which the strongest parameter is seen and told apart."""
     index = int(np.argmax((one.columns**2).sum(0)))
     parameter = one.cause.effect.parameters[index]
     typical = TYPICAL * parameter.deviation
 
     def reached(needed: float, have: float) -> float | None:
-        size = typical * (needed / have) ** (0.25 if parameter.sign == "even"
-                                             else 0.5) if have > 1e-9 else np.inf
-        return parameter.shown(parameter.value(size)) if size <= max(map(abs,
-                                                                         parameter.limits)) else None
+        power = 0.25 if parameter.sign == "even" else 0.5
+        size = typical * (needed / have) ** power if have > 1e-9 else np.inf
+        if size > max(map(abs, parameter.limits)):
+            return None
+        return parameter.shown(parameter.value(size))
 
     return Detectable(one.cause, parameter.name, parameter.unit, reached(SEEN, one.strength),
                       reached(TOLD, one.strength if nearest is None else distance(one, nearest)),

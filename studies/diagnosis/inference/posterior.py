@@ -1,4 +1,7 @@
-"""Hypotheses weighed against each other: probabilities of causes, of none, and of something else."""
+"""Hypotheses weighed against each other.
+
+Probabilities of causes, of none, and of something else.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,7 @@ class Posterior:
         return 1 - self.nothing
 
     def of_causes(self) -> dict[Cause, float]:
-        """Probability of each cause, alone or with another, given that something is wrong; most probable first."""
+        """Probability of each cause given that something is wrong; most probable first."""
         found: dict[Cause, float] = {}
         for one, share in zip(self.fits, self.probabilities.tolist(), strict=True):
             for cause in one.hypothesis:
@@ -70,7 +73,7 @@ class Posterior:
                              key=lambda k: self.probabilities[k])]
 
     def credible(self, share: float = 0.95) -> tuple[Fit, ...]:
-        """The fewest hypotheses with an effect that together have this share of what those with an effect have."""
+        """The fewest hypotheses that together have this share of all that have an effect."""
         order = np.argsort(-self.probabilities, kind="stable")
         total = np.cumsum(self.probabilities[order])
         count = int(np.searchsorted(total, share * total[-1])) + 1 if len(total) else 0

@@ -1,4 +1,4 @@
-"""Ratios of strokes between specimens and between masses, as read and as simulated: what a misfit is about."""
+"""Ratios of strokes between specimens and between masses, as read and as simulated."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Stroke:
 
 
 def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple[Ratio, ...]:
-    """Ratios to the first specimen under the same mass, and to the smallest mass on the same specimen.
+    """Ratios to the first specimen under the same mass, and to the specimen's smallest mass.
 
     A stroke is a range, or the mean reading at the largest voltage less that at the smallest one.
     """

@@ -1,4 +1,4 @@
-"""Where residuals have structure: smooth columns by voltage, mass, specimen, order and time, and tests with them.
+"""Where residuals have structure: tests with smooth columns by voltage, mass, specimen and time.
 
 Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves
 measures the noise whether or not the one stated is right, and what the smooth curves take from the
@@ -39,15 +39,20 @@ class ResidualPattern:
     columns: Array
 
 
-def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> tuple[ResidualPattern, ...]:
-    """The patterns of a table; ``names`` are its specimens', ``predicted`` what the nominal model says."""
+def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> tuple[ResidualPattern,
+                                                                                   ...]:
+    """The patterns of a table.
+
+    ``names`` are its specimens', ``predicted`` what the nominal model says.
+    """
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
     voltage, mass = _voltage(table), _standard(table.mass)
     common = [ResidualPattern("level", "all readings are off by about the same length",
                       size[:, None] * voltage[:, :1]),
               ResidualPattern("voltage", "the way it depends on voltage is wrong",
                       size[:, None] * voltage[:, 1:])]
-    shapes = [ResidualPattern(f"specimen {names[k]}", f"{names[k]} is off against the other specimens",
+    shapes = [ResidualPattern(f"specimen {names[k]}",
+                              f"{names[k]} is off against the other specimens",
                       (size * own)[:, None] * voltage[:, :3]) for k, own in _contrasts(table)]
     loads = [ResidualPattern("mass", "the way it depends on mass is wrong",
                      (size * mass)[:, None] * voltage[:, :3])]
@@ -71,8 +76,9 @@ def _voltage(table: ReadingTable) -> Array:
 def _standard(values: Array) -> Array:
     """Values with mean 0 and deviation 1; 0 where they do not differ."""
     spread = float(values.std())
-    return (values
-            - values.mean()) / spread if spread > 1e-12 * float(np.abs(values).max()) else 0 * values
+    if spread <= 1e-12 * float(np.abs(values).max()):
+        return 0 * values
+    return (values - values.mean()) / spread
 
 
 def _contrasts(table: ReadingTable) -> list[tuple[int, Array]]:
@@ -88,17 +94,20 @@ def _in_time(table: ReadingTable, size: Array, voltage: Array) -> list[ResidualP
     for name, values in (("order", np.nan_to_num(table.order)), ("time", elapsed)):
         if np.ptp(values) > 0:
             line = _standard(values)
-            words = f"readings wander with {'their order' if name == 'order' else 'the time since the run began'}"
-            found.append(ResidualPattern(name, words, size[:, None] * np.stack([line, line**2 - 1], 1)))
+            what = "their order" if name == "order" else "the time since the run began"
+            words = f"readings wander with {what}"
+            found.append(ResidualPattern(name, words, size[:, None] * np.stack([line, line**2 - 1],
+                                                                               1)))
     direction = table.states.direction[table.state]
     if np.ptp(direction) > 0:
-        found.append(ResidualPattern("direction", "readings differ on the way up and on the way down",
+        found.append(ResidualPattern("direction", "readings differ on the way up and on the way "
+                                                  "down",
                              (size * direction)[:, None] * voltage[:, :3]))
     return found
 
 
 def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
-    """A polynomial for each specimen under each mass that leaves some scatter, but for a reading that stands alone."""
+    """A polynomial for each specimen under each mass that leaves some scatter."""
     keys = np.stack([table.specimen.astype(float), table.mass], 1)
     ramps, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     columns = []
@@ -125,7 +134,7 @@ class TestResult:
 
     @property
     def strongest(self) -> str:
-        """The pattern noise shows with the least probability, one of few columns where there is a choice."""
+        """The least probable pattern by noise, one of few columns where there is a choice."""
         few = {name: p for name, p in self.p_values.items() if name != "ramps"} or self.p_values
         return min(few, key=lambda name: few[name])
 
@@ -150,7 +159,7 @@ class ResidualTests:
     def of(cls, table: ReadingTable, jacobian: Array, groups: Sequence[ResidualPattern],
            further: dict[str, Array] | None = None,
            one_sided: frozenset[str] = frozenset(), stated: float = STATED) -> ResidualTests:
-        """For a table, the model's derivatives over the noise, shape (rows, unknowns), and patterns.
+        """For a table, patterns and the model's derivatives over the noise, shape (rows, unknowns).
 
         Parameters
         ----------
@@ -180,7 +189,7 @@ class ResidualTests:
         return bool(self.bases) and self.freedom + self.stated > 0
 
     def noise(self, residual: Array) -> float:
-        """Scatter about smooth curves and stated noise together, over the stated one; no more than that may be off."""
+        """Scatter about smooth curves and stated noise together, over the stated one."""
         own = np.concatenate([self.smooth, self.taken], axis=1)
         rough = float(residual @ residual) - float(np.sum((own.T @ residual) ** 2))
         if self.stated > 0 and self.freedom > 0:
@@ -189,12 +198,12 @@ class ResidualTests:
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
     def __call__(self, residual: Array, generator: np.random.Generator) -> TestResult:
-        """Test residuals at a model's best fit, shape (rows,), against the noise they and the stated one show."""
+        """Test residuals at a best fit, shape (rows,), against their noise and the stated one."""
         return self.against(residual, self.freedom + self.stated, generator, self.noise(residual))
 
     def against(self, residual: Array, freedom: float, generator: np.random.Generator,
                 noise: float = 1.0) -> TestResult:
-        """Test residuals against a noise, over the stated one, known with so many degrees of freedom."""
+        """Test residuals against a noise known with some degrees of freedom."""
         inner = self.smooth.T @ residual
         small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
         own = {name: float(self._p(name, basis.T @ inner[:, None], np.array([noise]), freedom)[0])
@@ -205,11 +214,15 @@ class ResidualTests:
         every = [self._p(name, basis.T @ draws, scatter, freedom) for name, basis in small.items()]
         corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
         bound = min(1.0, least * len(own)) if own else 1.0
-        return TestResult(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound, noise,
+        return TestResult(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound,
+                          noise,
                      freedom)
 
     def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:
-        """Probabilities of as much or more by noise alone; ``parts``, shape (columns, draws), over ``noise``."""
+        """Probabilities of as much or more by noise alone.
+
+        ``parts``, shape (columns, draws), over ``noise``.
+        """
         count = parts.shape[0]
         found = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
         if name in self.one_sided:
@@ -218,7 +231,10 @@ class ResidualTests:
 
 
 def orthonormal(columns: Array, scale: float = 0.0) -> Array:
-    """An orthonormal basis of the columns' span; what is small beside ``scale`` or the largest is left out."""
+    """An orthonormal basis of the columns' span.
+
+    What is small beside ``scale`` or the largest is left out.
+    """
     if not columns.shape[1]:
         return columns
     left, sizes, _ = np.linalg.svd(columns, full_matrices=False)

@@ -1,4 +1,4 @@
-"""How much of a misfit each effect could explain, and how large it would have to be, whatever is thought usual."""
+"""How much of a misfit each effect could explain, and how large it would have to be."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class SingleEffect:
         return self.widths <= 2.0
 
 
-def single_effects(simulation: Simulation, judged: Judgement, causes: Sequence[Cause]) -> tuple[SingleEffect,
-                                                                                          ...]:
+def single_effects(simulation: Simulation, judged: Judgement,
+                   causes: Sequence[Cause]) -> tuple[SingleEffect, ...]:
     """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
 
     Those too that are not visible at a usual size: at an unusual one they may be.

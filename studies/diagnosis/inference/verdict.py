@@ -1,4 +1,4 @@
-"""From readings to a verdict: is something wrong, which causes could it be, does the best of them explain it."""
+"""From readings to a verdict: is something wrong, what could it be, does that explain it."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Levels:
 
     ``alarm``: probability by noise alone below which something is wrong; ``adequate``: the same for
     what a cause leaves, below which it does not explain the misfit; ``sure``: probability from
-    which a cause is named; ``discrepancy``: probability of none of the library from which the verdict
-    is unexplained.
+    which a cause is named; ``discrepancy``: probability of none of the library from which
+    the verdict is unexplained.
     """
 
     alarm: float = 0.03
@@ -72,7 +72,8 @@ class Judgement:
     suspects: tuple[Cause, ...] = ()
 
 
-def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], stated: float = STATED,
+def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+          stated: float = STATED,
           levels: Levels = Levels(), widen: float = 1.0, seed: int = 0) -> Judgement:
     """Judge readings.
 
@@ -128,7 +129,8 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float, levels: Leve
     suspects = tuple(dict.fromkeys(cause for one in posterior.credible()
                                    for cause in one.hypothesis))
     known = replace(base, posterior=posterior, after=after, suspects=suspects)
-    if posterior.discrepancy > levels.discrepancy * posterior.wrong or after.p_value < levels.adequate:
+    unlike_any = posterior.discrepancy > levels.discrepancy * posterior.wrong
+    if unlike_any or after.p_value < levels.adequate:
         return replace(known, verdict="unexplained")
     sure = tuple(cause for cause, share in probability.items() if share >= levels.sure)
     alone = posterior.fit_of(sure) if sure else None
@@ -139,14 +141,15 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float, levels: Leve
     return replace(known, verdict="named", named=sure)
 
 
-def adequacy(base: Judgement, one: Fit, freedom: float, generator: np.random.Generator) -> TestResult:
-    """Whether what a hypothesis leaves is noise: tests of its residuals, the noise known as well as before."""
+def adequacy(base: Judgement, one: Fit, freedom: float,
+             generator: np.random.Generator) -> TestResult:
+    """Whether what a hypothesis leaves is noise, known as well as before."""
     tests = ResidualTests.of(base.table, one.jacobian, base.patterns, stated=0.0)
     return tests.against(one.residual, freedom, generator)
 
 
 def interval(one: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:
-    """An unknown's most probable value and the limits of its interval, which begins at a bound the value lies on."""
+    """An unknown's most probable value and its limits; a bound that the value lies on is one."""
     centre, width = float(one.unknowns[number]), float(one.deviations[number])
     low, high = ((bound - centre) / width for bound in one.bounds[:, number])
     below, above = ndtr(low), ndtr(high)

@@ -61,7 +61,8 @@ class Readout:
         heave, voltage_squared = (np.array(values)[table.states.specimen] for values in
                          ([grid.heave for grid in grids], [grid.voltage_squared for grid in grids]))
         reached = self.simulation.heaves((), self.nominal.unknowns, table.states)
-        inside = (reached <= heave) & (permittivity / stiffness * table.states.voltage**2 <= voltage_squared)
+        seen = permittivity / stiffness * table.states.voltage**2
+        inside = (reached <= heave) & (seen <= voltage_squared)
         return np.asarray(inside[table.state])
 
 
@@ -115,12 +116,13 @@ def higher_voltages(readout: Readout, factor: float, count: int = 5) -> ReadingT
         return None
     voltage = top * (1 + (factor - 1) * np.arange(1, count + 1) / count)
     specimen, mass = np.repeat(readout.ramps, count, axis=0).T
-    return rows(_new_run(readout, specimen, mass, np.tile(voltage, len(readout.ramps))), "displacement",
+    return rows(_new_run(readout, specimen, mass, np.tile(voltage, len(readout.ramps))),
+                "displacement",
                 readout.sigma)
 
 
 def backwards(readout: Readout) -> ReadingTable | None:
-    """The run in reverse right after it, where it is known when or on which way readings were made."""
+    """The run in reverse right after it, where times or ways of the readings are known."""
     states = readout.states
     if not (np.ptp(states.elapsed) > 0 or np.any(states.direction != 0)):
         return None
@@ -130,7 +132,7 @@ def backwards(readout: Readout) -> ReadingTable | None:
 
 
 def later(readout: Readout, runs: float) -> ReadingTable | None:
-    """All readings again after a pause of so many times the run, an hour at least, where times are known."""
+    """All readings again after a pause of so many runs, an hour at least, where times are known."""
     states = readout.states
     length = float(np.ptp(states.elapsed))
     if not length > 0:
@@ -153,7 +155,7 @@ def film_voltage(readout: Readout, share: float) -> ReadingTable | None:
 
 
 def blocked_force(readout: Readout, share: float) -> ReadingTable:
-    """The plates held where the masses bring them without voltage, and the force on them, to a share or 1 mN."""
+    """The force on plates held where the masses bring them without voltage, to a share or 1 mN."""
     states = readout.states
     unloaded = replace(states, voltage=np.zeros(len(states)))
     held = replace(states, heave=readout.simulation.heaves((), readout.nominal.unknowns, unloaded))
@@ -161,7 +163,8 @@ def blocked_force(readout: Readout, share: float) -> ReadingTable:
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 
 
-_HANG, _RAISE = "hang {mass} on every specimen and read up to {voltage}", "raise the voltage further, up to {voltage}"
+_HANG = "hang {mass} on every specimen and read up to {voltage}"
+_RAISE = "raise the voltage further, up to {voltage}"
 
 #: What is on offer, with less effort first. Another shape is not: its film's force law would have
 #: to be computed.
@@ -177,7 +180,8 @@ MENU = (
                partial(capacitance, share=0.01)),
     Experiment("measure the voltage on the film itself with a high-voltage probe, to 1 %",
                partial(film_voltage, share=0.01)),
-    Experiment("hold the plates where the masses bring them without voltage and measure the force on them up to "
+    Experiment("hold the plates where the masses bring them without voltage and measure the force "
+               "on them up to "
                "{voltage}, to 1 % or 1 mN", partial(blocked_force, share=0.01)),
 )
 

@@ -1,4 +1,4 @@
-"""Which experiment would tell the rivals apart: the expected Δχ² of each on a menu, or that none does.
+"""Which experiment would tell the rivals apart: the expected Δχ² of each on a menu.
 
 If one rival is true, new readings will be about what its fit predicts, and another rival, refitted
 to old and new ones together, will fit them worse. How much worse is what an experiment is worth for
@@ -78,7 +78,10 @@ class Proposals:
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
-    """What a rival expects of an experiment: the new rows' values and their derivatives by its unknowns."""
+    """What a rival expects of an experiment.
+
+    The new rows' values and their derivatives by its unknowns.
+    """
 
     values: Array
     jacobian: Array
@@ -106,7 +109,7 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
 
 
 def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
-    """The most probable explanations, none of which holds another, two at least if there are, and their shares.
+    """The most probable explanations, none of which holds another, and their shares.
 
     What holds another, or is held by it, counts for the more probable of the two.
     """
@@ -152,14 +155,17 @@ def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
 
 
 def _chances(weights: Array) -> Array:
-    """Probability that one rival is true and another, drawn by its share of the rest, is to be told from it."""
+    """Probability that one rival is true (rows) and another is to be told from it."""
     chance = np.tile(weights + 1e-9, (len(weights), 1))
     np.fill_diagonal(chance, 0.0)
     return np.asarray((weights + 1e-9)[:, None] * chance / chance.sum(1, keepdims=True))
 
 
 def possible(experiment: Experiment, readout: Readout, fits: Sequence[Fit]) -> ReadingTable | None:
-    """The new rows that the force laws reach and where every rival has an equilibrium; None where there are none."""
+    """The new rows where the laws reach and every rival has an equilibrium.
+
+    None if there are none.
+    """
     table = experiment.rows(readout)
     if table is None:
         return None
@@ -172,7 +178,10 @@ def possible(experiment: Experiment, readout: Readout, fits: Sequence[Fit]) -> R
 
 
 def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -> Array:
-    """Expected Δχ² of new rows, shape (true rival, other rival): what the other one loses, refitted to all rows."""
+    """Expected Δχ² of new rows, shape (true rival, other rival).
+
+    What the other one loses, refitted to all rows.
+    """
     views = [_foreseen(simulation, one, table) for one in fits]
     found = np.zeros((len(fits), len(fits)))
     for true, other in permutations(range(len(fits)), 2):
@@ -189,7 +198,7 @@ def _foreseen(simulation: Simulation, one: Fit, table: ReadingTable) -> Foreseen
 
 
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
-    """By how much twice the cost grows when rows differ from a fit's predictions, the fit moved to meet them.
+    """By how much twice the cost grows when a fit moves to meet rows off its predictions.
 
     Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within
     their bounds.

@@ -1,4 +1,7 @@
-"""The numbers a film's force law depends on besides heave and voltage: parameters of effects that change the film."""
+"""The numbers a film's force law depends on besides heave and voltage.
+
+Parameters of effects that change the film.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """What the finite elements see of a specimen on a rig: itself, how its plate is held, and gas pressure [Pa]."""
+    """What the finite elements see of a specimen on a rig.
+
+    Itself, how its plate is held, and gas pressure [Pa].
+    """
 
     specimen: Specimen
     loading: Loading
@@ -52,7 +58,10 @@ class HeldFilm:
 
     @classmethod
     def of(cls, setup: Setup, name: str) -> HeldFilm:
-        """A specimen of a setup; mechanisms between plate and ground act on the heave alone and are left out."""
+        """A specimen of a setup.
+
+        Mechanisms between plate and ground act on the heave alone and are left out.
+        """
         loading = replace(setup.rig.loading, biases=())
         specimen = setup.specimen(name)
         return cls(specimen,
@@ -103,8 +112,12 @@ def changes_rig(setup: Setup, effect: Effect) -> bool:
         return False
 
 
-def _axis(setup: Setup, name: str, effect: Effect, index: int, parameter: EffectParameter) -> Axis | None:
-    """The axis of a parameter, as long as the specimen can be built; None where hardly any of it can be."""
+def _axis(setup: Setup, name: str, effect: Effect, index: int,
+          parameter: EffectParameter) -> Axis | None:
+    """The axis of a parameter, as long as the specimen can be built.
+
+    None where hardly any of it can be.
+    """
     low, high = parameter.limits
     reach = min(REACH * parameter.deviation, max(high, -low))
     two_sided = low < 0

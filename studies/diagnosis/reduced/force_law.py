@@ -1,4 +1,4 @@
-"""A reduced model of one film on its plate: the force that holds the plate at a heave, as a polynomial.
+"""A reduced model of one film: the force that holds its plate at a heave, as a polynomial.
 
 Force over heave is a smooth function of the heave and of U², through pull-in and beyond, where the
 heave is not one of the force. So equilibria, limit points included, are roots of the polynomial.
@@ -29,7 +29,7 @@ CORNERS = (-0.6, 0.6)
 
 @dataclass(frozen=True)
 class Grid:
-    """Heaves up to ``heave`` [m] and U² up to ``voltage_squared`` [V²] at which a film is solved; Chebyshev points.
+    """Chebyshev points up to a ``heave`` [m] and a ``voltage_squared`` [V²].
 
     An ``odd`` force (no weight, no gas) is sampled over the heave, as a function of its square.
     """
@@ -45,19 +45,20 @@ class Grid:
         """Heaves [m] and U² [V²]."""
         x, q = _points(self.heaves), _points(self.voltages)
         shares = (1 + x) / 2
-        return self.heave * (np.sqrt(shares) if self.odd else shares), self.voltage_squared * (1 + q) / 2
+        return self.heave * (np.sqrt(shares) if self.odd
+                             else shares), self.voltage_squared * (1 + q) / 2
 
     def coarse(self) -> Grid:
         """The grid for pairs of effects."""
         return Grid(self.heave, self.voltage_squared, self.odd, 3, 3)
 
     def coefficients(self, values: Array) -> Array:
-        """Chebyshev coefficients of what has these values at the nodes, shapes (heaves, voltages)."""
+        """Chebyshev coefficients of what has these values at the nodes, (heaves, voltages)."""
         v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in values.shape)
         return np.asarray(v @ values @ q.T)
 
     def of_heave(self, heave: Array) -> tuple[Array, Array]:
-        """Chebyshev polynomials of heaves [m] and their derivatives by the heave, each (n, count)."""
+        """Chebyshev polynomials of heaves [m] and their derivatives by it, each (n, count)."""
         share = heave / self.heave
         x, rate = 2 * share - 1, np.full_like(share, 2 / self.heave)
         if self.odd:
@@ -71,7 +72,10 @@ class Grid:
 
 
 def _polynomials(x: Array, count: int) -> Array:
-    """The first Chebyshev polynomials, shape (n, count); NumPy's own function is five times slower on short arrays."""
+    """The first Chebyshev polynomials, shape (n, count).
+
+    NumPy's own function is five times slower on short arrays.
+    """
     values = np.empty((len(x), count))
     values[:, 0] = 1.0
     for degree in range(1, count):
@@ -128,7 +132,7 @@ class ForceSurface:
         return np.asarray(self.grid.of_voltage(voltage_squared) @ self.force_coefficients.T)
 
     def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
-        """Force [N] and stiffness [N/m] at heaves [m] and the coefficients :meth:`by_heave` has, shape (n,) each."""
+        """Force [N] and stiffness [N/m] at heaves [m], shape (n,), from :meth:`by_heave`."""
         v, slope = self.grid.of_heave(heave)
         value, rate = (v * by_heave).sum(1), (slope * by_heave).sum(1)
         return (heave * value, value + heave * rate) if self.grid.odd else (value, rate)
@@ -185,10 +189,10 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
 def law_through(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array],
            capacitance: list[Array]
            ) -> ForceLaw:
-    """The law through samples; values at the nodes of the grid, for pairs at those of the coarse one.
+    """The law through samples at the nodes of the grid, of pairs at those of the coarse one.
 
     Values are nan where a film could not be solved. The nominal film's are continued along the
-    voltage there, those of one axis along that axis, so that they bend nothing where there are some;
+    voltage there, those of one axis along it, so that they bend nothing where there are some;
     of pairs, what they add is continued.
     """
     powers = _powers(axes)
@@ -218,7 +222,7 @@ def law_through(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: 
 
 
 def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Array]:
-    """The nominal film's values and those of single axes, completed by the polynomial through what an axis has."""
+    """Values of the nominal film and single axes, completed by polynomials along the axes."""
     nominal = next(_along_voltage(grid, item) for sample, item in zip(where, values, strict=True)
                    if not sample.axes)
     found = []
@@ -237,7 +241,10 @@ def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Ar
 
 
 def _along_voltage(grid: Grid, values: Array) -> Array:
-    """Values continued beyond the last voltage that has one: a parabola through the last three, a line through two."""
+    """Values continued beyond the last voltage that has one.
+
+    A parabola through the last three, a line through two.
+    """
     voltages_squared, values = grid.nodes[1], values.copy()
     for row in values:
         have = int(np.isfinite(row).sum())
@@ -274,7 +281,7 @@ def _padded(grid: Grid, values: Array) -> Array:
 
 
 def _on_coarse(grid: Grid, flat: Array) -> Array:
-    """Values at the coarse grid's nodes of polynomials of the fine one, shape (count, heaves, voltages)."""
+    """Values at the coarse nodes of the fine grid's polynomials, shape (count, heaves, voltages)."""
     coarse = grid.coarse()
     v, q = (chebyshev.chebvander(_points(few), many - 1)
             for few, many in ((coarse.heaves, grid.heaves), (coarse.voltages, grid.voltages)))

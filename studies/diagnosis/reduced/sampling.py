@@ -45,19 +45,26 @@ _FEWEST = 2
 
 
 class NotSampled(ArithmeticError):
-    """The film has no equilibrium, or none was found, at a node; ``voltage_squared`` is the U² there [V²]."""
+    """The film has no equilibrium, or none was found, at a node.
+
+    ``voltage_squared`` is the U² there [V²].
+    """
 
     def __init__(self, voltage_squared: float) -> None:
         super().__init__(voltage_squared)
         self.voltage_squared = voltage_squared
 
     def __str__(self) -> str:
-        return f"the film could not be solved with its plate held at {self.voltage_squared**0.5:.4g} V"
+        voltage = self.voltage_squared**0.5
+        return f"the film could not be solved with its plate held at {voltage:.4g} V"
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film at the nodes of a grid: force [N], capacitance [F], shape (heaves, voltages); states and model."""
+    """A film at a grid's nodes: force [N], capacitance [F], shape (heaves, voltages); states.
+
+    Model.
+    """
 
     force: Array
     capacitance: Array
@@ -68,7 +75,7 @@ class Nodes:
 def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None = None,
              strict: bool = False
              ) -> Nodes:
-    """Solve a film at the nodes of a grid, starting from the states of a similar one where the meshes agree.
+    """Solve a film at the nodes of a grid, beginning from a similar one where the meshes agree.
 
     Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict``
     refuses that.
@@ -106,12 +113,13 @@ def _model(film: HeldFilm, settings: Settings, near: Nodes | None) -> Model:
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     """All a specimen's mesh depends on."""
     electrode = specimen.electrode
-    return specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate, electrode.outline
+    return (specimen.frame, specimen.plate, electrode.margin_frame, electrode.margin_plate,
+            electrode.outline)
 
 
 def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int,
            j: int) -> State | None:
-    """A state to start from: that of a similar film, or the neighbours' extrapolation along the voltage."""
+    """A state to start from: a similar film's, or the neighbours' continued along the voltage."""
     if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
         return near.states[i][j]
     row = states[i]
@@ -166,7 +174,7 @@ class SamplingTask:
 
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
-    """The force law of a film without effects, up to a heave [m] and a U² [V²], less where it cannot be solved."""
+    """The force law of a film without effects up to a heave [m] and a U² [V²], or less."""
     film = HeldFilm.of(setup, name)
     while True:
         grid = Grid(heave, voltage_squared, odd=not film.heavy and film.loading.arm == (0.0, 0.0))
@@ -213,7 +221,7 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
 
 
 def _mesh_of(axes: tuple[Axis, ...], sample: Sample) -> tuple[tuple[str, float], ...]:
-    """What of a sample may need a mesh of its own, so that samples on one mesh are solved by one process."""
+    """What of a sample may need its own mesh; samples on one mesh are solved by one process."""
     return tuple((axes[index].effect, at) for index, at in zip(sample.axes, sample.at, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""What a rig's sensors would show, for given stiffness, permittivity and effects, by the films' force laws."""
+"""What a rig's sensors would show for given unknowns, by the films' force laws."""
 
 from __future__ import annotations
 
@@ -53,7 +53,10 @@ class Simulation:
 
     def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States,
                start: Array | None = None) -> Array:
-        """Heave of each state [m]; nan where there is no equilibrium or none that the force laws reach."""
+        """Heave of each state [m].
+
+        Nan where there is no equilibrium or none that the force laws reach.
+        """
         view = _View(self, hypothesis, unknowns, states)
         heave = view.first_guess() if start is None else np.where(np.isfinite(start), start,
                                                                   view.first_guess())
@@ -75,7 +78,8 @@ class Simulation:
                            | (heave >= (1 + _BEYOND) * reach))
         return np.where(lost | view.beyond, np.nan, heave)
 
-    def values(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable, heave: Array) -> Array:
+    def values(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable,
+               heave: Array) -> Array:
         """What each row of a table shows when the states have these heaves [m]."""
         return _View(self, hypothesis, unknowns, table.states).shown(table, heave)
 
@@ -121,7 +125,10 @@ def _steps(hypothesis: Hypothesis) -> list[float]:
 
 
 def _through(table: ReadingTable, by_heave: Array, shift: Array, view: _View) -> Array:
-    """Change of the rows by shifts of the states' heaves; ``by_heave`` is right for rows of one state."""
+    """Change of the rows by shifts of the states' heaves.
+
+    ``by_heave`` is right for rows of one state.
+    """
     change = by_heave * shift[table.state]
     ranges = table.since >= 0
     if ranges.any():
@@ -236,7 +243,7 @@ def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unk
 
 
 def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
-    """Smallest and largest unknowns, shape (2, p): the priors' limits, within what the force laws reach."""
+    """Smallest and largest unknowns, shape (2, p), by priors and the force laws' reach."""
     low, high = [-_FACTOR] * FACTORS.stop, [_FACTOR] * FACTORS.stop
     for cause in hypothesis:
         for index, parameter in enumerate(cause.effect.parameters):

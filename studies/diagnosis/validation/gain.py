@@ -1,4 +1,4 @@
-"""What the extended model gains on readings it has not seen: whole shapes, masses, specimens, voltage ranges.
+"""What the extended model gains on shapes, masses, specimens, voltages it has not seen.
 
 Readings of one ramp share mounting, creep and offset, so single readings are never held out. On
 each split the cause is chosen and fitted on the training part only. A gain is no evidence for a
@@ -38,7 +38,10 @@ _FEWEST_ROWS, _FEWEST_LEFT, _FEWEST_RAMPS, _SHORTLIST, _DRAWS = 6, 2, 3, 5, 4000
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Readings held out: ``kind`` is "shape", "specimen", "mass" or "voltage"; ``test`` are the rows, shape (rows,)."""
+    """Readings held out: ``kind`` is "shape", "specimen", "mass" or "voltage".
+
+    ``test`` are the rows, shape (rows,).
+    """
 
     kind: str
     held_out: str
@@ -81,7 +84,10 @@ class SplitGain:
 
     @property
     def rmse(self) -> dict[str, float]:
-        """Root mean squares [m] of "before", "after", "process", "rival" and "noise"; nan where there is none."""
+        """Root mean squares [m] of "before", "after", "process", "rival" and "noise".
+
+        Nan where there is none.
+        """
         return {name: _rms(getattr(self, name)) for name in ("before", "after", "process", "rival",
                                                              "noise")}
 
@@ -95,7 +101,10 @@ class SplitGain:
 
 @dataclass(frozen=True)
 class Gain:
-    """The gain over all splits; ``low`` and ``high`` are 95 % limits of the ratio, None where ramps are too few."""
+    """The gain over all splits.
+
+    ``low`` and ``high`` are 95 % limits of the ratio, None where ramps are too few.
+    """
 
     held_out: str
     rmse_before_um: float
@@ -107,14 +116,18 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class GainReport:
-    """The gain, None where nothing could be held out; each split; and in words which splits there are not, and why."""
+    """The gain, None where nothing could be held out; each split.
+
+    And in words which splits there are not, and why.
+    """
 
     overall: Gain | None
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
 
 
-def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], judgement: Judgement,
+def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+            judgement: Judgement,
             seed: int = 0
             ) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
@@ -134,8 +147,9 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     return GainReport(_overall(tested, seed), tested, impossible)
 
 
-def splits_of(simulation: Simulation, table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
-    """The splits that leave enough to train on and something to test, and in words those that do not."""
+def splits_of(simulation: Simulation, table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str,
+                                                                                             ...]]:
+    """The splits that leave enough to train on and to test, and in words those that do not."""
     specimens = simulation.setup.specimens
     frames = [(one.frame, one.plate) for one in specimens]
     shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
@@ -211,7 +225,7 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
 
 def _unlearnable(simulation: Simulation, train: ReadingTable, nominal: Fit, best: Hypothesis,
                  held_out: str) -> str:
-    """Whether the training part cannot show one of the causes all readings speak for, at its typical size."""
+    """Why the training part cannot show a cause that all readings speak for; empty if it can."""
     blind = [one.cause for one in signatures(simulation, train, nominal.unknowns, best)
              if one.strength < SAME]
     return f"{blind[0]} cannot be learned while {held_out} is held out" if blind else ""
@@ -224,7 +238,10 @@ def _errors(simulation: Simulation, one: Fit, table: ReadingTable) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The best fit and the best one that is wrong, None where there is none; odds that there is a cause at all."""
+    """The best fit and the best one that is wrong, None where there is none.
+
+    Odds that there is a cause at all.
+    """
 
     best: Fit | None
     wrong: Fit | None
@@ -233,7 +250,7 @@ class Choice:
 
 def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
            classes: Sequence[Sequence[Cause]] = ()) -> Choice:
-    """The most probable causes for a table, and the most probable ones that share none with them nor their class.
+    """The most probable causes for a table, and the best that share none with them nor their class.
 
     Each cause alone, the best of them with every other, and pairs of the best few are weighed.
     """
@@ -283,7 +300,7 @@ def excess_ratio(before: Array | float, after: Array | float, noise: Array | flo
 
 
 def _overall(splits: Sequence[SplitGain], seed: int) -> Gain | None:
-    """All splits together; the interval by drawing ramps, each with its readings in all splits, with replacement."""
+    """All splits together; the interval by drawing ramps with replacement."""
     told = [one for one in splits if not one.note]
     if not told:
         return None

@@ -1,4 +1,7 @@
-"""A Gaussian process on what a model leaves: how well smooth curves predict without knowing any cause."""
+"""A Gaussian process on what a model leaves.
+
+How well smooth curves predict without knowing any cause.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ MOST_ROWS = 400
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen, which are given.
+    """Residuals as a Gaussian process with a squared-exponential kernel over U², mass and specimen.
 
     A row that is a difference of two states is the difference of the process at both. ``like`` is
     the correlation of two specimens, whichever they are; ``size`` the standard deviation [unit of
@@ -39,7 +42,7 @@ class GaussianProcess:
 
     @classmethod
     def trained(cls, table: ReadingTable, residual: Array) -> GaussianProcess:
-        """The most probable lengths, likeness and size on a grid, for residuals of a table's rows, shape (rows,)."""
+        """The most probable lengths, likeness and size on a grid, for residuals, shape (rows,)."""
         if len(table) > MOST_ROWS:
             kept = np.linspace(0, len(table) - 1, MOST_ROWS).astype(np.int64)
             table, residual = table[kept], residual[kept]
@@ -59,14 +62,15 @@ class GaussianProcess:
         return found
 
     def covariance(self, one: ReadingTable, other: ReadingTable) -> Array:
-        """Covariance of the rows of two tables without noise, shape (rows of one, rows of the other)."""
+        """Covariance of the rows of two tables without noise, shape (rows, rows of the other)."""
         voltage_squared, mass = (max(float(np.abs(values).max()), 1e-12) for values in
                         (self.train.states.voltage**2, self.train.states.mass))
         total = np.zeros((len(one), len(other)))
         for left, sign in _ends(one):
             for right, opposite in _ends(other):
                 a, b = one.states[left], other.states[right]
-                far = ((a.voltage[:, None] ** 2 - b.voltage**2) / voltage_squared / self.lengths[0]) ** 2
+                between = a.voltage[:, None] ** 2 - b.voltage**2
+                far = (between / voltage_squared / self.lengths[0]) ** 2
                 far += ((a.mass[:, None] - b.mass) / mass / self.lengths[1]) ** 2
                 alike = np.where(a.specimen[:, None] == b.specimen, 1.0, self.like)
                 total += np.outer(sign, opposite) * alike * np.exp(-0.5 * far)
@@ -79,7 +83,10 @@ class GaussianProcess:
 
 
 def _ends(table: ReadingTable) -> list[tuple[NDArray[np.int64], Array]]:
-    """The states of the rows with their signs: the one read and, for a range, the one it is counted from."""
+    """The states of the rows with their signs.
+
+    The one read and, for a range, the one it is counted from.
+    """
     ends = [(table.state, np.ones(len(table)))]
     if np.any(table.since >= 0):
         ends.append((np.maximum(table.since, 0), -(table.since >= 0).astype(float)))

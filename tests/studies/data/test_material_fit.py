@@ -18,11 +18,11 @@ from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.fit import (
-    Curves,
+    CouponCurves,
     FitSettings,
     _admissible,
     compare,
-    fit,
+    fit_law,
     material_lines,
 )
 
@@ -90,7 +90,7 @@ def test_every_family_is_recovered() -> None:
 def test_constants_are_recovered_from_closed_forms(name: str) -> None:
     stress, constants = KNOWN[name]
     data = coupons(stress, constants)
-    found = fit(data, FAMILIES[name], FitSettings(starts=4))
+    found = fit_law(data, FAMILIES[name], FitSettings(starts=4))
     assert found.values == pytest.approx(constants, rel=1e-5)
     assert found.rmse < 1e-5 * np.abs(data.stress).max()
     assert found.offered
@@ -128,7 +128,7 @@ def test_intervals_cover_as_often_as_they_say(name: str, trials: int, given: flo
     hits = np.zeros(len(constants), int)
     for seed in range(trials):
         data = coupons(stress, constants, count=5, noise=800.0, seed=seed)
-        limits = fit(data, FAMILIES[name], FitSettings(given, 2, hold_out=False)).limits
+        limits = fit_law(data, FAMILIES[name], FitSettings(given, 2, hold_out=False)).limits
         hits += [(low is None or low < value) and (high is None or value < high)
                  for (low, high), value in zip(limits, constants, strict=True)]
     assert (hits >= binom.ppf(0.001, trials, 0.95)).all()
@@ -138,8 +138,8 @@ def test_intervals_cover_as_often_as_they_say(name: str, trials: int, given: flo
 def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
     """Profiles of constants in which stress is linear end where the exact interval does."""
     data = coupons(mooney, (8e3, 500.0), noise=500.0, seed=4)
-    exact = fit(data, FAMILIES["mooney_rivlin"])
-    curves = Curves.of(data, FAMILIES["mooney_rivlin"])
+    exact = fit_law(data, FAMILIES["mooney_rivlin"])
+    curves = CouponCurves.of(data, FAMILIES["mooney_rivlin"])
     noise = exact.noise
     spread = np.sqrt(np.diag(covariance(curves.jacobian(exact.values), noise.sigma)))
     for index, limits in enumerate(exact.limits):
@@ -150,7 +150,7 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
 
 def test_noise_is_estimated_or_given() -> None:
     data = coupons(mooney, (8e3, 500.0), count=200, noise=700.0, seed=1)
-    estimated, given = (fit(data, FAMILIES["mooney_rivlin"], FitSettings(noise))
+    estimated, given = (fit_law(data, FAMILIES["mooney_rivlin"], FitSettings(noise))
                         for noise in (None, 1400.0))
     assert estimated.noise.sigma == pytest.approx(700, rel=0.08)
     widths = [fitted.limits[0][1] - fitted.limits[0][0] for fitted in (estimated, given)]
@@ -162,7 +162,7 @@ def test_mooney_from_uniaxial_tests_alone_is_told_to_be_open() -> None:
     data = coupons(mooney, (8e3, 500.0), ("uniaxial",), top=2.5, count=15, noise=500.0, seed=2)
     alone = compare(data, ["mooney_rivlin"])
     [found] = alone.fits
-    together = fit(coupons(mooney, (8e3, 500.0), top=2.5, count=15, noise=500.0, seed=2),
+    together = fit_law(coupons(mooney, (8e3, 500.0), top=2.5, count=15, noise=500.0, seed=2),
                    FAMILIES["mooney_rivlin"])
     assert any("c10 and c01 are poorly determined apart" in note for note in found.notes)
     assert any("untested in equibiaxial" in note for note in found.notes)
@@ -176,14 +176,14 @@ def test_mooney_from_uniaxial_tests_alone_is_told_to_be_open() -> None:
 
 def test_constants_the_readings_cannot_see_have_no_limits() -> None:
     """Pure shear has I₁ = I₂: it sees c₁₀ + c₀₁ alone."""
-    found = fit(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0),
+    found = fit_law(coupons(mooney, (8e3, 500.0), ("pure_shear",), noise=300.0),
                 FAMILIES["mooney_rivlin"])
     assert found.limits == ((None, None), (None, None))
     assert sum("no lower and upper limit" in note for note in found.notes) == 2
     assert np.isinf(found.predict("equibiaxial", np.array([2.0]))[1]).all()
     exact = mooney("pure_shear", np.array([2.0]), 8e3, 500.0)
     assert found.predict("pure_shear", np.array([2.0]))[0] == pytest.approx(exact, rel=0.02)
-    unlocked = fit(coupons(*KNOWN["neo_hooke"], top=1.5, noise=300.0), FAMILIES["gent"])
+    unlocked = fit_law(coupons(*KNOWN["neo_hooke"], top=1.5, noise=300.0), FAMILIES["gent"])
     assert unlocked.limits[1][1] is None
 
 
@@ -215,8 +215,8 @@ def test_of_several_minima_the_best_admissible_is_taken() -> None:
 
 def test_systematic_misfit_is_told() -> None:
     data = coupons(*KNOWN["gent"], top=3.8, count=25, noise=50.0)
-    assert any("misses the shape" in note for note in fit(data, FAMILIES["neo_hooke"]).notes)
-    assert not any("misses the shape" in note for note in fit(data, FAMILIES["gent"]).notes)
+    assert any("misses the shape" in note for note in fit_law(data, FAMILIES["neo_hooke"]).notes)
+    assert not any("misses the shape" in note for note in fit_law(data, FAMILIES["gent"]).notes)
 
 
 def test_the_criterion_prefers_the_law_of_the_readings() -> None:
@@ -245,7 +245,7 @@ def test_treloar_s_rubber() -> None:
     stretch, stress = np.concatenate(list(parts.values())).T
     none = np.full(len(mode), "")
     data = Coupons(mode, stretch, stress * 98.0665e3, none, none, np.full(len(mode), np.nan))
-    three, gent, one = (fit(data, FAMILIES[name], FitSettings(starts=6, hold_out=False))
+    three, gent, one = (fit_law(data, FAMILIES[name], FitSettings(starts=6, hold_out=False))
                         for name in ("ogden_3", "gent", "neo_hooke"))
     assert three.rmse < 0.1e6 < gent.rmse < 0.2e6 < 0.5e6 < one.rmse
     assert three.offered

@@ -17,7 +17,7 @@ from tympan.options import (
 )
 
 if TYPE_CHECKING:
-    from tympan.studies.material.fit import Comparison, Fit
+    from tympan.studies.material.fit import Comparison, LawFit
 
 
 def add(commands: Subcommands) -> None:
@@ -109,7 +109,7 @@ def _show_fits(comparison: Comparison, result: dict[str, Any]) -> None:
         print(f"\n{result['material_toml']}", end="")
 
 
-def _constants(fit: Fit) -> list[str]:
+def _constants(fit: LawFit) -> list[str]:
     """One line per constant with its limits."""
     lines = []
     for index, (name, value, limits) in enumerate(zip(fit.family.constants, fit.values, fit.limits,
