@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -115,3 +116,40 @@ def test_no_folder_holds_more_than_fourteen_files() -> None:
         if file.name != "__init__.py":
             counts[str(file.parent)] = counts.get(str(file.parent), 0) + 1
     assert {folder: count for folder, count in counts.items() if count > 14} == {}
+
+
+#: Public names that stand in several modules on purpose, with the reason.
+ON_PURPOSE = {
+    "add": "what every command adds to the parser",
+    "alpha": "the door's study of this name, loads as keywords",
+    "diagnose": "the door's", "load": "the door's", "lumped": "the door's", "modes": "the door's",
+    "optimise": "the door's", "path": "the door's", "sensitivity": "the door's",
+    "solve": "the door's", "study": "the door's", "sweep": "the door's",
+}
+VAGUE = {"found", "one", "own", "left", "known", "held", "told", "lost"}
+
+
+def test_no_public_name_is_defined_twice() -> None:
+    places: dict[str, list[str]] = {}
+    for file, tree in files_of(*PRODUCT):
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(str(file))
+    assert {name: files for name, files in places.items()
+            if len(files) > 1 and name not in ON_PURPOSE} == {}
+
+
+def test_variables_say_what_they_hold() -> None:
+    vague = [f"{file}:{node.lineno} {node.id}" for file, tree in files_of(*PRODUCT)
+             for node in ast.walk(tree) if isinstance(node, ast.Name)
+             and isinstance(node.ctx, ast.Store) and node.id in VAGUE]
+    assert not vague
+
+
+def test_nothing_cites_what_is_not_in_the_project() -> None:
+    citing = [str(file) for folder in (*PRODUCT, "tests", "benchmarks")
+              for file in (ROOT / folder).rglob("*.*")
+              if file.suffix in (".py", ".html", ".toml", ".txt")
+              and re.search(r"[Dd]esign §", file.read_text(encoding="utf-8"))
+              and file.name != "test_house.py"]
+    assert not citing

@@ -1,4 +1,4 @@
-"""Equilibria against independent solutions: design §3's tables, the axisymmetric ODE, convergence orders, units."""
+"""Equilibria against tables, the axisymmetric equations, orders of convergence, units."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from tympan.studies.case import Case, Settings, solve
 STIFF = Ogden((30e3, 2e3), (1.3, 5.5))
 G = 9.81
 
-#: Design §3: neo-Hooke modulus [kPa], mass [g], deflection [mm] at 0, 3.5, 5, 7 kV (None: no
+#: Exact: neo-Hooke modulus [kPa], mass [g], deflection [mm] at 0, 3.5, 5, 7 kV (None: no
 #: equilibrium).
 DEFLECTIONS = [
     (20, 17.9, (2.1185, 2.4307, 2.8717, 4.3843)),
     (20, 22.45, (2.6569, 3.0484, 3.6018, 5.5194)),
     (15, 17.9, (2.8245, 3.4083, 4.3477, None)),
 ]
-#: Design §3: material, heave [mm], voltage [kV], force [N], stretch and elastic stresses at the rim
+#: Exact: material, heave [mm], voltage [kV], force [N], stretch and elastic stresses at the rim
 #: [kPa].
 HELD = [
     (NEO_HOOKE, 5, 0, 0.51826859, 2.35424, 137.6593, 124.0979),
@@ -306,7 +306,7 @@ def test_rig_edits_act_in_the_simulation() -> None:
 
 
 def test_pull_in_is_where_the_ode_has_it() -> None:
-    """Design §3's 15 kPa film under 17.9 g at 7 kV has no equilibrium; the limit voltage by ODE is 6828.83 V."""
+    """15 kPa under 17.9 g have no equilibrium at 7 kV; the limit voltage by ODE is 6828.83 V."""
     material = Ogden((15e3,), (2.0,))
     outcome = equilibrium(model(circular(material)), 17.9e-3 * G, 7000.0)
     assert outcome.status == "no_equilibrium"
