@@ -18,7 +18,7 @@ _CELLS = {"triangle": 1, "triangle6": 2, "triangle10": 3, "triangle15": 4}
 
 
 @dataclass(repr=False)
-class CurvedTriangles(skfem.MeshTri2):
+class CurvedTriangles(skfem.MeshTri2):  # type: ignore[misc]  # scikit-fem has no types
     """Isoparametric triangles of any order; vertices ascend in every triangle."""
 
     @property
@@ -74,7 +74,8 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
             elif len(members):
                 boundaries[name] = facets_of(mesh, new[source.cells_dict[cell_type][members, :2]])
     subdomains = {name: members for name, members in subdomains.items() if len(members)}
-    return mesh.with_boundaries(boundaries).with_subdomains(subdomains)
+    tagged: CurvedTriangles = mesh.with_boundaries(boundaries).with_subdomains(subdomains)
+    return tagged
 
 
 def folded(mesh: CurvedTriangles) -> int:
@@ -89,7 +90,7 @@ def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
     key = mesh.facets[0].astype(np.int64) * mesh.nvertices + mesh.facets[1]
     order = np.argsort(key)
     low, high = np.sort(edges, axis=1).T
-    return order[np.searchsorted(key, low * mesh.nvertices + high, sorter=order)]
+    return np.asarray(order[np.searchsorted(key, low * mesh.nvertices + high, sorter=order)])
 
 
 @dataclass(frozen=True)

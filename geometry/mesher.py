@@ -253,7 +253,7 @@ def _curvature_field(gmsh: Any, around: int) -> int:
 
 
 def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
-    return np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count)))
+    return np.asarray(np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count))))
 
 
 def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,

@@ -121,8 +121,8 @@ def bar_length(width: float) -> float:
     (20.0, 2.0)
     """
     decade = 10 ** floor(log10(width / 6))
-    return max(factor * decade for factor in (1.0, 2.0, 5.0) if factor * decade <= width / 6
-               * (1 + 1e-9))
+    return float(max(factor * decade for factor in (1.0, 2.0, 5.0)
+                     if factor * decade <= width / 6 * (1 + 1e-9)))
 
 
 def digits(value: float | None, count: int = 3) -> str:

@@ -188,7 +188,7 @@ def _add_hatches(plotter: pv.Plotter, surface: pv.PolyData, view: View) -> None:
 def _net(surface: pv.PolyData, coordinate: str, spacing: float) -> list[float]:
     """Multiples of the spacing that a coordinate of the points takes."""
     low, high = surface.get_data_range(coordinate)
-    return (spacing * np.arange(ceil(low / spacing), floor(high / spacing) + 1)).tolist()
+    return [spacing * number for number in range(ceil(low / spacing), floor(high / spacing) + 1)]
 
 
 def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float, towards: Array,

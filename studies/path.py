@@ -274,8 +274,8 @@ def measured(case: Case, station: Station, along: Along) -> float:
     The nominal mass, but the voltage the film itself sees.
     """
     if along == "mass":
-        return (station.force_N
-                - case.rig.force(0.0, area(case.specimen.plate.outline))) / case.rig.gravity
+        idle = case.rig.force(0.0, area(case.specimen.plate.outline))
+        return float((station.force_N - idle) / case.rig.gravity)
     return {"voltage": station.voltage_V, "charge": station.charge_C,
             "pressure": station.pressure_Pa}[along]
 
@@ -286,4 +286,5 @@ def _charge_rate(model: Model, point: PathPoint) -> float:
     inner, plate = model.by_load(point.state, "voltage")
     work = float(inner @ point.direction[0] + plate @ point.direction[1])
     growth = -2 * model.discretisation.mirrored * work
-    return growth * voltage + model.capacitance(point.state) * point.rate / (2 * voltage)
+    charging = model.capacitance(point.state) * point.rate / (2 * voltage)
+    return float(growth * voltage + charging)

@@ -112,7 +112,7 @@ def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
 
 def _flat(face: cq.Face) -> bool:
     in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
-    return face.geomType() == "PLANE" and in_plane
+    return bool(face.geomType() == "PLANE" and in_plane)
 
 
 def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:

@@ -65,4 +65,5 @@ def _unit(start: Point, end: Point) -> Point:
 
 def _distance(start: Point, end: Point) -> float:
     squared: float = (end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2
-    return squared**0.5
+    distance: float = squared**0.5
+    return distance

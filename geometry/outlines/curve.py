@@ -48,7 +48,7 @@ class Curve:
         foot = self.foot(places)
         away = places - self.at(foot)[0]
         side = np.sign((away * self._normal(foot)).sum(axis=1))
-        return (side * np.linalg.norm(away, axis=1)).reshape(x.shape)
+        return np.asarray((side * np.linalg.norm(away, axis=1)).reshape(x.shape))
 
     def _normal(self, foot: Foot) -> Array:
         """Outward normals, at a corner the sum of both sides', which tells inside from outside."""
@@ -135,7 +135,8 @@ class Curve:
         into = np.vstack([piece.at(np.ones(1))[1] for piece in self.pieces]).real
         out = np.vstack([piece.at(np.zeros(1))[1] for piece in self.pieces]).real
         into = np.roll(into, 1, axis=0)
-        return np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
+        across = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
+        return np.asarray(np.arctan2(across, (into * out).sum(axis=1)))
 
 
 def piece_length(piece: Piece) -> Any:
@@ -170,5 +171,5 @@ def _extreme(piece: Piece, axis: int, sign: int) -> Any:
 
 def _unit_normal(slope: Array) -> Array:
     """To the right of the direction of travel."""
-    return np.column_stack([slope[:, 1], -slope[:, 0]]) / np.linalg.norm(slope, axis=1,
-                                                                         keepdims=True)
+    normal = np.column_stack([slope[:, 1], -slope[:, 0]])
+    return np.asarray(normal / np.linalg.norm(slope, axis=1, keepdims=True))

@@ -57,7 +57,7 @@ class Line:
     def nearest(self, places: Array) -> Array:
         """Parameters of the points nearest to places of shape (n, 2)."""
         (start, _), (slope, _), _ = self.at(np.arange(2.0))
-        return np.clip((places - start) @ slope / (slope @ slope), 0, 1)
+        return np.asarray(np.clip((places - start) @ slope / (slope @ slope), 0, 1))
 
     def placed(self, angle: Any, shift: Point) -> Line:
         """Turned about the origin, then shifted."""
@@ -151,7 +151,7 @@ class Spline:
     @cached_property
     def breaks(self) -> Array:
         knots = np.real(np.array(self.knots))
-        return (knots - knots[0]) / (knots[-1] - knots[0])
+        return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
     def at(self, t: Array) -> Local:
         """Between two knots ``t`` is a share of the way, also where knots are complex."""

@@ -99,9 +99,10 @@ def _fit(circles: Circles, samples: Samples, count: int) -> tuple[float, ...]:
 
     def misfit(logarithms: Array) -> float:
         forces = family.forces(logarithms)
-        left = forces @ simplex_fit(forces, samples.force) - samples.force
-        apart = np.diff(np.sort(logarithms)).min(initial=np.inf)
-        return float(np.linalg.norm(left) / np.linalg.norm(samples.force)) + max(0.0, 0.02 - apart)
+        residual = forces @ simplex_fit(forces, samples.force) - samples.force
+        apart = float(np.diff(np.sort(logarithms)).min(initial=np.inf))
+        error = float(np.linalg.norm(residual) / np.linalg.norm(samples.force))
+        return error + max(0.0, 0.02 - apart)
 
     start = np.log(_sectors(circles, samples, count))
     low, high = family.logarithms[[0, -1]]

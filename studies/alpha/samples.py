@@ -77,7 +77,8 @@ def frame_distances(specimen: Specimen) -> Array:
     x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.plate.offset)[:, None]
     angle = np.arctan2(y, x) % (2 * np.pi)
     order = np.argsort(angle)
-    return np.interp(_directions(), angle[order], np.hypot(x, y)[order], period=2 * np.pi)
+    distance = np.hypot(x, y)[order]
+    return np.asarray(np.interp(_directions(), angle[order], distance, period=2 * np.pi))
 
 
 def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
@@ -119,7 +120,7 @@ def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array
     angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
     ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
                      np.concatenate([cumulative - total, cumulative, cumulative + total]))
-    return np.bincount(part_of, np.diff(ends), parts) / total
+    return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
 
 
 def _directions() -> Array:

@@ -191,4 +191,5 @@ class Lumped(Specimen):
     def capacitance(self, deflection: float) -> float:
         """Σ α_j C_j [F] at a deflection [m]."""
         parts = (circle.capacitance(deflection) for circle in self.circles)
-        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+        whole: float = sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+        return whole

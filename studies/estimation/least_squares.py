@@ -232,4 +232,4 @@ def seeded_starts(low: float, high: float, dimension: int, count: int) -> Array:
     """Well-spread starts, the same every time, shape (count, dimension)."""
     if dimension == 0:
         return np.empty((1, 0))
-    return low + (high - low) * qmc.LatinHypercube(dimension, seed=20).random(count)
+    return np.asarray(low + (high - low) * qmc.LatinHypercube(dimension, seed=20).random(count))

@@ -106,7 +106,7 @@ class _Walk:
         inside, outside = self.centre, None
         last, at = self.best, self.centre.at + step
         for _ in range(_MOST):
-            at = sign * min(sign * at, sign * end)
+            at = float(sign * min(sign * at, sign * end))
             refitted, rise = self._rise(last, at)
             if rise < _FAR * self.quantile:
                 last = refitted

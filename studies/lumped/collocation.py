@@ -172,7 +172,7 @@ def _graded(length: float, first: float, decay: float, least: int) -> Array:
     times = -np.log1p(-share * np.linspace(0, 1, count + 1)) / rate
     times[-1] = grown
     if grown == length:
-        return times
+        return np.asarray(times)
     even = np.linspace(grown, length, int(np.ceil((length - grown) / widest)) + 1)
     return np.concatenate([times, even[1:]])
 

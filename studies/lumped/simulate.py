@@ -136,7 +136,7 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
             at = flat.reshape(shape)
             y = settled(signal.within(piece, time), y, at)
             behind = actuator.circles.stretch(y[..., None])[0] - 1 - at
-            return np.nan_to_num(rate * behind).ravel()
+            return np.asarray(np.nan_to_num(rate * behind).ravel())
 
         done = solve_ivp(rates, (left, right), np.nan_to_num(strains).ravel(), "DOP853",
                          rtol=1e-8, atol=1e-11)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,7 +70,7 @@ class Criterion:
 
 
 #: Kinds of criteria: what the threshold is a share of; a plain length in metres.
-KINDS = {
+KINDS: dict[str, Callable[[Decay], float]] = {
     "largest swing": lambda decay: float(decay.height.max()),
     "whole change": lambda decay: decay.travel,
     "length": lambda decay: 1.0,

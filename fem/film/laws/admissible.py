@@ -51,7 +51,7 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
         mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
         larger = mean + radius
         # The product of the eigenvalues over the larger keeps its digits where they are far apart.
-        return np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius)
+        return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
 
 
 def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
@@ -70,8 +70,8 @@ def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
         shear = np.where(near, w1 + l1 * (w11 - w12), (l1 * w1 - l2 * w2) / safe)
         slope = np.where(near, w11 - w12, (w1 - w2) / safe)
         root = np.sqrt(np.maximum(w11 * w22, 0))
-        return np.min([w11, w22, shear, root + w12 + slope, root - w12 + (w1 + w2) / (l1 + l2)],
-                      axis=0)
+        conditions = [w11, w22, shear, root + w12 + slope, root - w12 + (w1 + w2) / (l1 + l2)]
+        return np.asarray(np.min(conditions, axis=0))
 
 
 def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],

@@ -91,7 +91,8 @@ class Separable(Prestretched):
     @property
     def shear_modulus(self) -> float:
         """½ Σ α (β + γ) [Pa]."""
-        return sum(a * (b + g) for b, g, a in self._terms()) / 2
+        modulus: float = sum(a * (b + g) for b, g, a in self._terms()) / 2
+        return modulus
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         (w, w1, w11), (v, w2, w22) = self._axis(l1), self._axis(l2)
@@ -133,7 +134,8 @@ class PrestretchedOgden(Prestretched):
     @property
     def shear_modulus(self) -> float:
         """½ Σ α β [Pa]."""
-        return sum(a * b for b, _, a in self._terms()) / 2
+        modulus: float = sum(a * b for b, _, a in self._terms()) / 2
+        return modulus
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         w = w1 = w2 = w11 = w12 = w22 = 0.0

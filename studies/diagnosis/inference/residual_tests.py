@@ -78,7 +78,7 @@ def _standard(values: Array) -> Array:
     spread = float(values.std())
     if spread <= 1e-12 * float(np.abs(values).max()):
         return 0 * values
-    return (values - values.mean()) / spread
+    return np.asarray((values - values.mean()) / spread)
 
 
 def _contrasts(table: ReadingTable) -> list[tuple[int, Array]]:
@@ -226,7 +226,7 @@ class ResidualTests:
         count = parts.shape[0]
         found = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
         if name in self.one_sided:
-            return np.where(parts[0] > 0, found / 2, 1 - found / 2)
+            return np.asarray(np.where(parts[0] > 0, found / 2, 1 - found / 2))
         return np.asarray(found)
 
 

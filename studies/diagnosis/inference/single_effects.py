@@ -57,8 +57,8 @@ def single_effects(simulation: Simulation, judged: Judgement,
 
 
 def _widths(fit: Fit, cause: Cause) -> float:
-    return max(abs(size) / parameter.deviation for size, parameter in zip(
-        fit.sizes(cause).tolist(), cause.effect.parameters, strict=True))
+    return float(max(abs(size) / parameter.deviation for size, parameter in zip(
+        fit.sizes(cause).tolist(), cause.effect.parameters, strict=True)))
 
 
 def _bounded(fit: Fit) -> bool:

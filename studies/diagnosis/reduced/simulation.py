@@ -191,7 +191,7 @@ class _View:
         force, rate = self.balance(rest)
         with np.errstate(all="ignore"):
             guess = rest - np.where(rate > 0, force / rate, 0.0)
-        return np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach)
+        return np.asarray(np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach))
 
     def shown(self, table: ReadingTable, heave: Array) -> Array:
         """What the rows show."""
