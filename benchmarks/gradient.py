@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
 
-from tympan.fem.derivatives.parameters import Parameters
+from tympan.fem.derivatives.parameters import parameters
 from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import Ogden
@@ -57,18 +57,18 @@ def anew(model: Model) -> Model:
 def rows(model: Model, repeat: int) -> dict[str, float]:
     """Median seconds of solve, step and gradients."""
     outcome = equilibrium(model, FORCE, VOLTAGE)
-    known = Parameters(model)
-    fixed = [name for name in known.names if not known[name].moves]
-    lengths = [name for name in known.names if known[name].moves]
+    known = parameters(model)
+    fixed = [name for name in known if not known[name].moves]
+    lengths = [name for name in known if known[name].moves]
     works: dict[str, Callable[[], object]] = {
         "solve": lambda: equilibrium(model, FORCE, VOLTAGE),
         "step": lambda: equilibrium(model, FORCE, FURTHER, start=outcome.solution),
         "gradient by thickness": lambda: deflection_gradient(model, outcome, ["membrane.thickness"]),
         "gradient by one length": lambda: deflection_gradient(model, outcome, lengths[:1]),
         f"gradient by {len(fixed)}, no lengths": lambda: deflection_gradient(model, outcome, fixed),
-        f"gradient by all {len(known.names)}": lambda: deflection_gradient(model, outcome, known.names),
+        f"gradient by all {len(known)}": lambda: deflection_gradient(model, outcome, list(known)),
         "first by one length": lambda: deflection_gradient(anew(model), outcome, lengths[:1]),
-        "first by all": lambda: deflection_gradient(anew(model), outcome, known.names)}
+        "first by all": lambda: deflection_gradient(anew(model), outcome, list(known))}
     times = [{name: seconds(work) for name, work in works.items()} for _ in range(repeat)]
     return {name: median(each[name] for each in times) for name in works}
 

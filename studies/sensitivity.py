@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.parameters import ModelParameter, Parameters, film_names, shape_names
+from tympan.fem.derivatives.parameters import ModelParameter, film_names, parameters, shape_names
 from tympan.fem.derivatives.quantities import Quantity, named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import velocities
@@ -36,70 +36,6 @@ UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "ener
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
          "pressure": ("rig.gas_pressure",),
          "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure")}
-
-
-@dataclass(frozen=True)
-class CaseNumber:
-    """The nominal mass, the nominal voltage or a number of the rig, as parameter.
-
-    The load ``limited`` is left alone.
-    """
-
-    case: Case
-    path: tuple[str, ...]
-    limited: Load | None = None
-    moves = False
-
-    @property
-    def odd(self) -> frozenset[str]:
-        """The axis an offset of the weight is along."""
-        if self.path[-2:-1] != ("weight_offset",):
-            return frozenset()
-        return frozenset("xy"[int(self.path[-1])])
-
-    def value(self, model: Model, state: State) -> float:
-        """As in the case."""
-        return float(at(self.case, self.path))
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Other loads and surroundings."""
-        mass, voltage = (getattr(self.case, name) + (change if self.path == (name,) else 0)
-                         for name in ("mass", "voltage"))
-        rig = self.case.rig
-        if self.path[0] == "rig":
-            rig = with_change(rig, self.path[1:], change)
-        loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
-                 "voltage": rig.film_voltage(voltage, self.case.direction) ** 2}
-        loads = {name: load for name, load in loads.items() if name != self.limited}
-        return replace(model, loading=rig.loading), state.under(**loads)
-
-
-@dataclass(frozen=True)
-class UnderPressure:
-    """A length that changes the plate's area, and so the force of a pressure on the plate."""
-
-    inner: ModelParameter
-    case: Case
-
-    @property
-    def moves(self) -> bool:
-        """As the length itself."""
-        return self.inner.moves
-
-    @property
-    def odd(self) -> frozenset[str]:
-        """As the length itself."""
-        return self.inner.odd
-
-    def value(self, model: Model, state: State) -> float:
-        """As the length itself."""
-        return self.inner.value(model, state)
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Another shape and another force."""
-        other, moved = self.inner.changed(model, state, change)
-        force: Any = self.case.rig.force(self.case.mass, other.plate_area)
-        return other, moved.under(force=force)
 
 
 @dataclass(frozen=True)
@@ -206,19 +142,44 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None
 
     Lengths the mesh cannot follow are left out.
     """
-    of_model = Parameters(model)
-    result: dict[str, ModelParameter] = {name: of_model[name] for name in film_names(case.specimen)}
+    of_model = parameters(model)
+    result = {name: of_model[name] for name in film_names(case.specimen)}
     for name in () if _immovable(model) else shape_names(case.specimen):
         shape = of_model[name]
         loads = case.rig.plate_pressure and limited != "force"
-        result[name] = UnderPressure(shape, case) if loads else shape
+        result[name] = _under_pressure(shape, case) if loads else shape
     idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag",)))
     rig = [name for name in numbers(case.rig, "rig") if not name.startswith(idle)]
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
         if isfinite(at(case, path)) and (limited is None or name not in _MAKE[limited]):
-            result[name] = CaseNumber(case, path, limited)
+            result[name] = _case_number(case, path, limited)
     return result
+
+
+def _case_number(case: Case, path: tuple[str, ...], limited: Load | None) -> ModelParameter:
+    """The nominal mass, the nominal voltage or a number of the rig; ``limited`` is left alone."""
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        mass, voltage = (getattr(case, name) + (change if path == (name,) else 0)
+                         for name in ("mass", "voltage"))
+        rig = with_change(case.rig, path[1:], change) if path[0] == "rig" else case.rig
+        loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
+                 "voltage": rig.film_voltage(voltage, case.direction) ** 2}
+        loads = {name: load for name, load in loads.items() if name != limited}
+        return replace(model, loading=rig.loading), state.under(**loads)
+
+    odd = "xy"[int(path[-1])] if path[-2:-1] == ("weight_offset",) else ""
+    return ModelParameter(lambda model, state: float(at(case, path)), changed, frozenset(odd))
+
+
+def _under_pressure(length: ModelParameter, case: Case) -> ModelParameter:
+    """A length that changes the plate's area, and so the force of a pressure on the plate."""
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        other, moved = length.changed(model, state, change)
+        force: Any = case.rig.force(case.mass, other.plate_area)
+        return other, moved.under(force=force)
+
+    return replace(length, changed=changed)
 
 
 def _immovable(model: Model) -> list[str]:

@@ -7,139 +7,87 @@ changes, which check them.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.shape import Velocities, moved_by, velocities
+from tympan.fem.derivatives.shape import moved_by, velocities
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, at_name, numbers, with_change
 from tympan.geometry.specimen import Specimen
 
 #: Loads by name: node positions hold, the load changes.
-LOADS = ("force", "voltage", "pressure")
+LOADS: tuple[Load, ...] = ("force", "voltage", "pressure")
 
 
-class ModelParameter(Protocol):
+@dataclass(frozen=True)
+class ModelParameter:
     """One number that model or state depend on.
 
-    ``moves``: whether a change moves the nodes. ``odd``: the axes whose reversal turns it into its
-    opposite.
+    ``value`` gives it [SI]; ``changed`` model and state after a change, real or imaginary, in which
+    every node keeps its displacement from its own place. ``odd``: the axes whose reversal turns it
+    into its opposite. ``moves``: whether a change moves the nodes.
     """
 
-    @property
-    def moves(self) -> bool: ...
-
-    @property
-    def odd(self) -> frozenset[str]: ...
-
-    def value(self, model: Model, state: State) -> float:
-        """Its present value [SI]."""
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        """Model and state after a change, real or imaginary.
-
-        Every node keeps its displacement from its own place.
-        """
+    value: Callable[[Model, State], float]
+    changed: Callable[[Model, State, Any], tuple[Model, State]]
+    odd: frozenset[str] = frozenset()
+    moves: bool = False
 
 
-@dataclass(frozen=True)
-class ModelNumber:
-    """A number of film, electrode or surroundings, at a path of the model; it moves no node."""
+def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
+    """The parameters of a model by name, or those named: film, loads, surroundings and shape.
 
-    path: tuple[str, ...]
-    moves = False
+    Raises
+    ------
+    InputError
+        For a name that is no parameter of the model.
+    """
+    loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
+               if isfinite(at_name(model, name))}
+    known = {name: _number(["specimen", *name.split(".")]) for name in film_names(model.specimen)}
+    known |= {name: _load(name) for name in LOADS} | loading
+    known |= {name: _length(name.split(".")) for name in shape_names(model.specimen)}
+    for name in names or ():
+        if name not in known:
+            raise InputError(f"must be one of {', '.join(known)}", key="parameter", given=name)
+    return known if names is None else {name: known[name] for name in names}
 
-    @property
-    def odd(self) -> frozenset[str]:
-        """The axis an arm is along."""
-        return frozenset("xy"[int(self.path[-1])]) if "arm" in self.path else frozenset()
 
-    def value(self, model: Model, state: State) -> float:
-        return float(at(model, self.path))
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        return with_change(model, self.path, change), state
+def _number(path: Sequence[str]) -> ModelParameter:
+    """A number of film, electrode or surroundings; odd along the axis of an arm."""
+    return ModelParameter(
+        lambda model, state: float(at(model, path)),
+        lambda model, state, change: (with_change(model, path, change), state),
+        frozenset("xy"[int(path[-1])]) if "arm" in path else frozenset())
 
 
-@dataclass(frozen=True)
-class LoadNumber:
+def _load(name: Load) -> ModelParameter:
     """The force on the plate [N], the voltage [V] or the gas pressure [Pa]."""
+    def value(model: Model, state: State) -> float:
+        return float(np.sqrt(state.load(name))) if name == "voltage" else state.load(name)
 
-    name: str
-    moves = False
-    odd = frozenset[str]()
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        load = value(model, state) + change
+        return model, state.under(**{name: load**2 if name == "voltage" else load})
 
-    def value(self, model: Model, state: State) -> float:
-        if self.name == "voltage":
-            return float(np.sqrt(state.voltage_squared))
-        return float(getattr(state, self.name))
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        value = self.value(model, state) + change
-        return model, state.under(**{self.name: value**2 if self.name == "voltage" else value})
+    return ModelParameter(value, changed)
 
 
-@dataclass(frozen=True)
-class ShapeNumber:
-    """A length of frame, plate or electrode; the mesh moves with it."""
+def _length(path: Sequence[str]) -> ModelParameter:
+    """A length of frame, plate or electrode; odd along the axis of an offset, a rotation in both."""
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        motion = velocities(model.discretisation, model.specimen).of(path)
+        return moved_by(model, state, with_change(model.specimen, path, change), change * motion)
 
-    path: tuple[str, ...]
-    velocities: Velocities
-    moves = True
-
-    @property
-    def odd(self) -> frozenset[str]:
-        """The axis an offset is along; both for a rotation."""
-        if self.path[-1] == "rotation":
-            return frozenset("xy")
-        return frozenset("xy"[int(self.path[-1])]) if self.path[-2] == "offset" else frozenset()
-
-    def value(self, model: Model, state: State) -> float:
-        return float(at(model.specimen, self.path))
-
-    def changed(self, model: Model, state: State, change: Any) -> tuple[Model, State]:
-        specimen = with_change(model.specimen, self.path, change)
-        return moved_by(model, state, specimen, change * self.velocities.of(self.path))
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """The parameters of a model by name."""
-
-    model: Model
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """All names: of film and electrode, loads, surroundings, shape."""
-        loading = (name for name in numbers(self.model.loading, "loading")
-                   if isfinite(at_name(self.model, name)))
-        return (*film_names(self.model.specimen), *LOADS, *loading,
-                *shape_names(self.model.specimen))
-
-    def __getitem__(self, name: str) -> ModelParameter:
-        """The parameter of a name.
-
-        Raises
-        ------
-        InputError
-            For a name that is no parameter of the model.
-        """
-        if name not in self.names:
-            raise InputError(f"must be one of {', '.join(self.names)}", key="parameter", given=name)
-        path = tuple(name.split("."))
-        if name in LOADS:
-            return LoadNumber(name)
-        if path[0] == "loading":
-            return ModelNumber(path)
-        if name in shape_names(self.model.specimen):
-            return ShapeNumber(path, velocities(self.model.discretisation, self.model.specimen))
-        return ModelNumber(("specimen", *path))
+    odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
+    return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
+                          frozenset(odd), moves=True)
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:

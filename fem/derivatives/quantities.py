@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,104 +25,58 @@ from tympan.geometry.errors import InputError
 Array = NDArray[Any]
 
 
-class Quantity(Protocol):
+@dataclass(frozen=True)
+class Quantity:
     """A scalar result of the whole film.
 
-    ``even``: whether the mirror image of a state has the same value, so that a change and its
-    opposite do the same.
+    ``value`` gives it [SI], complex for a complex model or state; ``slope`` its derivative by the
+    free nodal components and the plate's allowed freedoms. ``even``: whether the mirror image of a
+    state has the same value, so that a change and its opposite do the same.
     """
 
-    @property
-    def even(self) -> bool:
-        """Whether mirror images have equal values."""
-
-    def value(self, model: Model, state: State) -> Any:
-        """The result [SI], complex for a complex model or state."""
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """Its derivative by the free nodal components and the plate's allowed freedoms."""
+    value: Callable[[Model, State], Any]
+    slope: Callable[[Model, State], Parts]
+    even: bool = True
 
 
-@dataclass(frozen=True)
-class Deflection:
-    """The plate's deflection along the load [m]."""
-
-    even = True
-
-    def value(self, model: Model, state: State) -> Any:
-        return state.plate.deflection
-
-    def slope(self, model: Model, state: State) -> Parts:
-        return _of_plate(model, {HEAVE: 1.0})
+def _tilt_slope(model: Model, state: State) -> Parts:
+    """With n the normal, δn = ω × n, and cos θ = n_z."""
+    x, y, _ = state.plate.rotation[:, 2]
+    sine = float(np.hypot(x, y))
+    if sine < 1e-9:
+        raise InputError("has no derivative where the plate does not tilt", key="quantity",
+                         given="tilt")
+    return _of_plate(model, {3: -y / sine, 4: x / sine})
 
 
-@dataclass(frozen=True)
-class Tilt:
-    """Angle between the plate's normal and the load [rad]; no derivatives where it is zero."""
-
-    even = True
-
-    def value(self, model: Model, state: State) -> Any:
-        return state.plate.tilt
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """With n the normal, δn = ω × n, and cos θ = n_z."""
-        x, y, _ = state.plate.rotation[:, 2]
-        sine = float(np.hypot(x, y))
-        if sine < 1e-9:
-            raise InputError("has no derivative where the plate does not tilt", key="quantity",
-                             given="tilt")
-        return _of_plate(model, {3: -y / sine, 4: x / sine})
+def _reaction_slope(model: Model, state: State) -> Parts:
+    """The film's tangent times a lift of the plate's edge, by a complex step."""
+    lift = np.zeros(state.positions.shape)
+    lift[model.discretisation.plate_nodes, 2] = 1.0
+    return _of_nodes(model, state, complex_step(
+        lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
 
 
-@dataclass(frozen=True)
-class Reaction:
-    """Force with which the film pulls the whole plate back [N]."""
-
-    even = True
-
-    def value(self, model: Model, state: State) -> Any:
-        return model.reaction(state)
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """The film's tangent times a lift of the plate's edge, by a complex step."""
-        lift = np.zeros(state.positions.shape)
-        lift[model.discretisation.plate_nodes, 2] = 1.0
-        return _of_nodes(model, state, complex_step(
-            lambda positions: model.forces(positions, state.voltage_squared), state.positions,
-            lift))
+def _energy(model: Model, state: State) -> Any:
+    return model.energy(state.positions, state.voltage_squared) * model.discretisation.mirrored
 
 
-@dataclass(frozen=True)
-class Energy:
-    """Stored energy of the whole film, counted from the virgin film, at constant voltage [J]."""
-
-    even = True
-
-    def value(self, model: Model, state: State) -> Any:
-        return model.energy(state.positions, state.voltage_squared) * model.discretisation.mirrored
-
-    def slope(self, model: Model, state: State) -> Parts:
-        return _of_nodes(model, state, model.forces(state.positions, state.voltage_squared))
+def _energy_slope(model: Model, state: State) -> Parts:
+    return _of_nodes(model, state, model.forces(state.positions, state.voltage_squared))
 
 
-@dataclass(frozen=True)
-class Capacitance:
-    """Charge over voltage of the whole film [F]."""
+def _capacitance(model: Model, state: State) -> Any:
+    if model.wrinkles:
+        raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
+                         given="capacitance")
+    return model.capacitance(state)
 
-    even = True
 
-    def value(self, model: Model, state: State) -> Any:
-        if model.wrinkles:
-            raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
-                             given="capacitance")
-        return model.capacitance(state)
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """−2 ∂forces/∂U²."""
-        forces = complex_step(lambda squared: model.forces(state.positions, squared),
-                              state.voltage_squared)
-        return _of_nodes(model, state, -2 * forces)
+def _capacitance_slope(model: Model, state: State) -> Parts:
+    """−2 ∂forces/∂U²."""
+    forces = complex_step(lambda squared: model.forces(state.positions, squared),
+                          state.voltage_squared)
+    return _of_nodes(model, state, -2 * forces)
 
 
 #: A field at quadrature points from model, U² and C of the mounted film.
@@ -148,72 +102,58 @@ def true_field(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> A
     return model.discretisation.covered * np.sqrt(voltage_squared) * area / film.thickness
 
 
-@dataclass(frozen=True)
-class Largest:
+def largest(field: Field, power: int = 64) -> Quantity:
     """A smooth largest value of a positive field: (mean of hᵖ over the mounted film)^(1/p).
 
     From the quadrature points; below the true maximum, which it nears as p grows, and which has no
     derivative where two places share it.
     """
+    def value(model: Model, state: State) -> Any:
+        return _norm(_at_points(field, model, state), model.discretisation.weights, power)
 
-    field: Field
-    power: int = 64
-    even = True
+    def slope(model: Model, state: State) -> Parts:
+        weights = model.discretisation.weights
+        h = _at_points(field, model, state)
+        share = weights / weights.sum()
+        return _by_strain(model, state, field, (h / _norm(h, weights, power)) ** (power - 1) * share)
 
-    def value(self, model: Model, state: State) -> Any:
-        return _norm(self._field(model, state), model.discretisation.weights, self.power)
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """By the chain rule through the field at every quadrature point."""
-        h = np.broadcast_to(self._field(model, state), model.discretisation.weights.shape)
-        norm = _norm(h, model.discretisation.weights, self.power)
-        share = model.discretisation.weights / model.discretisation.weights.sum()
-        return _by_strain(model, state, self.field, (h / norm) ** (self.power - 1) * share)
-
-    def _field(self, model: Model, state: State) -> Any:
-        return self.field(model, state.voltage_squared, model.cauchy_green(state.positions))
+    return Quantity(value, slope)
 
 
-@dataclass(frozen=True)
-class AtPoint:
+def at_point(field: Field, place: tuple[float, float]) -> Quantity:
     """A field at the quadrature point nearest to a place on the mounted film [m].
 
     With the mesh, that point moves.
     """
-
-    field: Field
-    place: tuple[float, float]
-    even = False
-
-    def value(self, model: Model, state: State) -> Any:
-        h = self.field(model, state.voltage_squared, model.cauchy_green(state.positions))
-        return np.broadcast_to(h, model.discretisation.weights.shape)[self._point(model)]
-
-    def slope(self, model: Model, state: State) -> Parts:
-        """By the chain rule through the field at that point."""
-        only = np.zeros(model.discretisation.weights.shape)
-        only[self._point(model)] = 1.0
-        return _by_strain(model, state, self.field, only)
-
-    def _point(self, model: Model) -> tuple[int, int]:
+    def nearest(model: Model) -> tuple[np.intp, ...]:
         mesh = model.discretisation
         nodes = mesh.reference.real[mesh.connectivity, :2]
-        x, y = np.moveaxis(np.einsum("pl,elc->epc", mesh.shapes, nodes), -1, 0)
-        away = (x - self.place[0]) ** 2 + (y - self.place[1]) ** 2
-        element, point = np.unravel_index(np.argmin(away), away.shape)
-        return int(element), int(point)
+        away = np.einsum("pl,elc->epc", mesh.shapes, nodes) - place
+        return np.unravel_index(np.argmin((away**2).sum(axis=-1)), mesh.weights.shape)
+
+    def slope(model: Model, state: State) -> Parts:
+        only = np.zeros(model.discretisation.weights.shape)
+        only[nearest(model)] = 1.0
+        return _by_strain(model, state, field, only)
+
+    return Quantity(lambda model, state: _at_points(field, model, state)[nearest(model)], slope,
+                    even=False)
 
 
-#: Quantities by name.
+#: Quantities by name: the plate's deflection along the load [m]; the angle between its normal and
+#: the load [rad], without derivatives where it is zero; the force with which the film pulls the
+#: whole plate back [N]; charge over voltage [F]; energy stored at constant voltage, counted from
+#: the virgin film [J]; and largest values.
 QUANTITIES: dict[str, Quantity] = {
-    "heave": Deflection(),
-    "tilt": Tilt(),
-    "reaction": Reaction(),
-    "capacitance": Capacitance(),
-    "energy": Energy(),
-    "max_stretch": Largest(larger_stretch),
-    "max_true_stress": Largest(larger_stress),
-    "max_field": Largest(true_field),
+    "heave": Quantity(lambda model, state: state.plate.deflection,
+                      lambda model, state: _of_plate(model, {HEAVE: 1.0})),
+    "tilt": Quantity(lambda model, state: state.plate.tilt, _tilt_slope),
+    "reaction": Quantity(Model.reaction, _reaction_slope),
+    "capacitance": Quantity(_capacitance, _capacitance_slope),
+    "energy": Quantity(_energy, _energy_slope),
+    "max_stretch": largest(larger_stretch),
+    "max_true_stress": largest(larger_stress),
+    "max_field": largest(true_field),
 }
 
 
@@ -228,6 +168,11 @@ def named_quantity(name: str) -> Quantity:
     if name not in QUANTITIES:
         raise InputError(f"must be one of {', '.join(QUANTITIES)}", key="quantity", given=name)
     return QUANTITIES[name]
+
+
+def _at_points(field: Field, model: Model, state: State) -> Array:
+    h = field(model, state.voltage_squared, model.cauchy_green(state.positions))
+    return np.broadcast_to(h, model.discretisation.weights.shape)
 
 
 def _norm(h: Any, weights: Array, power: int) -> Any:

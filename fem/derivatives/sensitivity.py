@@ -17,9 +17,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.adjoint import Adjoint
-from tympan.fem.derivatives.parameters import LOADS, ModelParameter, Parameters
-from tympan.fem.derivatives.quantities import Deflection, Quantity
+from tympan.fem.derivatives.adjoint import nearby_tangent, solve_adjoint
+from tympan.fem.derivatives.parameters import LOADS, ModelParameter, parameters
+from tympan.fem.derivatives.quantities import QUANTITIES, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.stiffness import Stiffness
 from tympan.fem.equilibrium.arc_length import PathPoint
@@ -45,7 +45,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
     quantity
         One of :mod:`tympan.fem.derivatives.quantities`, or of your own.
     names
-        Of :attr:`~tympan.fem.derivatives.parameters.Parameters.names`.
+        Of :func:`~tympan.fem.derivatives.parameters.parameters`.
 
     Raises
     ------
@@ -54,9 +54,7 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
         breaks the mirror symmetry and a quantity that is not the same for mirror images; for
         quantities that have no derivative.
     """
-    parameters = Parameters(model)
-    by = {name: parameters[name] for name in names}
-    return gradient_many(model, equilibrium, {"": quantity}, by)[""]
+    return gradient_many(model, equilibrium, {"": quantity}, parameters(model, names))[""]
 
 
 def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
@@ -67,15 +65,20 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
         raise InputError("has no derivatives: no equilibrium was found", key="state",
                          given=equilibrium.advice)
     state = equilibrium if isinstance(equilibrium, State) else equilibrium.state
-    adjoint = Adjoint.of(model, equilibrium)
-    motions = [adjoint.solve(quantity.slope(model, state)) for quantity in quantities.values()]
-    residual = ResidualDerivative(adjoint.stiffness, motions)
+    stiffness, nearby = Stiffness(model, state), nearby_tangent(model, equilibrium)
+    motions = [solve_adjoint(stiffness, nearby, quantity.slope(model, state))
+               for quantity in quantities.values()]
+    residual = ResidualDerivative(stiffness, motions)
     result: dict[str, dict[str, float]] = {name: {} for name in quantities}
     for name, parameter in by.items():
         if parameter.odd & model.discretisation.planes:
-            _refuse_odd(quantities, name)
-            for values in result.values():
-                values[name] = 0.0
+            for label, quantity in quantities.items():
+                # A quantity that differs between mirror images may have a slope there.
+                if not quantity.even:
+                    raise InputError("breaks the mirror symmetry of the meshed part: mesh the "
+                                     "whole film (symmetry off)",
+                                     key=name, given=label or "a quantity")
+                result[label][name] = 0.0
             continue
         stepped = parameter.changed(model, state, 1j * STEP)
         shares = residual.by(*stepped)
@@ -87,7 +90,7 @@ def gradient_many(model: Model, equilibrium: Outcome | Solution | State,
 def deflection_gradient(model: Model, equilibrium: Outcome | Solution | State,
                    names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
-    return gradient(model, equilibrium, Deflection(), names)
+    return gradient(model, equilibrium, QUANTITIES["heave"], names)
 
 
 def limit_gradient(model: Model, critical: PathPoint, load: Load,
@@ -135,13 +138,4 @@ def morphed(model: Model, state: State, name: str, change: float) -> tuple[Model
     A length moves the nodes linearly; so frames and plates that are circles or ellipses keep their
     shape exactly, and the edges of electrodes to first order in the change.
     """
-    return Parameters(model)[name].changed(model, state, change)
-
-
-def _refuse_odd(quantities: Mapping[str, Quantity], parameter: str) -> None:
-    """Refuse parameters that break the mirror for quantities that may have a slope there."""
-    for name, quantity in quantities.items():
-        if not quantity.even:
-            raise InputError("breaks the mirror symmetry of the meshed part: mesh the whole film "
-                             "(symmetry off)",
-                             key=parameter, given=name or type(quantity).__name__)
+    return parameters(model, [name])[name].changed(model, state, change)

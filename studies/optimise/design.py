@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.derivatives.parameters import ModelParameter
-from tympan.fem.derivatives.quantities import Deflection
+from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many
 from tympan.fem.derivatives.shape import moved_by, velocities
 from tympan.fem.equilibrium.ramp import Outcome
@@ -123,5 +123,5 @@ class DesignEvaluator:
 
 def _slopes(model: Model, outcome: Outcome, by: Mapping[str, ModelParameter]) -> Array:
     """Derivatives of the heave, shape (parameters,)."""
-    found = gradient_many(model, outcome, {"": Deflection()}, by)[""]
+    found = gradient_many(model, outcome, {"": QUANTITIES["heave"]}, by)[""]
     return np.array([found[name] for name in by])

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP
 from tympan.fem.derivatives.parameters import ModelParameter
-from tympan.fem.derivatives.quantities import Field, Largest, larger_stress, true_field
+from tympan.fem.derivatives.quantities import (
+    Field,
+    Quantity,
+    larger_stress,
+    largest,
+    true_field,
+)
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import Edge
 from tympan.fem.equilibrium.ramp import Outcome, PathSettings, equilibrium
@@ -161,8 +167,8 @@ class Highest:
                          - 1]), share * np.array([[slopes[name] for name in state.names]])
 
     @property
-    def _quantity(self) -> Largest:
-        return Largest(self.field, _POWER)
+    def _quantity(self) -> Quantity:
+        return largest(self.field, _POWER)
 
     def _largest(self, state: DesignState) -> float:
         return float(np.max(getattr(state.fields, self.stored)))

@@ -11,7 +11,7 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.support.models import model
 from tests.support.specimens import ROOT5, circular, skewed
-from tympan.fem.derivatives.parameters import Parameters
+from tympan.fem.derivatives.parameters import parameters
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative
 from tympan.fem.derivatives.sensitivity import deflection_gradient, limit_gradient, morphed
 from tympan.fem.derivatives.shape import velocities
@@ -73,7 +73,7 @@ def test_pull_in_against_the_axisymmetric_equations() -> None:
     expected = {"plate.outline.radius": slope(lambda a: pull_in(inner=a), 10e-3, 1e-5),
                 "membrane.thickness": slope(lambda t: pull_in(thickness=t), 1e-3, 1e-6),
                 "force": slope(pull_in, force, 1e-3 * force)}
-    known = Parameters(film)
+    known = parameters(film)
     found = limit_gradient(film, outcome.critical, "voltage",
                            {name: known[name] for name in expected})
     voltage = np.sqrt(outcome.critical.state.voltage_squared)
@@ -126,7 +126,7 @@ def test_the_work_changes_as_the_forces_do(name: str) -> None:
     state = equilibrium(film, FORCE, VOLTAGE, 15.0).state
     rng = np.random.default_rng(1)
     motion = rng.normal(size=film.discretisation.free_count), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
-    other, stepped = Parameters(film)[name].changed(film, state, 1e-30j)
+    other, stepped = parameters(film)[name].changed(film, state, 1e-30j)
     inner, plate = other.residual(other.nodal_forces(stepped), stepped)
     expected = (motion[0] @ inner + motion[1] @ plate).imag
     derivative = ResidualDerivative(Stiffness(film, state), [motion])
