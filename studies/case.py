@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -41,7 +41,7 @@ from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
 from tympan.geometry.units import quantity
-from tympan.studies.files import from_json, read_json, remove, stored_file, write_json
+from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: Below this margin to breakdown a result warns; strengths scatter by more.
@@ -154,8 +154,8 @@ class CaseResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object; without the film's fields."""
-        return {item.name: getattr(self, item.name) for item in fields(self)
-                if item.name != "film"} | {"warnings": list(self.warnings)}
+        record: dict[str, Any] = to_json(self)
+        return record
 
     def save(self, folder: Path) -> None:
         """Write ``NAME.json`` and, where there are fields, ``NAME.vtu``; NAME is the specimen's."""

@@ -14,8 +14,11 @@ import tempfile
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from math import isinf
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from tympan.geometry.errors import InputError
 
@@ -127,11 +130,33 @@ def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Pa
     return files[0]
 
 
+def to_json(value: Any) -> Any:
+    """What :func:`from_json` makes the value of again: dataclasses as objects, arrays as lists.
+
+    Fields that take no part in comparisons stand in files of their own and are left out.
+
+    Examples
+    --------
+    >>> to_json({"loads": (1.0, float("inf")), "size": np.zeros(2)})
+    {'loads': [1.0, 'inf'], 'size': [0.0, 0.0]}
+    """
+    if is_dataclass(value):
+        return {item.name: to_json(getattr(value, item.name)) for item in fields(value)
+                if item.compare}
+    if isinstance(value, Mapping):
+        return {str(name): to_json(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json(value.tolist())
+    if isinstance(value, tuple | list):
+        return [to_json(entry) for entry in value]
+    return str(value) if isinstance(value, float) and isinf(value) else value
+
+
 def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "") -> T:
     """A dataclass, or another annotated type, from the JSON value that stands for it.
 
     Keys the type does not have are left aside, since a record may hold more than its class; fields
-    with a default may be missing.
+    with a default may be missing, and are where they take no part in comparisons.
 
     Raises
     ------
@@ -154,7 +179,16 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
     if kind is Any:
         return value
     if is_dataclass(kind):
-        return _dataclass_from(cast(Any, kind), value, file, key, fail)
+        if not isinstance(value, dict):
+            raise fail("must be an object")
+        hints, arguments = get_type_hints(kind), {}
+        for item in fields(kind):
+            path = f"{key}.{item.name}".lstrip(".")
+            if item.name in value and item.compare:
+                arguments[item.name] = _converted(hints[item.name], value[item.name], file, path)
+            elif item.default is MISSING and item.default_factory is MISSING:
+                raise InputError("is missing", file=file, key=path)
+        return cast(Any, kind)(**arguments)
     if origin is Literal:
         if value not in inner:
             raise fail(f"must be one of {', '.join(map(str, inner))}")
@@ -178,7 +212,14 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
             raise fail("must be an object")
         return {name: _converted(inner[1], entry, file, f"{key}.{name}".lstrip("."))
                 for name, entry in value.items()}
+    if origin is np.ndarray:
+        try:
+            return np.array(value, float)
+        except (TypeError, ValueError):
+            raise fail("must be a list of numbers") from None
     if kind is float:
+        if value in ("inf", "-inf"):
+            return float(value)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise fail("must be a number")
         return float(value)
@@ -186,17 +227,3 @@ def _converted(kind: Any, value: Any, file: Path | str | None, key: str) -> Any:
         words = {str: "a text", int: "a whole number", bool: "true or false"}
         raise fail(f"must be {words.get(kind, kind.__name__)}")
     return value
-
-
-def _dataclass_from(kind: Any, value: Any, file: Path | str | None, key: str,
-                    fail: Callable[[str], InputError]) -> Any:
-    if not isinstance(value, dict):
-        raise fail("must be an object")
-    hints, arguments = get_type_hints(kind), {}
-    for item in fields(kind):
-        path = f"{key}.{item.name}".lstrip(".")
-        if item.name in value:
-            arguments[item.name] = _converted(hints[item.name], value[item.name], file, path)
-        elif item.default is MISSING and item.default_factory is MISSING:
-            raise InputError("is missing", file=file, key=path)
-    return kind(**arguments)

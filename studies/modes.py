@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from tympan.fem.vibration.mode_names import mode_names
 from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, vibrations
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
-from tympan.studies.files import from_json, read_json, remove, stored_file, write_json
+from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
 #: Into the square of this many triangles a curved element is cut in files and pictures.
@@ -73,8 +73,7 @@ class ModesResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object; without the shapes."""
-        record = asdict(replace(self, film=None))
-        del record["film"]
+        record: dict[str, Any] = to_json(self)
         return record
 
     def save(self, folder: Path) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +28,7 @@ from tympan.studies.files import (
     read_json,
     remove,
     stored_file,
+    to_json,
     write_csv,
     write_json,
 )
@@ -102,8 +103,7 @@ class PathResult:
 
     def json(self) -> dict[str, Any]:
         """As a JSON object; without the films."""
-        record = asdict(replace(self, limits=()))
-        del record["limits"]
+        record: dict[str, Any] = to_json(self)
         return record
 
     def save(self, folder: Path) -> None:
