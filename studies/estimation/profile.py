@@ -105,6 +105,7 @@ class _Walk:
         end = float((self.problem.low if sign < 0 else self.problem.high)[self.index])
         inside, outside = self.centre, None
         last, at = self.best, self.centre.at + step
+        same_side = 0
         for _ in range(_MOST):
             at = float(sign * min(sign * at, sign * end))
             refitted, rise = self._rise(last, at)
@@ -115,18 +116,25 @@ class _Walk:
             if abs(rise - self.quantile) < self.met * self.quantile:
                 return at
             if rise > self.quantile:
-                outside = _Place(at, rise)
+                outside, same_side = _Place(at, rise), min(same_side, 0) - 1
             elif at == end:
                 return None
             else:
-                inside = _Place(at, rise)
-            at = self._next(inside, outside)
+                inside, same_side = _Place(at, rise), max(same_side, 0) + 1
+            at = self._next(inside, outside, halve=abs(same_side) > 1)
         return None if outside is None or not np.isfinite(outside.rise) else outside.at
 
-    def _next(self, inside: _Place, outside: _Place | None) -> float:
-        """A straight line through the last places, outward at most three times as far."""
+    def _next(self, inside: _Place, outside: _Place | None, halve: bool) -> float:
+        """A straight line through the last places, outward at most three times as far.
+
+        Where that moves but one end of the bracket, or the model does not reach, half way; by
+        factors, if the bracket spans more than one of ten.
+        """
+        if outside is not None and (halve or not np.isfinite(outside.rise)):
+            ends = np.sort([inside.at, outside.at])
+            wide = ends[0] > 0 and ends[1] > 10 * ends[0]
+            return float(np.sqrt(ends[0] * ends[1]) if wide else ends.mean())
         if outside is not None:
-            # The share is 0 where the model does not reach.
             share = (self.quantile - inside.rise) / (outside.rise - inside.rise)
             return inside.at + min(max(share, 0.1), 0.95) * (outside.at - inside.at)
         grown = min(self.quantile / inside.rise, 3.0) if inside.rise > 0 else 3.0
