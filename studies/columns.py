@@ -1,6 +1,4 @@
-"""CSV tables whose columns carry their unit in the name.
-
-One list of columns writes and reads a file.
+"""CSV tables with the unit in the columns' names; one list of columns writes and reads a file.
 
 Columns may stand in any order, and any unit of the right dimension may stand in a name:
 ``displacement_um`` reads as ``displacement_mm`` does, because the name says which it is. Inside,
@@ -15,7 +13,7 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,9 +25,6 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import FINITE, Rule
 from tympan.geometry.units import quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
-
-Fail = Callable[[int, str], InputError]
-Cells = Sequence[str]
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
@@ -51,6 +46,7 @@ class NumberColumn:
     rule: Rule = FINITE
     required: bool = True
     absent: str = ""
+    blank = math.nan
 
     @property
     def title(self) -> str:
@@ -79,25 +75,20 @@ class NumberColumn:
         factor = self.factor(self.title)
         return [self.absent if math.isnan(value) else f"{value / factor:.12g}" for value in values]
 
-    def blank(self) -> float:
-        """What a blank cell stands for."""
-        return math.nan
-
-    def parse(self, cells: Cells, factor: float, fail: Fail) -> NDArray[Any]:
+    def parse(self, sheet: Sheet, factor: float) -> NDArray[Any]:
         """SI values of the cells, shape (rows,)."""
         holds, words = self.rule
-        values = np.empty(len(cells))
-        for row, cell in enumerate(cells):
+        values = np.full(len(sheet), self.blank)
+        for row, cell in enumerate(sheet.texts(self.name)):
             if not self.required and cell in ("", self.absent):
-                values[row] = math.nan
                 continue
             if not _NUMBER.fullmatch(cell):
-                raise fail(row, _no_number(cell))
+                raise sheet.error(row, self.name, _no_number(cell))
             values[row] = value = float(cell) * factor
             if not math.isfinite(value):
-                raise fail(row, "must be finite")
+                raise sheet.error(row, self.name, "must be finite")
             if not holds(value):
-                raise fail(row, words)
+                raise sheet.error(row, self.name, words)
         return values
 
 
@@ -111,6 +102,7 @@ class LabelColumn:
     name: str
     choices: tuple[str, ...] = ()
     required: bool = True
+    blank = ""
 
     @property
     def title(self) -> str:
@@ -129,20 +121,18 @@ class LabelColumn:
         """Cells of texts."""
         return list(values)
 
-    def blank(self) -> str:
-        """What a blank cell stands for."""
-        return ""
-
-    def parse(self, cells: Cells, factor: float, fail: Fail) -> NDArray[Any]:
+    def parse(self, sheet: Sheet, factor: float) -> NDArray[Any]:
         """The cells, checked, shape (rows,)."""
+        cells = sheet.texts(self.name)
         for row, cell in enumerate(cells):
             if not cell and not self.required:
                 continue
             if self.choices and cell not in self.choices:
                 blank = "" if self.required else ", or blank"
-                raise fail(row, f"must be one of {', '.join(self.choices)}{blank}")
+                raise sheet.error(row, self.name,
+                                  f"must be one of {', '.join(self.choices)}{blank}")
             if not cell:
-                raise fail(row, "must not be blank")
+                raise sheet.error(row, self.name, "must not be blank")
         return np.array(cells)
 
 
@@ -153,9 +143,10 @@ Column = NumberColumn | LabelColumn
 class Sheet:
     """A file that was read: SI values by column name, and where each row stood.
 
-    ``sha256`` is that of the bytes read, ``line`` the line of each row (the first line of a file is
-    1), ``titles`` the names of the columns as written and ``cells`` the rows as written, without
-    blanks around the cells.
+    Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
+    the bytes read, ``line`` the line of each row (the first line of a file is 1), ``titles`` the
+    names of the columns as written, ``places`` where each stands, ``cells`` the rows as written,
+    without blanks around the cells.
     """
 
     file: Path
@@ -166,13 +157,27 @@ class Sheet:
     places: dict[str, int]
     cells: list[list[str]]
 
+    def __len__(self) -> int:
+        return len(self.line)
+
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.values[name]
 
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        values: dict[str, NDArray[Any]] = self.__dict__.get("values", {})
+        if name not in values:
+            raise AttributeError(name)
+        return values[name]
+
+    def texts(self, name: str) -> list[str]:
+        """A column as written."""
+        return [cells[self.places[name]] for cells in self.cells]
+
     def error(self, row: int, name: str, allowed: str) -> InputError:
         """An error about one cell."""
-        return _cell_error(self.file, int(self.line[row]), self.places[name], self.titles,
-                           self.cells[row], allowed)
+        place = self.places[name]
+        return InputError(allowed, file=self.file, given=self.cells[row][place],
+                          key=f"line {self.line[row]}, column {place + 1} ({self.titles[place]})")
 
     def identical(self) -> list[tuple[int, int]]:
         """Rows that are the same as an earlier one in every cell, each with that one."""
@@ -192,7 +197,14 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
         Naming line and column of what cannot be used, what was given and what is allowed.
     """
     file = Path(file)
-    raw, text = _text(file)
+    try:
+        raw = file.read_bytes()
+        text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
+                         file=file) from None
     lines = _lines(file, text)
     if not lines:
         raise InputError("is empty: a first line with the names of the columns is needed",
@@ -207,16 +219,13 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
             more = comma if len(row) > len(titles) else ""
             raise InputError(f"must have {len(titles)} cells, as the first line has{more}",
                              file=file, key=f"line {line}", given=f"{len(row)} cells")
-    places = {column.name: place for place, (column, _) in enumerate(header)}
-    values = {column.name: np.full(len(rows), column.blank()) for column in columns}
-    for place, (column, factor) in enumerate(header):
-        def fail(row: int, allowed: str, place: int = place) -> InputError:
-            line, cells = rows[row]
-            return _cell_error(file, line, place, titles, cells, allowed)
-
-        values[column.name] = column.parse([row[place] for _, row in rows], factor, fail)
-    return Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
-                 values, tuple(titles), places, [row for _, row in rows])
+    sheet = Sheet(file, hashlib.sha256(raw).hexdigest(), np.array([line for line, _ in rows]),
+                  {column.name: np.full(len(rows), column.blank) for column in columns},
+                  tuple(titles), {column.name: place for place, (column, _) in enumerate(header)},
+                  [row for _, row in rows])
+    for column, factor in header:
+        sheet.values[column.name] = column.parse(sheet, factor)
+    return sheet
 
 
 def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]) -> None:
@@ -238,19 +247,8 @@ def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[A
     return read_sheet(file, columns).values
 
 
-def _text(file: Path) -> tuple[bytes, str]:
-    try:
-        raw = file.read_bytes()
-        return raw, raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
-                         file=file) from None
-
-
 def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
-    """NumberColumn and cells of each line that is not blank."""
+    """Number and cells of each line that is not blank."""
     rows = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
     lines, begin = [], 1
     try:
@@ -308,12 +306,6 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
     hint = f"did you mean {lower[near[0]]!r}? " if near else ""
     titles = ", ".join(column.title for column in columns)
     raise InputError(f"unknown column: {hint}known are {titles}")
-
-
-def _cell_error(file: Path, line: int, place: int, titles: Sequence[str], row: Cells,
-                allowed: str) -> InputError:
-    return InputError(allowed, file=file, key=f"line {line}, column {place + 1} ({titles[place]})",
-                      given=row[place])
 
 
 def _no_number(cell: str) -> str:

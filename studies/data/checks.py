@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.geometry.specimen import Specimen
+from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
-from tympan.studies.data.readings import Array, StaticReadings
+from tympan.studies.data.readings import channels
 
 #: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below,
 #: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before
@@ -27,14 +29,13 @@ def summary(dataset: Dataset) -> dict[str, Any]:
     return {
         "dataset": dataset.name,
         "source": dataset.source,
-        "files": [{"name": file.name, "sha256": file.sha256,
-                   "readings": len(dataset.tables[file.name]) if file.name in dataset.tables
-                   else None}
-                  for file in dataset.files],
+        "files": [{"name": name, "sha256": sha256,
+                   "readings": len(dataset.tables[name]) if name in dataset.tables else None}
+                  for name, sha256 in dataset.files.items()],
         "specimens": [specimen.name for specimen in dataset.specimens],
         "masses_kg": _distinct([table.mass for table in loads]),
         "voltages_V": _distinct(voltages),
-        "channels": [] if static is None else ["displacement", *static.channels],
+        "channels": [] if static is None else ["displacement", *channels(static)],
         "runs": 0 if dataset.transients is None else len({*zip(
             dataset.transients.specimen.tolist(), dataset.transients.mass.tolist(),
             dataset.transients.run.tolist(),
@@ -53,18 +54,19 @@ def dataset_warnings(dataset: Dataset) -> list[str]:
     return [*dataset.remarks, *(words for check in checks for words in check(dataset))]
 
 
-def _distinct(values: list[Array]) -> list[float]:
+def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
     return sorted({value for column in values for value in column.tolist()})
 
 
 def _noise(dataset: Dataset) -> dict[str, Any]:
-    """Noise given and noise found [m]; None where there is none."""
-    found, static = repeat_noise(dataset), dataset.static
-    own = 0 if static is None else int(np.isfinite(static.sigma).sum())
-    return {"given_m": dataset.noise, "readings_with_their_own": own,
-            "found_m": None if found is None else
-            {"value": found.sigma, "low": found.low, "high": found.high,
-             "degrees_of_freedom": found.freedom}}
+    """Noise given and noise of repeats [m]; None where there is none."""
+    scatter, static = repeat_noise(dataset), dataset.static
+    return {"given_m": dataset.noise,
+            "readings_with_their_own": 0 if static is None
+            else int(np.isfinite(static.sigma).sum()),
+            "found_m": None if scatter is None else
+            {"value": scatter.sigma, "low": scatter.low, "high": scatter.high,
+             "degrees_of_freedom": scatter.freedom}}
 
 
 def _actuators(dataset: Dataset) -> set[str]:
@@ -74,9 +76,9 @@ def _actuators(dataset: Dataset) -> set[str]:
 
 
 def _unused(dataset: Dataset) -> Iterator[str]:
-    seen = _actuators(dataset)
-    idle = [specimen.name for specimen in dataset.specimens if specimen.name not in seen]
-    if seen and idle:
+    read = _actuators(dataset)
+    idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]
+    if read and idle:
         yield f"no readings of {', '.join(idle)}"
 
 
@@ -109,14 +111,13 @@ def _ramps(dataset: Dataset) -> Iterator[str]:
     directions = set(static.direction.tolist()) - {""}
     if len(directions) == 1 or (not directions and timed.all() and _only_up(static)):
         yield (f"only {'up' if directions != {'down'} else 'down'} ramps: creep looks like an "
-               "effect of the voltage; "
-               "measure the way back too")
+               "effect of the voltage; measure the way back too")
     elif not directions:
         yield ("direction is not recorded: if the voltage went up and down, hysteresis counts as "
                "noise")
 
 
-def _only_up(static: StaticReadings) -> bool:
+def _only_up(static: Sheet) -> bool:
     """Whether no voltage of a specimen, mass, run and repeat is below the one read before."""
     when = static.order if np.isfinite(static.order).all() else static.elapsed
     last: dict[tuple[object, ...], float] = {}
@@ -137,10 +138,9 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
     if bare and repeat_noise(dataset) is None:
         yield ("repeats agree to the last digit, which measures the rounding, not the noise: give "
                "noise in dataset.toml"
-               if repeats
-               else "nothing repeats and no noise is given: a misfit cannot be judged without it; "
-                    "repeat "
-               "some readings, or give noise in dataset.toml")
+               if repeats else
+               "nothing repeats and no noise is given: a misfit cannot be judged without it; "
+               "repeat some readings, or give noise in dataset.toml")
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
         yield (f"repeats scatter by {ratio.sigma:.3g} times the stated noise "
@@ -150,26 +150,26 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
 def slips_of_unit(dataset: Dataset) -> Iterator[str]:
     """Numbers a thousand times too large or small for actuators of this size."""
     for name, table in dataset.tables.items():
+        if not isinstance(table, Sheet):
+            continue
         for specimen in dataset.specimens:
-            rows = np.asarray(table.specimen == specimen.name)
-            if name != "coupon.csv" and rows.any():
-                for column in ("mass", "voltage", "voltage_max", "displacement", "range"):
-                    if hasattr(table, column):
-                        largest = float(np.abs(np.nan_to_num(getattr(table, column)[rows])).max())
-                        yield from _slip(name, specimen, column, largest)
+            rows = table.specimen == specimen.name
+            for column, (low, high, unit, factor) in _limits(specimen).items():
+                if column not in table.values or not rows.any():
+                    continue
+                largest = float(np.abs(np.nan_to_num(table[column][rows])).max())
+                if largest and not low <= largest <= high:
+                    yield (f"{name}: the largest {column} of {specimen.name} is "
+                           f"{largest * factor:.4g} {unit}, where {low * factor:.2g} to "
+                           f"{high * factor:.4g} {unit} can be: is the unit in the column's name "
+                           "right?")
 
 
-def _slip(name: str, specimen: Specimen, column: str, largest: float) -> Iterator[str]:
-    """A warning if the largest value of a column [SI] is outside what its quantity can be."""
+def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:
+    """What the largest number of a column [SI] can be, a unit to say it in, and its factor."""
     film, size = specimen.membrane, max(specimen.frame.semi_axes)
     thickness = film.thickness / film.area_prestretch
-    limits = {"mass": (1e-4, 5.0, "g", 1e3),
-              "voltage": (_FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3),
-              "displacement": (1e-4 * size, size, "mm", 1e3)}
-    low, high, unit, factor = limits[{"voltage_max": "voltage",
-                                      "range": "displacement"}.get(column, column)]
-    if largest and not low <= largest <= high:
-        yield (f"{name}: the largest {column} of {specimen.name} is {largest * factor:.4g} "
-               f"{unit}, where "
-               f"{low * factor:.2g} to {high * factor:.4g} {unit} can be: is the unit in the "
-               "column's name right?")
+    voltage = _FIELDS[0] * thickness, _FIELDS[1] * thickness, "kV", 1e-3
+    length = 1e-4 * size, size, "mm", 1e3
+    return {"mass": (1e-4, 5.0, "g", 1e3), "voltage": voltage, "voltage_max": voltage,
+            "displacement": length, "range": length}

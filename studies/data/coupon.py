@@ -1,11 +1,8 @@
-"""Tests of strips and sheets of a film.
-
-The coupon.csv of a dataset, and the stress a law predicts.
-"""
+"""Tests of strips and sheets of a film: coupon.csv, and the stress a law predicts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +34,8 @@ COLUMNS: tuple[Column, ...] = (
 class Coupons:
     """Readings, one entry per reading: mode, stretch, nominal stress [Pa].
 
-    Specimen and run are "" where not given.
-
     Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
-    ``time`` [s] is nan where not given, ``line`` that of the file they were read from.
+    ``time`` [s] is nan where not given, specimen and run are ""; ``line`` is that of the file.
     """
 
     mode: NDArray[np.str_]
@@ -56,10 +51,8 @@ class Coupons:
 
     def __getitem__(self, choice: Any) -> Coupons:
         """Some of the readings."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        chosen: dict[str, Any] = {name: values[choice] for name, values in columns.items()
-                                  if values is not None}
-        return Coupons(**chosen)
+        return Coupons(**{name: values[choice] for name, values in vars(self).items()
+                          if values is not None})
 
     @property
     def modes(self) -> tuple[str, ...]:

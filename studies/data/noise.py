@@ -1,7 +1,4 @@
-"""Noise from repeated readings.
-
-Their pooled standard deviation, with degrees of freedom and interval.
-"""
+"""Noise from repeated readings: pooled standard deviation, degrees of freedom, interval."""
 
 from __future__ import annotations
 
@@ -11,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.data.readings import StaticReadings
 
 Array = NDArray[np.float64]
 
@@ -21,8 +18,8 @@ Array = NDArray[np.float64]
 class Scatter:
     """A standard deviation, its degrees of freedom ν, and the limits of its 95 % interval.
 
-    These are s √(ν/χ²). The interval holds for normal, independent readings: one that drifts between its repeats widens
-    the scatter.
+    These are s √(ν/χ²), for normal, independent readings: one that drifts between its repeats
+    widens the scatter.
     """
 
     sigma: float
@@ -45,11 +42,8 @@ class Scatter:
                    float(np.sqrt(squares / lower)))
 
 
-def repeat_groups(readings: StaticReadings) -> NDArray[np.int64]:
-    """Number of the group of each reading.
-
-    Those of a group share specimen, mass, voltage, direction and run.
-    """
+def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
+    """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
     shared = (readings.specimen, readings.mass, readings.voltage, readings.direction, readings.run)
     numbers: dict[tuple[object, ...], int] = {}
     keys = zip(*(column.tolist() for column in shared), strict=True)
@@ -87,31 +81,26 @@ def repeat_noise(dataset: Dataset) -> Scatter | None:
     if readings is None:
         return None
     plain = np.isnan(readings.sigma)
-    found = pooled(readings.displacement[plain],
-                   repeat_groups(readings)[plain]) if plain.any() else None
+    scatter = pooled(readings.displacement[plain], repeat_groups(readings)[plain])
     rounding = 1e-12 * np.abs(readings.displacement).max()
-    return found if found is not None and found.sigma > rounding else None
+    return scatter if scatter is not None and scatter.sigma > rounding else None
 
 
 def stated_ratio(dataset: Dataset) -> Scatter | None:
     """Scatter of repeats over the standard deviation stated for them; ideally 1."""
-    if dataset.static is None:
+    readings = dataset.static
+    if readings is None:
         return None
-    sigma = np.where(np.isnan(dataset.static.sigma), dataset.noise or np.nan, dataset.static.sigma)
-    known = np.isfinite(sigma)
-    return pooled(dataset.static.displacement[known], repeat_groups(dataset.static)[known],
-                  sigma[known]
-                  ) if known.any() else None
+    sigma = np.where(np.isnan(readings.sigma), dataset.noise or np.nan, readings.sigma)
+    stated = np.isfinite(sigma)
+    return pooled(readings.displacement[stated], repeat_groups(readings)[stated], sigma[stated])
 
 
 def reading_sigma(dataset: Dataset) -> Array:
-    """Standard deviation of each static reading [m].
-
-    Its own, else the dataset's, else that of repeats, else nan.
-    """
+    """Standard deviation of each static reading [m]: its own, the dataset's, of repeats, or nan."""
     if dataset.static is None:
         return np.empty(0)
     estimated = repeat_noise(dataset) if dataset.noise is None else None
     rest = dataset.noise if estimated is None else estimated.sigma
-    return np.where(np.isnan(dataset.static.sigma), np.nan if rest is None else rest,
-                    dataset.static.sigma)
+    sigma = dataset.static.sigma
+    return np.where(np.isnan(sigma), np.nan if rest is None else rest, sigma)

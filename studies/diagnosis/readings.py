@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import slips_of_unit
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
-from tympan.studies.data.readings import Ranges, StaticReadings
+from tympan.studies.data.readings import channels
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.hypothesis import Cause
@@ -95,7 +96,7 @@ def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> Prepared
     unknown = np.isnan(table.sigma)
     repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
     remarks = []
-    if dataset.static is not None and "tilt" in dataset.static.channels:
+    if dataset.static is not None and "tilt" in channels(dataset.static):
         remarks.append("tilt readings are not used")
     assumed = bool(unknown.any())
     if assumed and np.isnan(table.value).any():
@@ -116,7 +117,7 @@ def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> Prepared
     return PreparedReadings(setup, table, stated, words, words == "assumed", tuple(remarks))
 
 
-def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
+def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
     """One row for each displacement, and for each reading of a further channel."""
     direction = np.where(readings.direction == "up", 1.0,
                          np.where(readings.direction == "down", -1.0, 0.0))
@@ -130,8 +131,8 @@ def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> 
                        line=readings.line)
 
     found = [located(rows(states, "displacement", sigma, readings.displacement))]
-    channels: dict[str, Kind] = {"capacitance": "capacitance", "film_voltage": "film_voltage"}
-    for name, kind in channels.items():
+    kinds: dict[str, Kind] = {"capacitance": "capacitance", "film_voltage": "film_voltage"}
+    for name, kind in kinds.items():
         values = getattr(readings, name)
         if (seen := np.isfinite(values)).any():
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
@@ -139,7 +140,7 @@ def _static(readings: StaticReadings, numbers: dict[str, int], sigma: Array) -> 
     return found
 
 
-def _ranges(ranges: Ranges, numbers: dict[str, int]) -> ReadingTable:
+def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     """One row for each range, of two states."""
     count = len(ranges)
     specimen = [numbers[name] for name in ranges.specimen.tolist()]

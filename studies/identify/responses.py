@@ -116,12 +116,12 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
         places.setdefault(key, []).append(row)
     found = []
     for (number, mass, run), rows in places.items():
-        order = np.array(rows)[np.argsort(table.time[rows], kind="stable")]
+        order = np.array(rows)[np.argsort(table.t[rows], kind="stable")]
         if len(order) < 5:
             raise InputError("must have at least five readings",
                              key=f"transient.csv, {names[number]}, run {run}",
                              given=len(order))
-        time = table.time[order]
+        time = table.t[order]
         found.append(Record(number, mass, run, time, table.displacement[order],
                             drive_of(time, table.voltage[order]),
                             float(np.median(np.diff(time))), float(table.displacement[order[0]])))

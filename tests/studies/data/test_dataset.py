@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 
@@ -110,24 +109,25 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     assert (found.rig.gravity, found.rig.spring) == (9.81, 5)
     assert [specimen.name for specimen in found.specimens] == ["A", "B"]
     static, ranges, transients, coupons = found.tables.values()
-    first = {field.name: getattr(static, field.name)[0] for field in fields(static)}
+    first = {name: values[0] for name, values in (static.values | {"line": static.line}).items()}
     assert first == {
         "specimen": "B", "mass": pytest.approx(11e-3), "voltage": 10e3,
         "displacement": pytest.approx(9e-3),
         "run": "eighth", "repeat": "seventh", "order": 6, "elapsed": 5, "direction": "down",
         "sigma": pytest.approx(4e-3), "capacitance": pytest.approx(3e-12), "film_voltage": 2e3,
         "tilt": pytest.approx(1e-3), "line": 3}
-    assert static.channels == ("capacitance", "film_voltage", "tilt")
+    assert readings.channels(static) == ("capacitance", "film_voltage", "tilt")
     assert static.line.tolist() == [3, 4]
-    assert [getattr(ranges, field.name)[0] for field in fields(ranges)][:5] == [
+    assert [values[0] for values in ranges.values.values()][:5] == [
         "B", 0.5, 1, 2e3, pytest.approx(3e-6)]
-    assert [getattr(transients, field.name)[0] for field in fields(transients)] == [
-        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3), 2]
+    assert [values[0] for values in transients.values.values()] == [
+        "A", pytest.approx(1e-3), "x", 120, 3e3, pytest.approx(4e-3)]
+    assert transients.line[0] == 2
     assert (coupons.stress[0], coupons.time[0], coupons.run[0], coupons.line[0]) == (35e3, 4, "r",
                                                                                      2)
-    for file in found.files:
-        assert file.sha256 == hashlib.sha256((tmp_path / "d" / file.name).read_bytes()).hexdigest()
-    assert [file.name for file in found.files] == ["dataset.toml", *found.tables]
+    for name, sha256 in found.files.items():
+        assert sha256 == hashlib.sha256((tmp_path / "d" / name).read_bytes()).hexdigest()
+    assert list(found.files) == ["dataset.toml", *found.tables]
 
 
 STATIC_MESSAGES = [
