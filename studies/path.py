@@ -248,8 +248,7 @@ def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, alo
 
 def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
     """The film at a limit point with its critical mode: the path's direction there."""
-    direction = point.direction[0], point.direction[1]
-    mode = moved(model, point.state, direction).positions - point.state.positions
+    mode = moved(model, point.state, point.direction).positions - point.state.positions
     shape = whole(model, replace(point.state, positions=mode))[1].positions
     return film_surface(model, point.state, critical_mode=shape)
 

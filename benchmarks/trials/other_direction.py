@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.trials.random_specimens import Drawn
 from tests.oracles import axisymmetric
 from tests.oracles.laws import SAMPLES
-from tympan.fem.equilibrium.constraints import HeldPlate
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import moved, newton
 from tympan.fem.equilibrium.ramp import Outcome, Ramp, equilibrium
 from tympan.fem.equilibrium.subspace import FULL
@@ -80,15 +80,15 @@ def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
     first, last = at.state.plate.deflection, critical.state.plate.deflection
     if not abs(last - first) > 0.01 * model.size:
         return Verdict(way, "silent", words="the plate hardly moves")
-    at = newton(model, at.state, (load,), (HeldPlate(first),), subspace=subspace)
+    at = newton(model, at.state, (load,), (held_plate(first),), subspace=subspace)
     points = [(first, at.state.load(load))]
     for heave in first + (last - first) * np.linspace(0.04, 1.2, 30):
         if not at.converged or at.tangent is None:
             break
         change = heave - at.state.plate.deflection
-        ahead = tuple(change * part for part in at.tangent.along())
-        at = newton(model, moved(model, at.state, (ahead[0], ahead[1]), (load,)), (load,),
-                    (HeldPlate(float(heave)),),
+        motion, loads = at.tangent.along()
+        at = newton(model, moved(model, at.state, motion, change, loads), (load,),
+                    (held_plate(float(heave)),),
                     subspace=subspace)
         if at.converged:
             points.append((float(heave), at.state.load(load)))

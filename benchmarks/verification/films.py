@@ -10,7 +10,7 @@ import numpy as np
 from tests.oracles import axisymmetric
 from tests.oracles.inflation import Disc
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.constraints import HeldPlate
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.model import Model
@@ -87,7 +87,7 @@ def bulge(model: Model, pressures: list[float], apex: float) -> list[float]:
     state = State(positions, model.mounted().plate)
     heights = []
     for pressure in pressures:
-        solution = newton(model, state.under(pressure=pressure), ("force",), (HeldPlate(0.0),))
+        solution = newton(model, state.under(pressure=pressure), ("force",), (held_plate(0.0),))
         if not solution.converged:
             raise ArithmeticError(solution.advice)
         state = solution.state

@@ -20,7 +20,7 @@ from tests.oracles.axisymmetric import (
 )
 from tests.oracles.unstable import branch_voltage, slack_voltage
 from tympan.fem.equilibrium.arc_length import Branch
-from tympan.fem.equilibrium.constraints import HeldPlate
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import Outcome, equilibrium
 from tympan.fem.equilibrium.subspace import SmoothSubspace
@@ -115,7 +115,7 @@ def wrinkled_film() -> Iterator[Pair]:
     cone = model.discretisation.reference.copy()
     cone[:, 2] = heave * (B - np.hypot(*cone.T[:2])) / (B - A)
     start = State(cone, model.mounted().plate.raised_to(heave))
-    found = newton(model, start, ("force",), (HeldPlate(heave),))
+    found = newton(model, start, ("force",), (held_plate(heave),))
     if not found.converged:
         raise ArithmeticError(found.advice)
     exact = shoot_deflection(replace(oracle(neo_hooke(MU)), prestretch=0.6, relaxed=True), heave)

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tympan.fem.equilibrium.constraints import ArcLength, Constraint, difference, length, product
+from tympan.fem.equilibrium.constraints import (
+    Constraint,
+    arc_length,
+    difference,
+    length,
+    product,
+)
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.equilibrium.tangent import Tangent
@@ -78,26 +84,30 @@ class Branch:
 
         Ends where no step can be made any more, or at the limit of points.
         """
-        point = self._first(start, sense)
-        step = self.arc.first
+        point, step = self._first(start, sense), self.arc.first
         for _ in range(self.arc.points):
             if point is None:
                 return
             yield point
-            following = None
-            while following is None and step >= self.arc.shortest:
-                following = self._accepted(point, step)
-                step = step / 2 if following is None else min(self._longer(point, following, step),
-                                                              self.arc.longest)
+            while step >= self.arc.shortest:
+                following = self.at(point, step)
+                if following is not None:
+                    cosine = product(self.model, point.direction, following.direction)
+                    turn = float(np.arccos(np.clip(cosine, -1, 1)))
+                    if turn <= self.arc.turn:
+                        break
+                step /= 2
+            else:
+                return
+            step = min(1.6 * step if turn < self.arc.turn / 3 else step, self.arc.longest)
             point = following
 
     def at(self, point: PathPoint, step: float) -> PathPoint | None:
         """The point a length along the direction of another, if Newton finds it."""
-        change = tuple(step * part for part in point.direction)
-        loads = np.concatenate([change[1], step * point.rates])
-        guess = moved(self.model, point.state, (change[0], loads), self._free)
+        changes = dict(zip(self._free, point.rates.tolist(), strict=True))
+        guess = moved(self.model, point.state, point.direction, step, changes)
         point.solution.release()
-        return self._solved(guess, ArcLength(point.state, point.direction, step))
+        return self._solved(guess, arc_length(point.state, point.direction, step))
 
     def limit(self, before: PathPoint, after: PathPoint) -> PathPoint | None:
         """The limit point of the load between two points; its direction is the critical mode."""
@@ -107,7 +117,8 @@ class Branch:
         """The point between two others at which the followed load has a value."""
         return self.where(before, after, lambda point: point.state.load(self.load) - value)
 
-    def where(self, before: PathPoint, after: PathPoint, value: Callable[[PathPoint], float]) -> PathPoint | None:
+    def where(self, before: PathPoint, after: PathPoint,
+              value: Callable[[PathPoint], float]) -> PathPoint | None:
         """The point between two others where a function vanishes; None without change of sign."""
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
@@ -117,7 +128,7 @@ class Branch:
         def at(step: float) -> float:
             point = points.get(step) or self.at(before, step)
             if point is None:
-                raise _NoPoint
+                raise LookupError
             points[step] = point = self._renewed(point)
             result = value(point)
             point.solution.release()
@@ -127,7 +138,7 @@ class Branch:
             if at(0.0) * at(end) > 0:
                 return None
             return points[float(brentq(at, 0.0, end, xtol=1e-7, rtol=1e-6, maxiter=60))]
-        except (_NoPoint, KeyError):
+        except LookupError:
             return None
 
     @property
@@ -139,52 +150,33 @@ class Branch:
                           self.subspace)
         if not at_loads.converged or at_loads.tangent is None:
             return None
-        by = self.model.by_load(at_loads.state, self.load)
-        right = -sense * by[0], np.concatenate([-sense * by[1], np.zeros(len(self.constraints))])
-        motion = self._unit(at_loads.tangent.solve(right))[0]
+        film, plate = self.model.by_load(at_loads.state, self.load)
+        motion, _ = at_loads.tangent.correct((sense * film, sense * plate),
+                                             [0.0] * len(self.constraints))
         at_loads.release()
-        return self._solved(at_loads.state, ArcLength(at_loads.state, motion, 0.0))
+        return self._solved(at_loads.state, arc_length(at_loads.state, self._unit(motion)[0], 0.0))
 
-    def _solved(self, guess: State, arc: ArcLength) -> PathPoint | None:
+    def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:
         solution = newton(self.model, guess, self._free, (*self.constraints, arc), self.newton,
                           self.subspace)
         return self._point(solution) if solution.converged else None
 
     def _point(self, solution: Solution) -> PathPoint:
         assert solution.tangent is not None
-        along = solution.tangent.along()
-        motion, scale = self._unit(along)
-        return PathPoint(solution, motion, along[1][len(self.model.plate_freedoms) :] / scale)
+        motion, loads = solution.tangent.along()
+        direction, scale = self._unit(motion)
+        return PathPoint(solution, direction, np.array(list(loads.values())) / scale)
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with the tangent there: Newton's, an iterate's, is too far off for limits."""
         state = point.state
         point.solution.release()
-        constraints = (*self.constraints, ArcLength(state, point.direction, 0.0))
-        equations = [constraint.equation(self.model, state, self._free)
-                     for constraint in constraints]
+        constraints = (*self.constraints, arc_length(state, point.direction, 0.0))
+        equations = [constraint(self.model, state) for constraint in constraints]
         tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations,
                           self.subspace)
         return self._point(replace(point.solution, tangent=tangent))
 
-    def _unit(self, change: Parts) -> tuple[Parts, float]:
-        motion = change[0], change[1][: len(self.model.plate_freedoms)]
+    def _unit(self, motion: Parts) -> tuple[Parts, float]:
         scale = length(self.model, motion)
         return (motion[0] / scale, motion[1] / scale), scale
-
-    def _accepted(self, point: PathPoint, step: float) -> PathPoint | None:
-        following = self.at(point, step)
-        if following is None or self._turn(point, following) > self.arc.turn:
-            return None
-        return following
-
-    def _turn(self, point: PathPoint, following: PathPoint) -> float:
-        cosine = product(self.model, point.direction, following.direction)
-        return float(np.arccos(np.clip(cosine, -1, 1)))
-
-    def _longer(self, point: PathPoint, following: PathPoint, step: float) -> float:
-        return 1.6 * step if self._turn(point, following) < self.arc.turn / 3 else step
-
-
-class _NoPoint(ArithmeticError):
-    """A point between two others was not found."""

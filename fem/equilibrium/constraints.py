@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,64 +17,48 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """What a constraint misses; its derivatives by free components, plate freedoms, free loads."""
+    """What a constraint misses; its derivatives by a motion of film and plate, and by loads."""
 
     miss: float
-    inner: Array
-    plate: Array
-    loads: Array
+    by_motion: Parts
+    by_load: Mapping[Load, float] = field(default_factory=dict)
 
 
-class Constraint(Protocol):
-    """An equation in place of each load that is not given."""
-
-    def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
-        """The equation at a state, ``free`` being the loads that are not given."""
+#: An equation at a state, in place of a load that is not given.
+Constraint = Callable[[Model, State], Equation]
 
 
-@dataclass(frozen=True)
-class HeldPlate:
+def held_plate(deflection: float) -> Constraint:
     """The plate is held at a deflection [m]."""
-
-    deflection: float
-
-    def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
+    def equation(model: Model, state: State) -> Equation:
         plate = np.zeros(len(model.plate_freedoms))
         plate[model.plate_freedoms.index(HEAVE)] = 1.0
-        return Equation(state.plate.deflection - self.deflection,
-                        np.zeros(model.discretisation.free_count), plate, np.zeros(len(free)))
+        return Equation(state.plate.deflection - deflection,
+                        (np.zeros(model.discretisation.free_count), plate))
+    return equation
 
 
-@dataclass(frozen=True)
-class HeldCharge:
-    """The electrodes carry a charge Q [C], the voltage source being cut off: C(x) U = Q."""
+def held_charge(charge: float) -> Constraint:
+    """The electrodes carry a charge Q [C], the voltage source being cut off: C(x) U = Q.
 
-    charge: float
-
-    def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
-        """C U − Q, with the capacitance C = −2 ∂energy/∂U² and its derivative −2 ∂forces/∂U²."""
+    The capacitance is C = −2 ∂energy/∂U², its derivative −2 ∂forces/∂U².
+    """
+    def equation(model: Model, state: State) -> Equation:
         voltage = max(float(np.sqrt(max(state.voltage_squared, 0.0))), 1e-6)
         capacitance = float(model.capacitance(state))
         inner, plate = model.by_load(state, "voltage")
-        loads = np.array([capacitance / (2 * voltage) if name == "voltage" else 0.0
-                          for name in free])
         share = -2 * voltage * model.discretisation.mirrored
-        return Equation(capacitance * voltage - self.charge, share * inner, share * plate, loads)
+        return Equation(capacitance * voltage - charge, (share * inner, share * plate),
+                        {"voltage": capacitance / (2 * voltage)})
+    return equation
 
 
-@dataclass(frozen=True, eq=False)
-class ArcLength:
-    """A length along a direction from a state (Keller's pseudo-arclength)."""
-
-    origin: State
-    direction: Parts
-    length: float
-
-    def equation(self, model: Model, state: State, free: tuple[Load, ...]) -> Equation:
-        """⟨direction, state − origin⟩ − length."""
-        inner, plate = metric(model, self.direction)
-        miss = product(model, self.direction, difference(model, state, self.origin)) - self.length
-        return Equation(miss, inner, plate, np.zeros(len(free)))
+def arc_length(origin: State, direction: Parts, distance: float) -> Constraint:
+    """⟨direction, state − origin⟩ is a distance along a path (Keller's pseudo-arclength)."""
+    def equation(model: Model, state: State) -> Equation:
+        along = product(model, direction, difference(model, state, origin))
+        return Equation(along - distance, metric(model, direction))
+    return equation
 
 
 def difference(model: Model, state: State, origin: State) -> Parts:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import Constraint, Equation, length
+from tympan.fem.equilibrium.constraints import Constraint, length
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
@@ -61,8 +62,8 @@ class Solution:
         made = self._predictions.get(load)
         if made is None or made.model is not model:
             assert self.tangent is not None
-            response = self.tangent.respond(_negative(model.by_load(self.state, load)))
-            made = self._predictions[load] = Prediction(model, self.state, load, response)
+            film, plate = self.tangent.respond(model.by_load(self.state, load))
+            made = self._predictions[load] = Prediction(model, self.state, load, (-film, -plate))
         return made
 
     def release(self) -> None:
@@ -94,7 +95,6 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     shorter than the correction that led there. The test compares displacements with displacements,
     so it does not depend on units or on the stiffness of the film.
     """
-    problem = _Problem(model, free, constraints, subspace)
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
     damping, balance = 1.0, np.inf
     tangent: Tangent | None = None
@@ -104,26 +104,37 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         if not np.isfinite(part.forces).all():
             return Solution(state, False, iteration, np.inf, None,
                             f"{STRAINED}: take smaller steps")
-        equations = problem.equations(state)
-        residual = problem.residual(state, part.forces, equations)
-        balance = problem.balance(residual, part.forces)
+        equations = [constraint(model, state) for constraint in constraints]
+        residual = model.residual(part.forces, state)
+        balance = _balance(model, subspace, residual, part.forces)
         tangent = None  # two at once would double the memory
         try:
             tangent = Tangent(model, part, state, free, equations, subspace)
-            correction = tangent.solve(_negative(residual))
+            motion, loads = tangent.correct(residual, [equation.miss for equation in equations])
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
             return Solution(state, False, iteration, balance, None,
                             "the tangent is singular: a limit point is near")
-        step = _damped(problem, state, tangent, correction, min(1.0, 4 * damping), settings)
-        if step is None:
-            return Solution(state, False, iteration, balance, tangent,
-                            "no step reduces the error: a limit point or a loss of tension is near")
-        state, simplified, damping = step
-        if damping == 1.0 and problem.length(simplified) < settings.correction:
-            state = problem.moved(state, simplified, 1.0)
+        before, damping = length(model, motion), min(1.0, 4 * damping)
+        while True:
+            if not (np.isfinite(before) and damping >= settings.damping):
+                return Solution(state, False, iteration, balance, tangent, "no step reduces the "
+                                "error: a limit point or a loss of tension is near")
+            trial = moved(model, state, motion, damping, loads)
+            # A step too long may press an element flat; it is then halved.
+            with np.errstate(all="ignore"):
+                forces = model.nodal_forces(trial)
+            if np.isfinite(forces).all():
+                misses = [constraint(model, trial).miss for constraint in constraints]
+                simplified, changes = tangent.correct(model.residual(forces, trial), misses)
+                after = length(model, simplified)
+                if after <= (1 - damping / 4) * before or after < settings.correction:
+                    break
+            damping /= 2
+        state = trial
+        if damping == 1.0 and after < settings.correction:
+            state = moved(model, state, simplified, 1.0, changes)
             forces = model.nodal_forces(state)
-            balance = problem.balance(problem.residual(state, forces, problem.equations(state)),
-                                      forces)
+            balance = _balance(model, subspace, model.residual(forces, state), forces)
             if balance < settings.residual:
                 return Solution(state, True, iteration, balance, tangent)
     return Solution(state, False, settings.iterations, balance, tangent,
@@ -146,78 +157,24 @@ class Prediction:
         """The state at a value of the load."""
         loads = {self.load: value}
         return moved(self.model, self.origin.under(**loads), self.response,
-                     fraction=value - self.origin.load(self.load))
+                     value - self.origin.load(self.load))
 
 
-def moved(model: Model, state: State, correction: Parts, free: tuple[Load, ...] = (),
-          fraction: float = 1.0) -> State:
-    """The state after a fraction of a correction of film, plate and free loads."""
-    count = len(model.plate_freedoms)
+def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,
+          loads: Mapping[Load, float] | None = None) -> State:
+    """The state after a fraction of a motion of film and plate, and of changes of loads."""
     positions = state.positions.copy()
-    positions[model.discretisation.free] += fraction * correction[0]
-    motion = np.zeros(6)
-    motion[list(model.plate_freedoms)] = fraction * correction[1][:count]
-    plate = state.plate.moved(motion)
-    changes = zip(free, fraction * correction[1][count:], strict=True)
-    loads = {name: state.load(name) + change for name, change in changes}
-    return replace(state.under(**loads), positions=model.place(positions, plate), plate=plate)
+    positions[model.discretisation.free] += fraction * motion[0]
+    freedoms = np.zeros(6)
+    freedoms[list(model.plate_freedoms)] = fraction * motion[1]
+    plate = state.plate.moved(freedoms)
+    changed = {name: state.load(name) + fraction * change for name, change in (loads or {}).items()}
+    return replace(state.under(**changed), positions=model.place(positions, plate), plate=plate)
 
 
-@dataclass(frozen=True)
-class _Problem:
-    """Residuals and motions for one choice of what is given."""
-
-    model: Model
-    free: tuple[Load, ...]
-    constraints: tuple[Constraint, ...]
-    subspace: Subspace
-
-    def equations(self, state: State) -> list[Equation]:
-        """Those of the constraints."""
-        return [constraint.equation(self.model, state, self.free)
-                for constraint in self.constraints]
-
-    def residual(self, state: State, forces: Array, equations: list[Equation]) -> Parts:
-        """Unbalanced forces on free components and plate freedoms, and what the equations miss."""
-        inner, plate = self.model.residual(forces, state)
-        return inner, np.concatenate([plate, [equation.miss for equation in equations]])
-
-    def balance(self, residual: Parts, forces: Array) -> float:
-        """Largest unbalanced force over the largest nodal one; moments over the half extent."""
-        count = len(self.model.plate_freedoms)
-        inner, plate = self.subspace.project((residual[0], residual[1][:count]))
-        plate = np.abs(plate) / np.where(np.array(self.model.plate_freedoms, dtype=int) < 3, 1.0,
-                                         self.model.size)
-        largest = max(np.abs(inner).max(initial=0.0), plate.max(initial=0.0))
-        return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))
-
-    def moved(self, state: State, correction: Parts, fraction: float) -> State:
-        """The state after a fraction of a correction."""
-        return moved(self.model, state, correction, self.free, fraction)
-
-    def length(self, correction: Parts) -> float:
-        """Length of the motion; free loads do not count, since they follow from it."""
-        return length(self.model, (correction[0], correction[1][: len(self.model.plate_freedoms)]))
-
-
-def _damped(problem: _Problem, state: State, tangent: Tangent, correction: Parts, damping: float,
-            settings: NewtonSettings) -> tuple[State, Parts, float] | None:
-    """The longest acceptable step, if any: state after it, simplified correction, damping."""
-    length = problem.length(correction)
-    while np.isfinite(length) and damping >= settings.damping:
-        trial = problem.moved(state, correction, damping)
-        # A step too long may press an element flat; it is then halved.
-        with np.errstate(all="ignore"):
-            forces = problem.model.nodal_forces(trial)
-        if np.isfinite(forces).all():
-            simplified = tangent.solve(_negative(problem.residual(trial, forces,
-                                                                  problem.equations(trial))))
-            after = problem.length(simplified)
-            if after <= (1 - damping / 4) * length or after < settings.correction:
-                return trial, simplified, damping
-        damping /= 2
-    return None
-
-
-def _negative(residual: Parts) -> Parts:
-    return -residual[0], -residual[1]
+def _balance(model: Model, subspace: Subspace, residual: Parts, forces: Array) -> float:
+    """Largest unbalanced force over the largest nodal one; moments over the half extent."""
+    inner, plate = subspace.project(residual)
+    arms = np.where(np.array(model.plate_freedoms, dtype=int) < 3, 1.0, model.size)
+    largest = max(np.abs(inner).max(initial=0.0), (np.abs(plate) / arms).max(initial=0.0))
+    return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
-from tympan.fem.equilibrium.constraints import HeldPlate, difference, length
+from tympan.fem.equilibrium.constraints import difference, held_plate, length
 from tympan.fem.equilibrium.newton import (
     STRAINED,
     NewtonSettings,
@@ -149,7 +149,7 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
-    solution = newton(model, _pushed_out(model), ("force",), (HeldPlate(_PUSHED * model.size),),
+    solution = newton(model, _pushed_out(model), ("force",), (held_plate(_PUSHED * model.size),),
                       settings.newton)
     if solution.converged and solution.state.force > 0:
         return solution
@@ -190,7 +190,7 @@ def voltage_path(model: Model, force: float, voltages: list[float], pressure: fl
 def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution | None = None,
          settings: PathSettings = PathSettings()) -> Outcome:
     """The film under a voltage [V], its plate held at a deflection [m] by ``state.force`` [N]."""
-    solution = start or newton(model, model.mounted(), ("force",), (HeldPlate(0.0),),
+    solution = start or newton(model, model.mounted(), ("force",), (held_plate(0.0),),
                                settings.newton)
     origin, squared = solution.state.plate.deflection, solution.state.voltage_squared
     advice = solution.advice
@@ -201,7 +201,7 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
         guess = _lifted(model, solution, target)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         solution.release()
-        trial = newton(model, guess, ("force",), (HeldPlate(target),), settings.newton)
+        trial = newton(model, guess, ("force",), (held_plate(target),), settings.newton)
         if trial.converged:
             solution, done, step = trial, share, 2 * step
         elif (step := step / 2) < settings.shortest:
@@ -216,9 +216,9 @@ def _lifted(model: Model, solution: Solution, deflection: float) -> State:
     assert tangent is not None
     if tangent.free != ("force",):
         return solution.state
-    inner, border = tangent.along()
+    motion, loads = tangent.along()
     change = deflection - solution.state.plate.deflection
-    return moved(model, solution.state, (change * inner, change * border), tangent.free)
+    return moved(model, solution.state, motion, change, loads)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import skfem
@@ -21,38 +21,31 @@ Array = NDArray[np.float64]
 _DEPENDENT = 1e-13
 
 
-class Subspace(Protocol):
-    """A linear map from unknowns to free nodal components and plate freedoms; its transpose."""
+@dataclass(frozen=True, eq=False)
+class Subspace:
+    """A linear map from unknowns to free nodal components and plate freedoms; its transpose.
 
-    def expand(self, correction: Parts) -> Parts:
+    In this one every node moves by itself.
+    """
+
+    def expand(self, motion: Parts) -> Parts:
         """Free components and plate freedoms that belong to the unknowns."""
+        return motion
 
-    def project(self, residual: Parts) -> Parts:
+    def project(self, forces: Parts) -> Parts:
         """Forces on the unknowns that belong to nodal forces and forces on the plate."""
+        return forces
 
     def reduced(self, part: Linearised) -> Linearised:
         """The tangent for the unknowns."""
-
-
-@dataclass(frozen=True)
-class FullSubspace:
-    """Every node moves by itself."""
-
-    def expand(self, correction: Parts) -> Parts:
-        return correction
-
-    def project(self, residual: Parts) -> Parts:
-        return residual
-
-    def reduced(self, part: Linearised) -> Linearised:
         return part
 
 
-FULL = FullSubspace()
+FULL = Subspace()
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothSubspace:
+class SmoothSubspace(Subspace):
     """Polynomials from plate to frame times the first few waves around it.
 
     A film that has lost tension has no equilibrium that does not depend on the mesh: ever shorter
@@ -72,9 +65,10 @@ class SmoothSubspace:
         With no waves the motion is axisymmetric.
         """
         mesh, share = model.discretisation, _potential(model)
-        follow = (1 - share)[:, None, None] * _rigid(model)
-        arm = mesh.reference[:, :2] - model.centre[:2]
-        angle = np.arctan2(arm[:, 1], arm[:, 0])
+        arms = mesh.reference - model.centre
+        rigid = PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]
+        follow = (1 - share)[:, None, None] * rigid
+        angle = np.arctan2(arms[:, 1], arms[:, 0])
         radial = legendre.legvander(2 * share - 1, degree) * (share * (1 - share))[:, None]
         frame = np.zeros((len(angle), 3, 3))
         frame[:, 0, 0] = frame[:, 1, 1] = np.cos(angle)
@@ -86,14 +80,13 @@ class SmoothSubspace:
         columns = np.concatenate([part[mesh.free] for part in parts], axis=1)
         return cls(_orthonormal(columns), follow[mesh.free])
 
-    def expand(self, correction: Parts) -> Parts:
-        return self.film @ correction[0] + self.follow @ correction[1], correction[1]
+    def expand(self, motion: Parts) -> Parts:
+        return self.film @ motion[0] + self.follow @ motion[1], motion[1]
 
-    def project(self, residual: Parts) -> Parts:
-        return self.film.T @ residual[0], residual[1] + self.follow.T @ residual[0]
+    def project(self, forces: Parts) -> Parts:
+        return self.film.T @ forces[0], forces[1] + self.follow.T @ forces[0]
 
     def reduced(self, part: Linearised) -> Linearised:
-        """The dense tangent for the unknowns."""
         by_film, by_plate = part.inner @ self.film, part.inner @ self.follow
         border = self.film.T @ (part.border + by_plate)
         across = self.follow.T @ part.border
@@ -132,9 +125,3 @@ def _potential(model: Model) -> Array:
     value[frame] = 1.0
     rims = np.concatenate([frame, plate])
     return np.asarray(skfem.solve(*skfem.condense(laplace.assemble(mesh.basis), x=value, D=rims)))
-
-
-def _rigid(model: Model) -> Array:
-    """Displacement of every node by the plate's allowed freedoms when mounted, (nodes, 3, p)."""
-    arms = model.discretisation.reference - model.centre
-    return PlateMotion.rest().gradient(arms)[:, :, model.plate_freedoms]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from tympan.fem.equilibrium.constraints import Equation
-from tympan.fem.equilibrium.subspace import FULL, FullSubspace, Subspace
+from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
 from tympan.fem.membrane.plate import HEAVE
@@ -28,36 +28,34 @@ class Tangent:
 
     Rows are the film's unknowns, the plate's freedoms, and one equation for each free load; columns
     the same with the free loads last. The film's matrix and its pattern are the same whatever is
-    solved for. Right-hand sides and corrections are pairs: free nodal components, and plate
-    freedoms followed by equations or free loads.
+    solved for.
     """
 
     def __init__(self, model: Model, part: Linearised, state: State, free: tuple[Load, ...] = (),
                  equations: Sequence[Equation] = (), subspace: Subspace = FULL) -> None:
-        self.model, self.free, self.subspace = model, free, subspace
+        self.model, self.free, self.subspace, self._state = model, free, subspace, state
         part = subspace.reduced(part)
-        self._state = state
         self._kept: Any = _factorise(part.inner, model)
         self._negative: int | None = None
-        loads = [subspace.project(model.by_load(state, name)) for name in free]
-        rows = [_transposed(subspace, equation) for equation in equations]
+        loads = {name: subspace.project(model.by_load(state, name)) for name in free}
+        rows = [subspace.project(equation.by_motion) for equation in equations]
         self._plates = len(model.plate_freedoms)
-        self._closures = [_closure(equation, row, loads) for equation, row in zip(equations, rows,
-                                                                                  strict=True)]
-        columns = np.column_stack([part.border, *(load[0] for load in loads)])
+        # l t for an equation's row e = t g and derivative l by the load of g.
+        self._closures = [sum(by_load * _dot(row, loads[name]) / _dot(loads[name], loads[name])
+                              for name, by_load in equation.by_load.items() if name in loads)
+                          for equation, row in zip(equations, rows, strict=True)]
+        columns = np.column_stack([part.border, *(load[0] for load in loads.values())])
         self._rows = np.vstack([part.border.T, *(row[0] for row in rows)])
-        corner = np.zeros((len(self._rows), columns.shape[1]))
-        corner[: self._plates, : self._plates] = part.corner
-        for index, (load, row, equation) in enumerate(zip(loads, rows, equations, strict=True)):
-            corner[: self._plates, self._plates + index] = load[1]
-            corner[self._plates + index, : self._plates] = row[1]
-            corner[self._plates + index, self._plates :] = equation.loads
-        self._corner, self._influence = corner, self._factor.solve(columns)
-        self._schur = corner - self._rows @ self._influence
+        self._corner = np.vstack([
+            np.column_stack([part.corner, *(load[1] for load in loads.values())]),
+            *(np.append(row[1], [equation.by_load.get(name, 0.0) for name in free])
+              for row, equation in zip(rows, equations, strict=True))])
+        self._influence = self._factor.solve(columns)
+        self._schur = self._corner - self._rows @ self._influence
 
     def release(self) -> None:
         """Drop the factors of a large film; they are made anew should something ask for them."""
-        if self.model.unknowns >= _LARGE and isinstance(self.subspace, FullSubspace):
+        if self.model.unknowns >= _LARGE and self.subspace is FULL:
             self._kept = None
 
     @property
@@ -83,10 +81,10 @@ class Tangent:
         """Whether film and plate return when pushed.
 
         Of a film whose every node moves by itself only the plate is asked, as far as it can move:
-        without tension such a film wrinkles, whatever the plate does. Subspace that cannot wrinkle
+        without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
         are asked altogether.
         """
-        return self.plate_stable if isinstance(self.subspace, FullSubspace) else self.negative == 0
+        return self.plate_stable if self.subspace is FULL else self.negative == 0
 
     @property
     def deflection_stiffness(self) -> float:
@@ -116,51 +114,43 @@ class Tangent:
         load, where the load gives way by δq = −e·δx/l. Both have the inertia of K bordered by e
         (Haynsworth), less one negative eigenvalue for each.
         """
-        plate, rows = self._corner[: self._plates, : self._plates], self._corner[self._plates :,
-                                                                                 : self._plates]
-        corner = np.block([[plate, rows.T], [rows, np.diag(self._closures)]])
+        rows = self._corner[self._plates :, : self._plates]
+        corner = np.block([[self._corner[: self._plates, : self._plates], rows.T],
+                           [rows, np.diag(self._closures)]])
         matrix = corner - self._rows @ self._factor.solve(np.ascontiguousarray(self._rows.T))
         negative = int((np.linalg.eigvalsh((matrix + matrix.T) / 2) < 0).sum())
         return self.wrinkling + negative - sum(closure <= 0 for closure in self._closures)
 
-    def solve(self, right: Parts) -> Parts:
-        """Correction for a right-hand side of forces, on film and plate, and of the equations."""
-        inner, plate = self.subspace.project((right[0], right[1][: self._plates]))
-        particular = self._factor.solve(inner)
-        below = np.concatenate([plate, right[1][self._plates :]])
-        border = np.linalg.solve(self._schur, below - self._rows @ particular)
-        return self._spread(particular - self._influence @ border, border)
+    def correct(self, residual: Parts, misses: Sequence[float]) -> tuple[Parts, dict[Load, float]]:
+        """Motion and changes of the free loads that undo a residual, and what the equations miss.
 
-    def respond(self, right: Parts) -> Parts:
-        """Correction of film and plate for a right-hand side of forces, at given loads."""
+        The tangent times them is minus that.
+        """
+        inner, plate = self.subspace.project(residual)
+        particular = self._factor.solve(-inner)
+        border = np.linalg.solve(self._schur,
+                                 -np.concatenate([plate, misses]) - self._rows @ particular)
+        motion = self.subspace.expand((particular - self._influence @ border,
+                                       border[: self._plates]))
+        return motion, dict(zip(self.free, border[self._plates :].tolist(), strict=True))
+
+    def respond(self, forces: Parts) -> Parts:
+        """Motion of film and plate under forces, at given loads."""
         count = self._plates
-        inner, plate = self.subspace.project((right[0], right[1][:count]))
+        inner, plate = self.subspace.project(forces)
         particular = self._factor.solve(inner)
         border = np.linalg.solve(self._schur[:count, :count],
                                  plate - self._rows[:count] @ particular)
-        return self._spread(particular - self._influence[:, :count] @ border, border)
+        return self.subspace.expand((particular - self._influence[:, :count] @ border, border))
 
-    def along(self, equation: int = -1) -> Parts:
-        """Change of everything as one equation's value grows by one: the path's direction."""
-        border = np.zeros(len(self._schur))
-        border[equation] = 1.0
-        return self.solve((np.zeros(self.model.discretisation.free_count), border))
-
-    def _spread(self, inner: Array, border: Array) -> Parts:
-        nodal, plate = self.subspace.expand((inner, border[: self._plates]))
-        return nodal, np.concatenate([plate, border[self._plates :]])
+    def along(self) -> tuple[Parts, dict[Load, float]]:
+        """Motion and changes of the free loads as the last equation's value grows by one."""
+        zero = np.zeros(self.model.discretisation.free_count), np.zeros(self._plates)
+        return self.correct(zero, [*np.zeros(len(self.free) - 1), -1.0])
 
 
-def _transposed(subspace: Subspace, equation: Equation) -> Parts:
-    return subspace.project((equation.inner, equation.plate))
-
-
-def _closure(equation: Equation, row: Parts, loads: list[Parts]) -> float:
-    """l t for an equation's row e = t g and derivative l by the load of g; 0 without loads."""
-    index = int(np.argmax(np.abs(equation.loads)))
-    give, load = float(equation.loads[index]), loads[index]
-    return give * float(row[0] @ load[0] + row[1] @ load[1]) / float(load[0] @ load[0] + load[1]
-                                                                     @ load[1])
+def _dot(first: Parts, second: Parts) -> float:
+    return float(first[0] @ second[0] + first[1] @ second[1])
 
 
 def _factorise(matrix: Any, model: Model) -> Any:

@@ -10,7 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import HeldPlate
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import Solution, newton
 from tympan.fem.equilibrium.ramp import PathSettings, held
 from tympan.fem.membrane.model import Model
@@ -133,10 +133,10 @@ def _solved(model: Model, guess: State | None, heave: float, voltage_squared: fl
     """The film with its plate held."""
     guess = model.mounted() if guess is None else guess
     found = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
-                   (HeldPlate(heave),))
+                   (held_plate(heave),))
     if found.converged:
         return found
-    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (HeldPlate(0.0),))
+    start = newton(model, model.mounted().under(pressure=pressure), ("force",), (held_plate(0.0),))
     outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 

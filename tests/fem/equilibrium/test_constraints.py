@@ -12,10 +12,11 @@ from tests.oracles.unstable_branch import SOFT, WEIGHT, branch_points, voltage_a
 from tests.support.models import loaded, model
 from tests.support.specimens import circular, reference_film
 from tympan.fem.equilibrium.constraints import (
-    ArcLength,
-    HeldCharge,
-    HeldPlate,
+    Constraint,
+    arc_length,
     difference,
+    held_charge,
+    held_plate,
     length,
 )
 from tympan.fem.equilibrium.newton import moved, newton
@@ -27,28 +28,28 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
 
 
-def arc(film: Model) -> ArcLength:
+def arc(film: Model) -> Constraint:
     """A direction in all unknowns from a state a little before."""
     rng = np.random.default_rng(5)
     direction = rng.normal(size=film.discretisation.free_count), np.array([1e-3, 2e-3, 3e-3, 0.1, -0.2, 0.3])
-    return ArcLength(loaded(film), direction, 1e-3)
+    return arc_length(loaded(film), direction, 1e-3)
 
 
 @pytest.mark.parametrize("name", ["heave", "charge", "arc"])
 def test_equations_derivatives(skewed_model: Model, name: str) -> None:
     """Second order of what remains of the miss without its linear part, free loads included."""
-    film, free = skewed_model, ("voltage",)
-    control = {"heave": HeldPlate(3e-3), "charge": HeldCharge(1e-6), "arc": arc(film)}[name]
+    film = skewed_model
+    control = {"heave": held_plate(3e-3), "charge": held_charge(1e-6), "arc": arc(film)}[name]
     state = loaded(film)
-    at = control.equation(film, state, free)
+    at = control(film, state)
     rng = np.random.default_rng(1)
     inner = 1e-3 * rng.normal(size=film.discretisation.free_count)
-    plate = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2, 2e6])
-    slope = at.inner @ inner + at.plate @ plate[:6] + at.loads @ plate[6:]
+    plate = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
+    slope = at.by_motion[0] @ inner + at.by_motion[1] @ plate + at.by_load.get("voltage", 0.0) * 2e6
     errors = []
     for step in (0.02, 0.01):
-        there = moved(film, state, (inner, plate), free, step)
-        errors.append(abs(control.equation(film, there, free).miss - at.miss - step * slope))
+        there = moved(film, state, (inner, plate), step, {"voltage": 2e6})
+        errors.append(abs(control(film, there).miss - at.miss - step * slope))
     assert errors[1] <= max(errors[0] / 3.5, 1e-12 * abs(slope))
 
 
@@ -57,7 +58,7 @@ def test_a_charge_gives_the_state_of_its_voltage() -> None:
     known = equilibrium(film, WEIGHT, 5000.0).solution
     charge = film.capacitance(known.state) * 5000.0
     start = equilibrium(film, WEIGHT, 4000.0).state
-    found = newton(film, start, ("voltage",), (HeldCharge(charge),))
+    found = newton(film, start, ("voltage",), (held_charge(charge),))
     assert found.converged
     assert np.sqrt(found.state.voltage_squared) == pytest.approx(5000.0, rel=1e-9)
     assert np.allclose(found.state.positions, known.state.positions, atol=1e-10)
@@ -94,10 +95,10 @@ def test_closed_stability_is_the_dense_matrix_s(waves: int, beyond: tuple[int, i
     seen = set()
     for point in branch_points(film, subspace)[::2]:
         part = film.linearised(point.state)
-        free = {"charge": ("voltage", HeldCharge(0.0)), "heave": ("force", HeldPlate(0.0))}
+        free = {"charge": ("voltage", held_charge(0.0)), "heave": ("force", held_plate(0.0))}
         counts = {}
         for kept, (load, control) in free.items():
-            equation = control.equation(film, point.state, (load,))
+            equation = control(film, point.state)
             tangent = Tangent(film, part, point.state, (load,), [equation], subspace)
             counts[kept] = tangent.negative_closed
             assert counts[kept] == (constant(film, point.state, subspace, kept) < 0).sum()
@@ -122,7 +123,7 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
     fold = fold_point(RitzExpansion(reference_film(SOFT), 40), WEIGHT)
     state, near, seen = known, (fold.c, fold.q), []
     for share in (1.0, 1.02, 1.04, 1.06, 1.075, 1.085):
-        found = newton(film, state, ("voltage",), (HeldCharge(share * charge),), subspace=smooth)
+        found = newton(film, state, ("voltage",), (held_charge(share * charge),), subspace=smooth)
         assert found.converged
         state = found.state
         seen.append((state, found.tangent.negative, found.tangent.negative_closed))
@@ -159,8 +160,7 @@ def test_an_arc_has_its_length(skewed_model: Model) -> None:
     before = next(branch.points(start))
     for step in (1e-3, 1e-2):
         after = branch.at(before, step)
-        assert ArcLength(before.state, before.direction, step).equation(branch.model, after.state,
-                                                                  ("force",)).miss \
+        assert arc_length(before.state, before.direction, step)(branch.model, after.state).miss \
             == pytest.approx(0, abs=1e-7 * step + 1e-10)
         chord = length(branch.model, difference(branch.model, after.state, before.state))
         assert step <= chord * (1 + 1e-6)

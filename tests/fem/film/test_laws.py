@@ -16,7 +16,7 @@ from tests.oracles.laws import SAMPLES, Sample, gent
 from tests.support.models import model
 from tests.support.specimens import ROOT5, circular
 from tympan.fem.derivatives.sensitivity import deflection_gradient
-from tympan.fem.equilibrium.constraints import HeldPlate
+from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import (
@@ -230,7 +230,7 @@ def test_a_guess_beyond_locking_is_an_answer_not_a_crash() -> None:
     film = model(circular(Gent(15e3, 12.0)))
     flat = film.mounted()
     lifted = replace(flat, plate=flat.plate.raised_to(0.2))
-    solution = newton(film, lifted, ("force",), (HeldPlate(0.2),))
+    solution = newton(film, lifted, ("force",), (held_plate(0.2),))
     assert not solution.converged
     assert "beyond what its material can reach" in solution.advice
     assert held(film, 0.2).status == "not_converged"
