@@ -129,8 +129,7 @@ def _trust(whole: Optima) -> list[str]:
 def _scales(problem: OptimiseProblem, optimum: Optimum) -> dict[str, float]:
     bench = DesignEvaluator(problem, Settings())
     bench.fresh(optimum.best.best.values)
-    assert bench.base is not None
-    return dict(bench.base.scales)
+    return dict(bench.scales)
 
 
 def _only(problem: OptimiseProblem, part: str) -> OptimiseProblem:

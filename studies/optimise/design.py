@@ -1,7 +1,4 @@
-"""Designs: what one specimen is worth and keeps to, with derivatives.
-
-On a mesh of its own, or on another's moved.
-"""
+"""Designs: what one specimen is worth and keeps to, with derivatives."""
 
 from __future__ import annotations
 
@@ -11,18 +8,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.parameters import ModelParameter
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many
 from tympan.fem.derivatives.shape import moved_by, velocities
-from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import folded
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
-from tympan.studies.optimise.limits import DesignState
+from tympan.studies.optimise.limits import DesignState, Highest
 from tympan.studies.optimise.problem import OptimiseProblem
 from tympan.studies.optimise.sqp import Linearisation
 from tympan.studies.sensitivity import case_parameters
@@ -32,13 +27,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A specimen and its ``stroke``, deflection at the voltage minus that at none [m].
+    """A specimen and its ``stroke`` [m]: deflection at the voltage minus ``rest``, that at none.
 
-    ``rest`` is the latter.
-
-    ``limited``: what each limit measures [SI]; ``owners``: the limit each value c
-    belongs to. Where there is no equilibrium, or no such specimen, ``reason`` says
-    why and the numbers are nan.
+    ``limited``: what each limit measures [SI]; ``owners``: the limit each value c belongs to.
+    Where there is no equilibrium, or no such specimen, ``reason`` says why and the numbers are nan.
+    ``accepted``: a search went there.
     """
 
     values: Array
@@ -48,39 +41,40 @@ class Design:
     rest: float = np.nan
     limited: Mapping[str, float] = field(default_factory=dict)
     owners: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Base:
-    """A mesh to move, how far limits' stand-ins fall short on it, the film at the voltage."""
-
-    model: Model
-    scales: Mapping[str, float]
-    state: State
+    accepted: bool = False
 
 
 @dataclass(eq=False)
 class DesignEvaluator:
-    """Computes designs of a problem on the mesh it keeps, which it makes anew when asked."""
+    """Computes designs of a problem on the mesh it keeps, which it makes anew when asked.
+
+    As an objective of :func:`tympan.studies.optimise.sqp.maximise` its points are shares of the
+    variables' bounds and ``measure`` of the frame is kept; ``last`` is the design computed last.
+    ``model`` and ``state``: mesh to move and film at the voltage on it; ``scales``: how far limits'
+    stand-ins fall short there.
+    """
 
     problem: OptimiseProblem
     settings: Settings
-    base: Base | None = None
+    measure: str = "area"
+    last: Design | None = None
+    model: Model | None = None
+    state: State | None = None
+    scales: Mapping[str, float] = field(default_factory=dict)
 
     def fresh(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on a mesh of its own, which becomes the one to move."""
         try:
             specimen = self.problem.design(values)
-            case = self.problem.case(specimen)
-            model = build_model(specimen, self.settings, case.rig.loading)
+            model = build_model(specimen, self.settings, self.problem.rig.loading)
         except InputError as error:
             return Design(values, reason=str(error)), None
-        return self._evaluated(values, specimen, model, None)
+        return self._evaluated(values, specimen, model, renew=True)
 
     def moved(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on the kept mesh, moved: designs compare without the noise of new meshes."""
-        assert self.base is not None
-        model = self.base.model
+        model = self.model
+        assert model is not None
         try:
             specimen = self.problem.design(values)
         except InputError as error:
@@ -89,39 +83,61 @@ class DesignEvaluator:
         other, _ = moved_by(model, model.mounted(), specimen, motion)
         if folded(other.discretisation.mesh):
             return Design(values, specimen, "the mesh cannot be moved so far"), None
-        return self._evaluated(values, specimen, other, self.base.scales)
+        return self._evaluated(values, specimen, other, renew=False)
+
+    def renewed(self, x: Array) -> Linearisation | None:
+        """On a new mesh."""
+        self.last, local = self.fresh(self._values(x))
+        return self._scaled(local)
+
+    def at(self, x: Array) -> Linearisation | None:
+        """On the mesh moved."""
+        self.last, local = self.moved(self._values(x))
+        return self._scaled(local)
+
+    def held(self, x: Array) -> tuple[float, Array]:
+        """What the frame must keep; nan where there is no such frame."""
+        try:
+            miss, slope = self.problem.held_slopes(self.measure, self._values(x))
+        except InputError:
+            return float("nan"), np.zeros(len(x))
+        return miss, slope * self.problem.widths
+
+    def _values(self, x: Array) -> Array:
+        return self.problem.lows + self.problem.widths * x
+
+    def _scaled(self, local: Linearisation | None) -> Linearisation | None:
+        widths = self.problem.widths
+        return None if local is None else replace(local, slope=local.slope * widths,
+                                                  limit_slopes=local.limit_slopes * widths)
 
     def _evaluated(self, values: Array, specimen: Specimen, model: Model,
-                   scales: Mapping[str, float] | None) -> tuple[Design, Linearisation | None]:
-        case = self.problem.case(specimen)
-        names = tuple(variable.name for variable in self.problem.variables)
-        path = self.settings.path
-        ends = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
-        (_, rest), (_, outcome) = ends
-        if rest.status != "equilibrium":
-            return Design(values, specimen, failure_reason(rest)), None
+                   renew: bool) -> tuple[Design, Linearisation | None]:
+        problem, path = self.problem, self.settings.path
+        case = problem.case(specimen)
         parameters = case_parameters(case, model)
-        lower = _slopes(model, rest, {name: parameters[name] for name in names})
-        if outcome.status != "equilibrium":
-            return Design(values, specimen, failure_reason(outcome)), None
-        state = DesignState(case, model, outcome, names, {}, path)
-        upper = _slopes(model, outcome, state.by)
-        if scales is None:
-            scales = {limit.name: limit.scale(state) for limit in self.problem.limits}
-            self.base = Base(model, scales, outcome.state)
-        state = replace(state, scales=scales)
-        pairs = [limit.values(state) for limit in self.problem.limits]
-        stroke = outcome.state.plate.deflection - rest.state.plate.deflection
-        limited = {limit.name: limit.measured(state) for limit in self.problem.limits}
-        owners = tuple(limit.name for limit, (values_of_limit, _)
-                       in zip(self.problem.limits, pairs, strict=True) for _ in values_of_limit)
-        design = Design(values, specimen, "", stroke, rest.state.plate.deflection, limited, owners)
-        return design, Linearisation(
-            stroke, upper - lower, np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
-            np.concatenate([np.zeros((0, len(names))), *(pair[1] for pair in pairs)]))
-
-
-def _slopes(model: Model, outcome: Outcome, by: Mapping[str, ModelParameter]) -> Array:
-    """Derivatives of the heave, shape (parameters,)."""
-    found = gradient_many(model, outcome, {"": QUANTITIES["heave"]}, by)[""]
-    return np.array([found[name] for name in by])
+        by = {variable.name: parameters[variable.name] for variable in problem.variables}
+        outcomes = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
+        slopes = []
+        for _, outcome in outcomes:
+            if outcome.status != "equilibrium":
+                return Design(values, specimen, failure_reason(outcome)), None
+            gradient = gradient_many(model, outcome, {"": QUANTITIES["heave"]}, by)[""]
+            slopes.append(np.array([gradient[name] for name in by]))
+        (_, resting), (_, charged) = outcomes
+        state = DesignState(case, model, charged, by, self.scales, path)
+        if renew:
+            self.scales = {limit.name: limit.scale(state) for limit in problem.limits
+                           if isinstance(limit, Highest)}
+            self.model, self.state = model, charged.state
+            state = replace(state, scales=self.scales)
+        pairs = [limit.values(state) for limit in problem.limits]
+        rest = resting.state.plate.deflection
+        stroke = charged.state.plate.deflection - rest
+        limited = {limit.name: limit.measured(state) for limit in problem.limits}
+        owners = tuple(limit.name for limit, (limit_values, _)
+                       in zip(problem.limits, pairs, strict=True) for _ in limit_values)
+        return Design(values, specimen, "", stroke, rest, limited, owners), Linearisation(
+            stroke, slopes[1] - slopes[0],
+            np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
+            np.concatenate([np.zeros((0, len(by))), *(pair[1] for pair in pairs)]))

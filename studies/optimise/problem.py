@@ -20,7 +20,7 @@ from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
 from tympan.studies.case import Case
-from tympan.studies.optimise.limits import LIMITS, Limit
+from tympan.studies.optimise.limits import Limit, read_limit
 from tympan.studies.paper.actuators import FILES
 
 #: The specimen to beat when a problem names none: the paper's large ellipse.
@@ -78,7 +78,17 @@ class OptimiseProblem:
         """A specimen under the load and the voltage."""
         return Case(specimen, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
-    def design(self, values: np.ndarray, name: str = "") -> Specimen:
+    @property
+    def lows(self) -> np.ndarray:
+        """Lower bounds of the variables [SI], shape (variables,)."""
+        return np.array([variable.low for variable in self.variables])
+
+    @property
+    def widths(self) -> np.ndarray:
+        """Upper less lower bounds of the variables [SI], shape (variables,)."""
+        return np.array([variable.high - variable.low for variable in self.variables])
+
+    def design(self, values: np.ndarray) -> Specimen:
         """The specimen with these values of the variables.
 
         Raises
@@ -86,30 +96,26 @@ class OptimiseProblem:
         InputError
             When it cannot be built.
         """
-        changes: dict[str, Any] = {"name": name or self.specimen.name, "frame": self.frame(values)}
-        plate = {variable.path[1:]: float(value) for variable, value in zip(self.variables, values,
-                                                                            strict=True)
-                 if variable.path[0] == "plate"}
-        return replace(self.specimen, **changes, plate=_set(self.specimen.plate, plate))
+        return replace(self.specimen, frame=self.frame(values),
+                       plate=_set(self.specimen.plate, self._numbers("plate", values)))
 
     def frame(self, values: np.ndarray) -> Any:
         """The frame with these values of the variables, whether or not a plate fits in."""
-        return _set(self.specimen.frame, {variable.path[1:]: float(value) for variable, value
-                                          in zip(self.variables, values, strict=True)
-                                          if variable.path[0] == "frame"})
+        return _set(self.specimen.frame, self._numbers("frame", values))
 
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
         """A held measure of the frame over the reference's, minus one; its derivatives."""
-        whole = float(np.real(MEASURES[measure](self.reference.frame)))
-        frame = self.frame(values)
+        size, frame = MEASURES[measure], self.frame(values)
+        whole = float(np.real(size(self.reference.frame)))
+        slopes = [float(complex_step(
+            lambda change, path=variable.path[1:]: size(with_change(frame, path, change)), 0.0))
+            if variable.path[0] == "frame" else 0.0 for variable in self.variables]
+        return float(np.real(size(frame))) / whole - 1, np.array(slopes) / whole
 
-        def slope(path: tuple[str, ...]) -> float:
-            return float(complex_step(
-                lambda change: MEASURES[measure](with_change(frame, path, change)), 0.0))
-
-        slopes = [slope(variable.path[1:]) if variable.path[0] == "frame" else 0.0
-                  for variable in self.variables]
-        return float(np.real(MEASURES[measure](frame))) / whole - 1, np.array(slopes) / whole
+    def _numbers(self, part: str, values: np.ndarray) -> dict[tuple[str, ...], float]:
+        return {variable.path[1:]: float(value)
+                for variable, value in zip(self.variables, values, strict=True)
+                if variable.path[0] == part}
 
 
 def read_problem(file: Path) -> OptimiseProblem:
@@ -118,27 +124,36 @@ def read_problem(file: Path) -> OptimiseProblem:
     Specimens are files beside it, or the paper's by name without ``.toml``.
     """
     table = Table.read(file)
-    specimen = _specimen(table, "specimen")
+    specimen = _specimen(table, "specimen", table.text("specimen"))
+    limits = table.table("limits", {})
     variables = _variables(table.table("vary"), specimen)
-    held = _held(table)
-    limits = _limits(table.table("limits", {}), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
     starts = (given, *(_start(start, variables, specimen) for start in table.tables("start")))
+    held = table.value("hold", "area")
+    measures = [held] if isinstance(held, str) else held
+    if (not isinstance(measures, list) or not measures
+            or not all(name in MEASURES for name in measures)):
+        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", held)
     problem = OptimiseProblem(
-        table.text("name", file.stem), specimen, _specimen(table, "reference", PAPER),
+        table.text("name", file.stem), specimen,
+        _specimen(table, "reference", table.text("reference", PAPER)),
         table.quantity("mass", "mass", "17.9 g", POSITIVE),
-        table.quantity("voltage", "voltage", rule=POSITIVE),
-        variables, starts, limits, held, Rig.from_table(table.table("rig", {})))
+        table.quantity("voltage", "voltage", rule=POSITIVE), variables, starts,
+        tuple(read_limit(limits, key, specimen) for key in limits.data),
+        tuple(dict.fromkeys(measures)), Rig.from_table(table.table("rig", {})))
     table.asked.add("start")
     table.done()
     return problem
 
 
-def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
-    """A copy with the numbers at these paths, set all at once.
+def default_problem() -> OptimiseProblem:
+    """The paper's large ellipse against the best frame of its area and the best of its length."""
+    with resources.as_file(resources.files("tympan.studies.optimise") / "ellipse.toml") as file:
+        return read_problem(file)
 
-    On the way from one to the next none need be valid.
-    """
+
+def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
+    """A copy with the numbers at these paths, all at once: on the way none need be valid."""
     if () in numbers:
         return numbers[()]
     below: dict[str, dict[tuple[str, ...], float]] = {}
@@ -150,42 +165,33 @@ def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
                              for key, inner in below.items()}) if below else value
 
 
-def default_problem() -> OptimiseProblem:
-    """The paper's large ellipse against the best frame of its area and the best of its length."""
-    with resources.as_file(resources.files("tympan.studies.optimise") / "ellipse.toml") as file:
-        return read_problem(file)
-
-
-def _specimen(table: Table, key: str, default: str | None = None) -> Specimen:
-    given = table.text(key) if default is None else table.text(key, default)
-    if not given.endswith(".toml"):
-        if given not in FILES:
-            raise table.error(key,
-                              "must be a specimen file, ending in .toml, or one of "
-                              f"{', '.join(FILES)}", given)
-        return load_specimen(FILES[given])
-    return load_specimen(Path(table.file).parent / given)
+def _specimen(table: Table, key: str, name: str) -> Specimen:
+    if name.endswith(".toml"):
+        return load_specimen(Path(table.file).parent / name)
+    if name not in FILES:
+        raise table.error(key, "must be a specimen file, ending in .toml, or one of "
+                               f"{', '.join(FILES)}", name)
+    return load_specimen(FILES[name])
 
 
 def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     """Numbers of the outlines of frame and plate with their bounds."""
-    names = {**{name: name for name in numbers(specimen.frame, "frame")},
-             **{name.replace("outline.", "", 1): name
-                for name in numbers(specimen.plate.outline, "plate.outline")}}
+    outline = numbers(specimen.plate.outline, "plate.outline")
+    names = (*numbers(specimen.frame, "frame"),
+             *(name.replace("outline.", "", 1) for name in outline))
     variables = []
-    for key in table.data:
+    for key, given in table.data.items():
         if key not in names:
             raise table.error(key, f"must be one of {', '.join(names)}", "vary")
         variable = Variable(key, 0.0, 1.0)
-        low, high = _bounds(table, variable, variable.dimension(specimen))
+        dimension = variable.dimension(specimen)
+        low, high = table.pair(key, dimension) if dimension else table.numbers(key, count=2)
         value = float(at(specimen, variable.path))
         if not low < high:
-            raise table.error(key, "must be a lower and a larger upper bound", table.data[key])
+            raise table.error(key, "must be a lower and a larger upper bound", given)
         if not low <= value <= high:
-            raise table.error(key,
-                              f"must have the specimen's own value, {value:.6g} in SI units, "
-                              "within",
-                              table.data[key])
+            raise table.error(key, f"must have the specimen's own value, {value:.6g} in SI units, "
+                                   "within", given)
         variables.append(Variable(key, low, high))
     if not variables:
         raise InputError(f"must name at least one of {', '.join(names)}", file=table.file,
@@ -193,42 +199,18 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     return tuple(variables)
 
 
-def _bounds(table: Table, variable: Variable, dimension: str) -> tuple[float, float]:
-    low, high = (table.pair(variable.key, dimension) if dimension
-                 else table.numbers(variable.key, count=2))
-    return low, high
-
-
 def _start(table: Table, variables: tuple[Variable, ...],
            specimen: Specimen) -> tuple[float, ...]:
     """A further start: what it does not name is the specimen's own."""
     values = []
     for variable in variables:
-        value, dimension = at(specimen, variable.path), variable.dimension(specimen)
-        if variable.key in table:
-            value = (table.quantity(variable.key, dimension) if dimension
-                     else table.number(variable.key))
+        key, value = variable.key, at(specimen, variable.path)
+        if key in table:
+            dimension = variable.dimension(specimen)
+            value = table.quantity(key, dimension) if dimension else table.number(key)
             if not variable.low <= value <= variable.high:
-                raise table.error(variable.key, "must lie within the variable's bounds",
-                                  table.data[variable.key])
-        table.asked.add(variable.key)
+                raise table.error(key, "must lie within the variable's bounds", table.data[key])
+        table.asked.add(key)
         values.append(value)
     table.done()
     return tuple(values)
-
-
-def _held(table: Table) -> tuple[str, ...]:
-    given = table.value("hold", "area")
-    names = [given] if isinstance(given, str) else given
-    if not isinstance(names, list) or not names or not all(name in MEASURES for name in names):
-        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", given)
-    return tuple(dict.fromkeys(names))
-
-
-def _limits(table: Table, specimen: Specimen) -> tuple[Limit, ...]:
-    limits = []
-    for key in table.data:
-        if key not in LIMITS:
-            raise table.error(key, f"unknown limit: known are {', '.join(LIMITS)}")
-        limits.append(LIMITS[key](table, specimen))
-    return tuple(limits)

@@ -1,7 +1,4 @@
-"""The result of an optimisation.
-
-All numbers, every design tried, the outlines on the way, the optimal specimens.
-"""
+"""The result of an optimisation: numbers, designs tried, outlines on the way, best specimens."""
 
 from __future__ import annotations
 
@@ -44,9 +41,7 @@ TableOfColumns = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class OptimiseResult:
-    """``record``: all numbers [SI]; ``trials``: every design tried.
-
-    ``outlines``: columns of OUTLINES.
+    """``record``: all numbers [SI]; ``trials``: every design tried; ``outlines``: as OUTLINES.
 
     ``trials`` has the columns of path.csv, in SI: held, start, trial, accepted, the variables,
     stroke, the limited values and reason. ``specimens``: the optimal ones by file name.
@@ -106,13 +101,24 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
 
 def result_of(optima: Optima) -> OptimiseResult:
     """The numbers, tables and specimens of optima."""
-    specimens = {}
+    problem, specimens = optima.problem, {}
     for optimum in optima.optima:
         specimen = optimum.best.best.specimen
         assert specimen is not None
         specimens[_specimen_file(optima, optimum)] = replace(
-            specimen, name=f"{optima.problem.name} equal {optimum.held}")
-    return OptimiseResult(_record(optima), _trials(optima), _outlines(optima), specimens)
+            specimen, name=f"{problem.name} equal {optimum.held}")
+    record = {
+        "name": problem.name, "mass_kg": problem.mass, "voltage_V": problem.voltage,
+        "limits": {limit.name: {"bound": limit.bound, "unit": limit.unit}
+                   for limit in problem.limits},
+        "variables": {variable.key: {"low": variable.low, "high": variable.high,
+                                     "dimension": variable.dimension(problem.specimen)}
+                      for variable in problem.variables},
+        "reference": {"specimen": problem.reference.name, **_design(problem, optima.reference)},
+        "given": {"specimen": problem.specimen.name, **_design(problem, optima.given)},
+        "optima": [_optimum(optima, optimum) for optimum in optima.optima],
+        "failed": [{"held": run.held, **_run(problem, run)} for run in optima.failed]}
+    return OptimiseResult(record, _trials(optima), _outlines(optima), specimens)
 
 
 def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
@@ -130,28 +136,12 @@ def _specimen_file(optima: Optima, optimum: Optimum) -> str:
     return "optimum.toml" if len(optima.problem.held) == 1 else f"optimum-{optimum.held}.toml"
 
 
-def _record(optima: Optima) -> dict[str, Any]:
-    problem = optima.problem
-    return {
-        "name": problem.name, "mass_kg": problem.mass, "voltage_V": problem.voltage,
-        "limits": {limit.name: {"bound": limit.bound, "unit": limit.unit}
-                   for limit in problem.limits},
-        "variables": {variable.key: {"low": variable.low, "high": variable.high,
-                                     "dimension": variable.dimension(problem.specimen)}
-                      for variable in problem.variables},
-        "reference": {"specimen": problem.reference.name, **_design(problem, optima.reference)},
-        "given": {"specimen": problem.specimen.name, **_design(problem, optima.given)},
-        "optima": [_optimum(optima, optimum) for optimum in optima.optima],
-        "failed": [{"held": run.held, **_run(problem, run)} for run in optima.failed]}
-
-
 def _optimum(optima: Optima, optimum: Optimum) -> dict[str, Any]:
     problem, descent, design = optima.problem, optimum.best.descent, optimum.best.best
     multipliers, here = descent.multipliers, descent.here
     assert multipliers is not None
     assert here is not None
-    share = 1 / design.stroke
-    limits = {}
+    share, limits = 1 / design.stroke, {}
     for limit in problem.limits:
         rows = [owner == limit.name for owner in design.owners]
         limits[limit.name] = {
@@ -198,39 +188,29 @@ def _design(problem: OptimiseProblem, design: Design) -> dict[str, Any]:
 def _trials(optima: Optima) -> TableOfColumns:
     problem = optima.problem
     runs = (*(run for optimum in optima.optima for run in optimum.runs), *optima.failed)
-    rows = [(run, number, trial) for run in runs for number, trial in enumerate(run.trials)]
-    designs = [trial.design for _, _, trial in rows]
-    table = {
-        "held": [run.held for run, _, _ in rows],
-        "start": [run.start + 1.0 for run, _, _ in rows],
-        "trial": [float(number) for _, number, _ in rows],
-        "accepted": [float(trial.accepted) for _, _, trial in rows],
-        "stroke": [design.stroke for design in designs],
-        "reason": [design.reason for design in designs]}
-    for place, variable in enumerate(problem.variables):
-        table[variable.key] = [float(design.values[place]) for design in designs]
-    for limit in problem.limits:
-        table[limit.name] = [design.limited.get(limit.name, np.nan) for design in designs]
-    return {name: np.array(values) for name, values in table.items()}
+    rows = [{"held": run.held, "start": run.start + 1.0, "trial": float(number),
+             "accepted": float(trial.accepted), "stroke": trial.stroke, "reason": trial.reason,
+             **{variable.key: float(value) for variable, value
+                in zip(problem.variables, trial.values, strict=True)},
+             **{limit.name: trial.limited.get(limit.name, np.nan) for limit in problem.limits}}
+            for run in runs for number, trial in enumerate(run.trials)]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def _outlines(optima: Optima) -> TableOfColumns:
     shown = [("", 0, optima.problem.reference)]
-    for optimum in optima.optima:
-        shown += [(optimum.held, number, trial.design.specimen)
-                  for number, trial in enumerate(optimum.best.trials)
-                  if trial.accepted and trial.design.specimen is not None]
-    parts: list[tuple[str, int, str, NDArray[Any]]] = []
+    shown += [(optimum.held, number, trial.specimen) for optimum in optima.optima
+              for number, trial in enumerate(optimum.best.trials)
+              if trial.accepted and trial.specimen is not None]
+    edges: list[tuple[str, int, str, NDArray[Any]]] = []
     for held, number, specimen in shown:
         offset = np.array(specimen.plate.offset)[:, None]
-        parts += [(held, number, "frame", specimen.frame.points(360)),
+        edges += [(held, number, "frame", specimen.frame.points(360)),
                   (held, number, "plate", specimen.plate.outline.points(360) + offset)]
-    points = np.concatenate([edge for *_, edge in parts], axis=1)
-    lengths = [edge.shape[1] for *_, edge in parts]
-    return {"held": np.repeat([held for held, *_ in parts], lengths),
-            "trial": np.repeat([float(number) for _, number, *_ in parts], lengths),
-            "part": np.repeat([part for _, _, part, _ in parts], lengths),
-            "x": points[0], "y": points[1]}
+    x, y = np.concatenate([edge for *_, edge in edges], axis=1)
+    held, trial, part = (np.repeat(values, [edge.shape[1] for *_, edge in edges])
+                         for values in list(zip(*edges, strict=True))[:3])
+    return {"held": held, "trial": trial.astype(float), "part": part, "x": x, "y": y}
 
 
 def _number(value: float) -> float | None:

@@ -52,13 +52,11 @@ class Objective(Protocol):
 
 @dataclass(frozen=True)
 class DescentSettings:
-    """``radius`` of the trust region at first and ``widest``.
+    """``radius`` of the trust region at first and ``widest``; lengths are shares of the bounds.
 
-    ``step`` and relative ``gain`` below which it ends.
-
-    ``away``: distance from where it was last renewed at which the objective is renewed; ``near``:
-    which it may end; ``rounds``: how often at most it settles and is renewed. Lengths are shares of
-    the bounds. ``residual`` of the multipliers and ``violation`` that an optimum may leave.
+    ``step`` and relative ``gain`` below which it ends; distances from where it was last renewed at
+    which the objective is renewed, ``away``, and may end, ``near``; ``rounds``: how often at most
+    it settles and is renewed; ``residual`` of multipliers and ``violation`` an optimum may leave.
     """
 
     radius: float = 0.1
@@ -75,11 +73,9 @@ class DescentSettings:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Of limits (m,), of what is held, of bounds (n,; upper positive).
+    """Of limits (m,), of what is held, of bounds (n,; upper positive), per unit of c, e and x.
 
     ``residual``: what of ∇f they leave, relative.
-
-    In units of f per unit of c, e and x.
     """
 
     limits: Array
@@ -102,10 +98,7 @@ class Descent:
 
 def maximise(objective: Objective, start: Array, settings: DescentSettings = DescentSettings(),
              note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
-    """Maximise an objective from a start.
-
-    ``note`` is told of every point and whether it was gone to.
-    """
+    """Maximise an objective from a start; ``note`` is told every point and if it was gone to."""
     x = restored(objective, start)
     here = None if x is None else objective.renewed(x)
     if x is None or here is None:
@@ -130,8 +123,8 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
         there = None if ahead is None else objective.at(ahead)
         trials += 1
         missing += there is None
-        gained = -np.inf if there is None else _merit(there, unit, price) - _merit(here, unit,
-                                                                                   price)
+        gained = (-np.inf if there is None
+                  else _merit(there, unit, price) - _merit(here, unit, price))
         accepted = gained > 0.05 * promised
         if ahead is not None:
             note(ahead, accepted)
@@ -150,22 +143,19 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
             if renewed is None:
                 break
             here, centre = renewed, x
-    found = kkt(objective, x, here)
-    ended: Status = "optimum" if found.residual <= settings.residual else "no_progress"
-    return Descent(ended if here.violation <= settings.violation else "infeasible", x, here, found,
-                   trials, missing)
+    multipliers = kkt(objective, x, here)
+    ended: Status = "optimum" if multipliers.residual <= settings.residual else "no_progress"
+    return Descent(ended if here.violation <= settings.violation else "infeasible", x, here,
+                   multipliers, trials, missing)
 
 
 def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-3) -> Multipliers:
-    """Multipliers that balance ∇f best.
-
-    ∇f = Σ λ ∇c + μ ∇e + bounds, λ of active limits positive.
-    """
-    slope, held = here.slope, objective.held(x)[1]
+    """Multipliers that balance ∇f = Σ λ ∇c + μ ∇e + bounds best, λ of active limits positive."""
+    slope, kept = here.slope, objective.held(x)[1]
     at = np.flatnonzero(here.limits > -active)
     low, high = np.flatnonzero(x < 1e-6), np.flatnonzero(x > 1 - 1e-6)
     unit = np.eye(len(x))
-    columns = np.column_stack([here.limit_slopes[at].T, held, -unit[:, low], unit[:, high]])
+    columns = np.column_stack([here.limit_slopes[at].T, kept, -unit[:, low], unit[:, high]])
     free = np.zeros(columns.shape[1])
     free[len(at)] = -np.inf
     solution = lsq_linear(columns, slope, (free, np.full(len(free), np.inf)), method="bvls").x
@@ -174,16 +164,13 @@ def kkt(objective: Objective, x: Array, here: Linearisation, active: float = 1e-
     bounds = np.zeros(len(x))
     rest = solution[len(at) + 1 :]
     bounds[low], bounds[high] = -rest[: len(low)], rest[len(low) :]
-    left = float(np.abs(columns @ solution - slope).max())
+    residual = float(np.abs(columns @ solution - slope).max())
     return Multipliers(limits, float(solution[len(at)]), bounds,
-                       left / max(float(np.abs(slope).max()), 1e-300))
+                       residual / max(float(np.abs(slope).max()), 1e-300))
 
 
 def restored(objective: Objective, x: Array, rounds: int = 20) -> Array | None:
-    """The nearest point within the bounds that keeps e = 0, by Newton steps.
-
-    None if none is found.
-    """
+    """The nearest point within the bounds that keeps e = 0, by Newton steps, None without one."""
     x = np.clip(x, 0.0, 1.0)
     for _ in range(rounds):
         miss, slope = objective.held(x)
@@ -203,31 +190,28 @@ def _merit(here: Linearisation, unit: float, price: float) -> float:
 
 def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radius: float,
           price: float, unit: float) -> tuple[Array, float]:
-    """The step and by how much the merit should grow.
+    """The step and by how much the merit should grow."""
+    size, slope, kept = len(x), here.slope / unit, objective.held(x)[1]
 
-    Unknowns are the step and the violation it leaves.
-    """
-    size, slope, held = len(x), here.slope / unit, objective.held(x)[1]
-
-    def cost(z: Array) -> tuple[float, Array]:
+    def cost(z: Array) -> tuple[float, Array]:  # of the step and the violation it leaves
         d = z[:size]
         return (float(d @ bend @ d / 2 - slope @ d + price * z[size]),
                 np.append(bend @ d - slope, price))
 
     jacobian = np.column_stack([-here.limit_slopes, np.ones(len(here.limits))])
-    constraints = [{"type": "eq", "fun": lambda z: np.array([held @ z[:size]]),
-                    "jac": lambda z: np.append(held, 0.0)[None, :]}] if held.any() else []
+    constraints = [{"type": "eq", "fun": lambda z: np.array([kept @ z[:size]]),
+                    "jac": lambda z: np.append(kept, 0.0)[None, :]}] if kept.any() else []
     if len(here.limits):
         constraints.append({"type": "ineq", "fun": lambda z: jacobian @ z - here.limits,
                             "jac": lambda z: jacobian})
     bounds = [(max(-radius, -at), min(radius, 1 - at)) for at in x]
-    found = minimize(cost, np.append(np.zeros(size), here.violation), jac=True, method="SLSQP",
-                     bounds=[*bounds, (0.0, None)], constraints=constraints,
-                     options={"maxiter": 200, "ftol": 1e-14})
+    minimum = minimize(cost, np.append(np.zeros(size), here.violation), jac=True, method="SLSQP",
+                       bounds=[*bounds, (0.0, None)], constraints=constraints,
+                       options={"maxiter": 200, "ftol": 1e-14})
     low, high = np.array(bounds).T
-    step = np.clip(found.x[:size], low, high)
-    left = max(0.0, float((here.limits + here.limit_slopes @ step).max(initial=0.0)))
-    promised = price * (here.violation - left) + float(slope @ step - step @ bend @ step / 2)
+    step = np.clip(minimum.x[:size], low, high)
+    violation = max(0.0, float((here.limits + here.limit_slopes @ step).max(initial=0.0)))
+    promised = price * (here.violation - violation) + float(slope @ step - step @ bend @ step / 2)
     return step, promised
 
 
@@ -247,6 +231,6 @@ def _bent(bend: Array, step: Array, change: Array) -> Array:
     share = float(step @ change)
     damped = 1.0 if share >= 0.2 * curvature else 0.8 * curvature / (curvature - share)
     change = damped * change + (1 - damped) * along
-    return bend - np.outer(along, along) / curvature + np.outer(change,
-                                                                change) / float(step @ change)
+    return (bend - np.outer(along, along) / curvature
+            + np.outer(change, change) / float(step @ change))
 
