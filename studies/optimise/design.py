@@ -117,14 +117,14 @@ class DesignEvaluator:
         case = problem.case(specimen)
         parameters = case_parameters(case, model)
         by = {variable.name: parameters[variable.name] for variable in problem.variables}
-        outcomes = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
+        ramp = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
+        resting, charged = (outcome for _, outcome in ramp)
         slopes = []
-        for _, outcome in outcomes:
+        for outcome in (resting, charged):
             if outcome.status != "equilibrium":
                 return Design(values, specimen, failure_reason(outcome)), None
             gradient = gradient_many(model, outcome, {"": QUANTITIES["heave"]}, by)[""]
             slopes.append(np.array([gradient[name] for name in by]))
-        (_, resting), (_, charged) = outcomes
         state = DesignState(case, model, charged, by, self.scales, path)
         if renew:
             self.scales = {limit.name: limit.scale(state) for limit in problem.limits

@@ -129,14 +129,8 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
         edges = [_edge(problem.design(values + share * inward * unit), part) for share in (0, 1, 2)]
         differences = (-3 * edges[0] + 4 * edges[1] - edges[2]) / (2 * inward)
         size = np.abs(differences).max()
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            try:
-                slope = complex_step(lambda change, path=variable.path: _edge(
-                    with_change(specimen, path, change), path[0]), 0.0)
-            except (TypeError, ValueError, np.exceptions.ComplexWarning):
-                slope = np.nan  # the outline takes no complex numbers
-        if not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
+        slope = _edge_slope(specimen, variable.path)
+        if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
             raise InputError("has no derivative: the points of its outline do not follow it "
                              "smoothly", key=f"vary.{variable.key}", given=specimen.name)
 
@@ -165,3 +159,14 @@ def _alone(problem: OptimiseProblem, specimen: Specimen, settings: Settings) -> 
 def _edge(specimen: Specimen, part: str) -> Array:
     outline = specimen.frame if part == "frame" else specimen.plate.outline
     return outline.points(720)
+
+
+def _edge_slope(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
+    """Derivative of the edge's points, None where the outline takes no complex step."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.asarray(complex_step(
+                lambda change: _edge(with_change(specimen, path, change), path[0]), 0.0))
+        except (TypeError, ValueError, np.exceptions.ComplexWarning):
+            return None

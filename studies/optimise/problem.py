@@ -107,9 +107,12 @@ class OptimiseProblem:
         """A held measure of the frame over the reference's, minus one; its derivatives."""
         size, frame = MEASURES[measure], self.frame(values)
         whole = float(np.real(size(self.reference.frame)))
-        slopes = [float(complex_step(
-            lambda change, path=variable.path[1:]: size(with_change(frame, path, change)), 0.0))
-            if variable.path[0] == "frame" else 0.0 for variable in self.variables]
+
+        def slope(path: tuple[str, ...]) -> float:
+            return float(complex_step(lambda change: size(with_change(frame, path, change)), 0.0))
+
+        slopes = [slope(variable.path[1:]) if variable.path[0] == "frame" else 0.0
+                  for variable in self.variables]
         return float(np.real(size(frame))) / whole - 1, np.array(slopes) / whole
 
     def _numbers(self, part: str, values: np.ndarray) -> dict[tuple[str, ...], float]:

@@ -208,9 +208,10 @@ def _outlines(optima: Optima) -> TableOfColumns:
         edges += [(held, number, "frame", specimen.frame.points(360)),
                   (held, number, "plate", specimen.plate.outline.points(360) + offset)]
     x, y = np.concatenate([edge for *_, edge in edges], axis=1)
-    held, trial, part = (np.repeat(values, [edge.shape[1] for *_, edge in edges])
-                         for values in list(zip(*edges, strict=True))[:3])
-    return {"held": held, "trial": trial.astype(float), "part": part, "x": x, "y": y}
+    lengths = [edge.shape[1] for *_, edge in edges]
+    return {"held": np.repeat([held for held, *_ in edges], lengths),
+            "trial": np.repeat([float(number) for _, number, *_ in edges], lengths),
+            "part": np.repeat([part for _, _, part, _ in edges], lengths), "x": x, "y": y}
 
 
 def _number(value: float) -> float | None:

@@ -1,4 +1,1 @@
-"""Many specimens under many loads.
-
-Planned from SWEEP.toml, solved side by side, kept case by case, one table.
-"""
+"""Many specimens under many loads, planned from SWEEP.toml: kept case by case, one table."""

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from operator import methodcaller
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
@@ -32,9 +32,7 @@ class Checkpoint:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else works in the folder meanwhile.
-
-        The system lifts that when the process dies, however it does.
+        """Nobody else works in the folder meanwhile; that ends with the process, however it dies.
 
         Raises
         ------
@@ -59,17 +57,14 @@ class Checkpoint:
     def put(self, task: SweepTask, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
-            write_atomically(self.vtu(case_id), partial(_fill, content))
+            write_atomically(self.vtu(case_id), methodcaller("write_bytes", content))
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
                            "fields": sorted(result.fields),
                            "rows": result.rows}, ensure_ascii=False)
         write_text(self._file(task), f"{_digest(body)}\n{body}\n")
 
     def get(self, task: SweepTask) -> list[Row] | None:
-        """The rows of a finished task.
-
-        None if it is not finished, or its file is damaged or lacks its fields.
-        """
+        """The rows of a finished task; None if its file is missing, damaged or lacks fields."""
         try:
             digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
         except FileNotFoundError:
@@ -94,10 +89,6 @@ class Checkpoint:
 
     def _file(self, task: SweepTask) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"
-
-
-def _fill(content: bytes, file: Path) -> None:
-    file.write_bytes(content)
 
 
 def _digest(text: str) -> str:

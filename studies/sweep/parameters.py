@@ -1,7 +1,4 @@
-"""Which values a sweep gives to which keys.
-
-Grids, lists and samples of the ranges in SWEEP.toml.
-"""
+"""Which values a sweep gives to which keys: grids, lists and samples of ranges in SWEEP.toml."""
 
 from __future__ import annotations
 
@@ -31,8 +28,10 @@ _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number
 
 def choices(table: Table) -> list[Choice]:
     """Every combination of the grid, with every row of the list and every point of the sample."""
-    parts = [_grid(table.table("grid", {})), _list(table.table("list", {})),
-             _sample(table.table("sample", {}))]
+    grid = table.table("grid", {})
+    columns = _columns(grid)
+    parts = [[dict(zip(columns, row, strict=True)) for row in product(*columns.values())],
+             _list(table.table("list", {})), _sample(table.table("sample", {}))]
     keys = [key for part in parts if part for key in part[0]]
     for key in keys:
         if keys.count(key) > 1:
@@ -45,15 +44,20 @@ def choices(table: Table) -> list[Choice]:
     return [{**first, **second, **third} for first, second, third in product(*parts)]
 
 
-def with_choice(content: Mapping[str, Any], choice: Mapping[str, Any], table: Table) -> dict[str,
-                                                                                             Any]:
-    """A copy of nested tables with the values of a choice.
-
-    An element of a list is named by its number.
-    """
+def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dict[str, Any]:
+    """A copy of nested tables with a choice's values; list elements are named by their number."""
     changed = copy.deepcopy(dict(content))
     for key, value in choice.items():
-        _set(changed, key, copy.deepcopy(value), table)
+        *path, last = key.split(".")
+        inner: Any = changed
+        for number, name in enumerate(path):
+            inner = (inner[_index(inner, name, key, table)] if isinstance(inner, list)
+                     else inner.setdefault(name, {}))
+            if not isinstance(inner, dict | list):
+                raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table",
+                                  inner)
+        place = _index(inner, last, key, table) if isinstance(inner, list) else last
+        inner[place] = copy.deepcopy(value)
     return changed
 
 
@@ -71,17 +75,6 @@ def read_quantity(value: Any) -> tuple[float, str] | None:
     return None if read is None else (read[0], DIMENSIONS[read[1]].si)
 
 
-def _set(content: dict[str, Any], key: str, value: Any, table: Table) -> None:
-    *path, last = key.split(".")
-    inner: Any = content
-    for number, name in enumerate(path):
-        inner = (inner[_index(inner, name, key, table)] if isinstance(inner, list)
-                 else inner.setdefault(name, {}))
-        if not isinstance(inner, dict | list):
-            raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table", inner)
-    inner[_index(inner, last, key, table) if isinstance(inner, list) else last] = value
-
-
 def _index(items: list[Any], name: str, key: str, table: Table) -> int:
     if not name.isdecimal() or int(name) >= len(items):
         raise table.error(key, f"unknown key: a list has the elements 0 to {len(items) - 1}", name)
@@ -95,24 +88,17 @@ def _values(table: Table, key: str) -> list[Any]:
     return values
 
 
-def _flat(table: Table) -> Iterator[str]:
-    """The keys of a table, which must be dotted names in quotation marks."""
+def _columns(table: Table) -> dict[str, list[Any]]:
+    """The lists of a table by key; keys must be dotted names in quotation marks."""
     for key, value in table.data.items():
         if isinstance(value, Mapping):
-            raise table.error(key,
-                              'must be a list; write a dotted key in quotation marks, such as '
-                              f'"{key}.…" = […]')
-        yield key
-
-
-def _grid(table: Table) -> list[Choice]:
-    keys = list(_flat(table))
-    return [dict(zip(keys, row, strict=True))
-            for row in product(*(_values(table, key) for key in keys))]
+            raise table.error(key, "must be a list; write a dotted key in quotation marks, such as "
+                                   f'"{key}.…" = […]')
+    return {key: _values(table, key) for key in table.data}
 
 
 def _list(table: Table) -> list[Choice]:
-    columns = {key: _values(table, key) for key in _flat(table)}
+    columns = _columns(table)
     if not columns:
         return [{}]
     length = len(next(iter(columns.values())))
@@ -130,36 +116,31 @@ def _sample(table: Table) -> list[Choice]:
     count = int(table.number("count", rule=_COUNT))
     seed = int(table.number("seed", 0, _SEED))
     ranges = table.table("ranges")
-    keys = list(_flat(ranges))
-    if not keys:
+    limits = {key: _range(ranges, key, values) for key, values in _columns(ranges).items()}
+    if not limits:
         raise table.error("ranges", "must name at least one key", {})
-    limits = [_range(ranges, key) for key in keys]
     table.done()
-    return [{key: _between(limit, share) for key, limit, share in zip(keys, limits, point,
-                                                                      strict=True)}
-            for point in draw(len(keys), count, seed).tolist()]
+    points = draw(len(limits), count, seed)
+    choices: list[Choice] = [{} for _ in points]
+    for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):
+        for choice, share in zip(choices, shares, strict=True):
+            value = low + share * (high - low)
+            choice[key] = f"{value!r} {unit}" if unit else value
+    return choices
 
 
-def _range(table: Table, key: str) -> tuple[float, float, str]:
+def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str]:
     """Low, high and SI unit."""
-    values = _values(table, key)
-    found = [read_quantity(value) for value in values]
-    first, *others = found
-    if len(found) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
-        raise table.error(key,
-                          'must be two values of one kind, the smaller first, such as ["8 mm", '
-                          '"15 mm"]; '
-                          "one element of a list has its number in the key", values)
+    read = [read_quantity(value) for value in values]
+    first, *others = read
+    if len(read) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
+        raise table.error(key, "must be two values of one kind, the smaller first, such as "
+                               '["8 mm", "15 mm"]; one element of a list has its number in the key',
+                          values)
     (low, unit), (high, _) = first, others[0]
     if not -np.inf < low < high < np.inf:
         raise table.error(key, "must be two finite values, the smaller first", values)
     return low, high, unit
-
-
-def _between(limit: tuple[float, float, str], share: float) -> Any:
-    low, high, unit = limit
-    value = low + share * (high - low)
-    return f"{value!r} {unit}" if unit else value
 
 
 def _random(dimensions: int, count: int, seed: int) -> Array:
@@ -169,22 +150,19 @@ def _random(dimensions: int, count: int, seed: int) -> Array:
 def _latin_hypercube(dimensions: int, count: int, seed: int) -> Array:
     from scipy.stats import qmc
 
-    return np.asarray(qmc.LatinHypercube(dimensions,
-                                         seed=np.random.default_rng(seed)).random(count))
+    rng = np.random.default_rng(seed)
+    return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
 
 
 def _sobol(dimensions: int, count: int, seed: int) -> Array:
     """The first points of the scrambled sequence; a power of two of them is balanced."""
     from scipy.stats import qmc
 
-    points = qmc.Sobol(dimensions,
-                       seed=np.random.default_rng(seed)).random_base2(max(count - 1,
-                                                                          0).bit_length())
-    return np.asarray(points[:count])
+    sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(seed))
+    return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
 
 
-#: Points in the unit cube, shape (count, dimensions), of a number of dimensions, a count and a
-#: seed.
+#: Points in the unit cube, shape (count, dimensions), of dimensions, count and seed.
 METHODS: dict[str, Callable[[int, int, int], Array]] = {
     "random": _random, "latin_hypercube": _latin_hypercube, "sobol": _sobol}
 

@@ -1,13 +1,11 @@
-"""A sweep from plan to table.
-
-What is finished is taken, the rest is solved and kept as it comes.
-"""
+"""A sweep from plan to table: what is finished is taken, the rest solved and kept as it comes."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +14,7 @@ from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.table import FILES, dataset, read_table, write_tables
-from tympan.studies.sweep.task import Row, SweepTask, TaskResult, solver
+from tympan.studies.sweep.task import Row, SweepTask, TaskResult, failed_rows, solver
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,15 +64,14 @@ class SweepResult:
         """
         file = folder / "sweep.json"
         record = from_json(dict[str, Any], read_json(file), file)
-        solved, kept = (from_json(int, record.get(key), file, key) for key in ("solved", "kept"))
-        version, source = (from_json(str, record.get(key), file, key)
-                           for key in ("solver", "source"))
-        statuses = from_json(dict[str, int], record.get("statuses"), file, "statuses")
-        return cls(statuses, solved, kept, version, source, read_table(folder / "sweep.nc"))
+        kinds: dict[str, Any] = {"statuses": dict[str, int], "solved": int, "kept": int,
+                                 "solver": str, "source": str}
+        values = {key: from_json(kind, record.get(key), file, key) for key, kind in kinds.items()}
+        return cls(**values, table=read_table(folder / "sweep.nc"))
 
 
 def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
-        progress: Progress = lambda done, kept: None) -> SweepResult:
+              progress: Progress = lambda done, kept: None) -> SweepResult:
     """Solve what is not finished in a folder yet, and write its tables.
 
     Leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
@@ -98,10 +95,10 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         missing = {task_id: task for task_id, task in tasks.items() if task_id not in rows}
         if missing:  # what is there belongs to another plan, or to an older solver
             remove(folder, *FILES)
-        for task_id, answer in pool(_solve, missing):
+        for task_id, answer in pool(methodcaller("run"), missing):
             task = tasks[task_id]
             if isinstance(answer, NoValue):  # not kept: another run may have more luck
-                rows[task_id] = task.failed(answer.reason)
+                rows[task_id] = failed_rows(task.ids, answer.reason)
             else:
                 checkpoint.put(task, answer)
                 rows[task_id] = answer.rows
@@ -113,7 +110,3 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         result = SweepResult(statuses, done - kept, kept, solver(), sweep.source, table)
         result.save(folder)
     return result
-
-
-def _solve(task: SweepTask) -> TaskResult:
-    return task.run()

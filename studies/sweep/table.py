@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +13,8 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.units import unit_of
 from tympan.studies.files import write_atomically, write_text
 from tympan.studies.sweep.parameters import flattened, read_quantity
-from tympan.studies.sweep.plan import Entry, Sweep
-from tympan.studies.sweep.task import COLUMNS, FAILED, Row, solver
+from tympan.studies.sweep.plan import Sweep
+from tympan.studies.sweep.task import COLUMNS, Row, failed_rows, solver
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,9 +61,7 @@ def read_table(file: Path) -> xr.Dataset:
 
 
 def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
-    """Dimensions specimen, mass and voltage.
-
-    What the specimens differ in is a coordinate along the first.
+    """Dimensions specimen, mass and voltage; coordinates along the first say what differs there.
 
     Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that
     do not exist are nan; several warnings are joined with " | ".
@@ -73,18 +70,27 @@ def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
 
     entries = sweep.entries
     shape = (len(entries), len(entries[0].masses), len(entries[0].voltages))
-    filled = [list(found) if found is not None else _unbuilt(entry)
-              for entry, found in zip(entries, rows, strict=True)]
-    flat = [row for found in filled for row in found]
+    flat = [row for entry, entry_rows in zip(entries, rows, strict=True) for row in (
+        failed_rows([""] * (shape[1] * shape[2]), entry.reason) if entry_rows is None
+        else entry_rows)]
     data = {name: (AXES, _column(name, [row[name] for row in flat]).reshape(shape))
             for name in ("id", *COLUMNS)}
     coordinates: dict[str, Any] = {"specimen": [entry.name for entry in entries],
                                    "base": ("specimen", _texts([entry.base for entry in entries]))}
-    coordinates |= _loads(entries) | varied_coordinates(entries)
+    for name, axis, loads in (("mass_kg", "mass", [entry.masses for entry in entries]),
+                              ("voltage_V", "voltage", [entry.voltages for entry in entries])):
+        alike = len(set(loads)) == 1
+        coordinates[name] = ((axis, np.array(loads[0])) if alike
+                             else (("specimen", axis), np.array(loads)))
+    varied = [dict(flattened(entry.choice)) for entry in entries]
+    for key in dict.fromkeys(key for choice in varied for key in choice):
+        if key not in ("mass", "voltage"):
+            name, coordinate = _parameter(key, [choice.get(key) for choice in varied])
+            coordinates[name] = coordinate
     table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
-    for name, variable in table.variables.items():
+    for label, variable in table.variables.items():
         if variable.dtype.kind == "f":
-            variable.attrs.setdefault("units", unit_of(str(name)) or "1")
+            variable.attrs.setdefault("units", unit_of(str(label)) or "1")
     return table
 
 
@@ -96,43 +102,17 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
     return flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
 
 
-def varied_coordinates(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Coordinates of what the specimens differ in, one per number; the unit ends the name."""
-    found = [dict(flattened(entry.choice)) for entry in entries]
-    keys = [key for key in dict.fromkeys(key for row in found for key in row)
-            if key not in ("mass", "voltage")]
-    return dict(_parameter(key, [row.get(key) for row in found]) for key in keys)
-
-
 def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
+    """Name and coordinate of what the specimens differ in; the unit ends the name of numbers."""
     read = [None if value is None else read_quantity(value) for value in values]
-    units = {found[1] for found in read if found is not None}
-    if len(units) != 1 or any(found is None and value is not None
-                              for found, value in zip(read, values, strict=True)):
+    units = {number[1] for number in read if number is not None}
+    if len(units) != 1 or any(number is None and value is not None
+                              for number, value in zip(read, values, strict=True)):
         return key, ("specimen", _texts(["" if value is None else str(value) for value in values]))
     unit = units.pop()
     name = f"{key}_{unit.replace('/', '_per_').replace('^', '')}" if unit else key
-    return name, ("specimen", np.array([np.nan if found is None else found[0] for found in read]),
-                  {"units": unit or "1"})
-
-
-def _loads(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Masses and voltages.
-
-    Along their own dimension, or also along the specimens if these differ in them.
-    """
-    found: dict[str, Any] = {}
-    for name, axis, values in (("mass_kg", "mass", [entry.masses for entry in entries]),
-                               ("voltage_V", "voltage", [entry.voltages for entry in entries])):
-        found[name] = (axis, np.array(values[0])) if len(set(values)) == 1 else (("specimen", axis),
-                                                                                 np.array(values))
-    return found
-
-
-def _unbuilt(entry: Entry) -> list[Row]:
-    empty: Row = dict.fromkeys(("id", *COLUMNS))
-    row = {**empty, "id": "", "status": FAILED, "warnings": [entry.reason]}
-    return [row for _ in product(entry.masses, entry.voltages)]
+    numbers = np.array([np.nan if number is None else number[0] for number in read])
+    return name, ("specimen", numbers, {"units": unit or "1"})
 
 
 def _column(name: str, values: list[Any]) -> np.ndarray:

@@ -7,6 +7,7 @@ import json
 import tempfile
 import threading
 import time
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from functools import cache, cached_property
 from importlib import metadata
@@ -18,7 +19,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import write
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import CaseResult, Settings, build_model, solve_grid
-from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.film_surface import film_surface
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
@@ -51,9 +52,7 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class SweepTask:
-    """A specimen on a rig, its masses [kg] and voltages [V], ascending.
-
-    ``fields``: whether to keep them all.
+    """A specimen on a rig, its masses [kg] and voltages [V], ascending; ``fields``: keep them all.
 
     ``solver`` is who is to solve it: results of different versions must not meet in one table.
     """
@@ -70,14 +69,12 @@ class SweepTask:
     def ids(self) -> tuple[str, ...]:
         """Of every case, masses first: the hash of its inputs and of the solver.
 
-        The specimen's name is none of them.
-
-        Equal inputs have equal ids on any machine.
+        The specimen's name is none of them. Equal inputs have equal ids on any machine.
         """
-        common = {"specimen": _content(self.specimen), "rig": self.rig.record(),
-                  "settings": asdict(self.settings),
-                  "solver": self.solver}
-        head = _hash(common)
+        content = write(self.specimen)
+        content["membrane"]["material"] = _constants(self.specimen.membrane.material)
+        head = _hash({"specimen": {**content, "name": "any"}, "rig": self.rig.record(),
+                      "settings": asdict(self.settings), "solver": self.solver})
         return tuple(_hash([head, mass, voltage]) for mass in self.masses
                      for voltage in self.voltages)
 
@@ -101,15 +98,10 @@ class SweepTask:
         with _TURN:
             try:
                 rows, kept = self._solved()
-            except InputError as error:
-                rows, kept = self.failed(str(_nameless(error))), {}
+            except InputError as error:  # without the name, which equal specimens do not share
+                reason = str(InputError(error.allowed, key=error.key))
+                rows, kept = failed_rows(self.ids, reason), {}
         return TaskResult(rows, time.perf_counter() - began, kept)
-
-    def failed(self, reason: str) -> list[Row]:
-        """Rows that say why there is no result."""
-        empty: Row = dict.fromkeys(COLUMNS)
-        return [{**empty, "id": case_id, "status": FAILED, "warnings": [reason]}
-                for case_id in self.ids]
 
     def _solved(self) -> tuple[list[Row], dict[str, bytes]]:
         model = build_model(self.specimen, self.settings, self.rig.loading)
@@ -120,27 +112,17 @@ class SweepTask:
             record = result.json()
             rows.append({"id": case_id} | {name: record[name] for name in COLUMNS})
             if self.fields and outcome.status == "equilibrium":
-                kept[case_id] = _vtu(film_surface(model, outcome.state))
+                with tempfile.TemporaryDirectory() as folder:
+                    file = Path(folder) / "fields.vtu"
+                    film_surface(model, outcome.state).save(file)
+                    kept[case_id] = file.read_bytes()
         return rows, kept
 
 
-def _nameless(error: InputError) -> InputError:
-    """The error without the specimen's name, which equal specimens do not share."""
-    return InputError(error.allowed, key=error.key)
-
-
-def _vtu(film: FilmSurface) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "fields.vtu"
-        film.save(file)
-        return file.read_bytes()
-
-
-def _content(specimen: Specimen) -> Any:
-    """All of a specimen but its name, floats to the last digit."""
-    content = write(specimen)
-    content["membrane"]["material"] = _constants(specimen.membrane.material)
-    return {**content, "name": "any"}
+def failed_rows(ids: Iterable[str], reason: str) -> list[Row]:
+    """Rows of cases, by id, that say why there is no result."""
+    empty: Row = dict.fromkeys(COLUMNS)
+    return [{**empty, "id": case_id, "status": FAILED, "warnings": [reason]} for case_id in ids]
 
 
 def _constants(law: Any) -> Any:
