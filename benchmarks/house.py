@@ -1,4 +1,6 @@
-"""The map of the house: packages, their chapters on floors, who imports whom; from the import graph.
+"""The map of the house: packages, their chapters on floors, who imports whom.
+
+From the import graph.
 
 Run as ``python -m benchmarks.house`` (``make house``); writes docs/house.svg. A chapter, a folder or
 a file of a package, stands one floor above the highest of those it imports; arrows that others

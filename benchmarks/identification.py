@@ -1,4 +1,6 @@
-"""What readings determine of the lumped model's constants, and what finding them costs; printed for docs/lumped.md.
+"""What readings determine of the lumped model's constants, and what finding them costs.
+
+Printed for docs/lumped.md.
 
     python -m benchmarks.identification
 

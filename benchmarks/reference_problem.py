@@ -91,7 +91,10 @@ def _aligned(cells: tuple[str, ...], widths: list[int]) -> Iterator[str]:
 
 
 def table(rows: list[Row], ours: list[Row]) -> str:
-    """Text table; the last column is the time over that of tympan at the same or a better accuracy."""
+    """Text table.
+
+    The last column is the time over that of tympan at the same or a better accuracy.
+    """
     heads = ("package", "version", "method", "unknowns", "rel. error", "seconds", "x tympan")
     cells = [heads]
     for row in rows:

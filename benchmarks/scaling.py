@@ -54,7 +54,10 @@ def line(case: dict[str, Any]) -> list[str]:
 
 
 def exponents(cases: Sequence[dict[str, Any]]) -> list[str]:
-    """Fitted powers of the unknowns, time / memory; memory only where it has risen above that of the imports."""
+    """Fitted powers of the unknowns, time / memory.
+
+    Memory only where it has risen above that of the imports.
+    """
     unknowns = np.array([case["unknowns"] for case in cases])
 
     def power(stage: str, quantity: str) -> str:

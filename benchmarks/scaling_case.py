@@ -41,7 +41,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class Case:
-    """One size; ``ratio`` is assembly's time over that of moving its bytes at a copy's ``bandwidth`` [GB/s]."""
+    """One size.
+
+    ``ratio`` is assembly's time over that of moving its bytes at a copy's ``bandwidth`` [GB/s].
+    """
 
     order: int
     solver: str
@@ -120,7 +123,10 @@ def assembled(model: Model, base: float) -> Stage:
 
 
 def factorised(model: Model, solver: str, base: float) -> tuple[Stage, Stage, int]:
-    """The analysis with what it adds to the first factorisation; a second one; and the tangent's entries."""
+    """The analysis with what it adds to the first factorisation; a second one.
+
+    And the tangent's entries.
+    """
     inner = model.linearised(model.mounted(1e6)).inner
     _, order = timed(lambda: prepare(model, solver), base)
     _, first = timed(lambda: bool(factorise(inner, model.discretisation.analysis)), base)

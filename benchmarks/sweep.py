@@ -161,7 +161,10 @@ def main() -> None:
 
 
 def compare(sweep: Sweep, folder: Path, workers: int, rounds: int) -> None:
-    """Several processes, one, and a Dask cluster in turn; the median of the rounds' ratios counts."""
+    """Several processes, one, and a Dask cluster in turn.
+
+    The median of the rounds' ratios counts.
+    """
     runs: dict[str, list[Timing]] = {"several": [], "one": [], "dask": []}
     for number in range(rounds):
         for words, name, count in ((f"{workers} processes", "several", workers),

@@ -139,7 +139,9 @@ def aims(measured: list[Row], others: list[Row]) -> list[Aim]:
 
 
 def ten_annuli() -> tuple[float, float]:
-    """Seconds for ten different annuli in one process, CAD, meshing and solve to 5 mm; and the worst relative error.
+    """Seconds for ten different annuli in one process, CAD, meshing and solve to 5 mm.
+
+    And the worst relative error.
 
     The error is against a finer mesh of the same annulus, not timed.
     """

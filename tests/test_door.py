@@ -1,4 +1,5 @@
-"""The public door: quick to open, the README's eight lines; results with pictures, files, tables."""
+"""The public door: quick to open, the README's eight lines; results with pictures, files, tables.
+"""
 
 from __future__ import annotations
 

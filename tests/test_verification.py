@@ -1,4 +1,5 @@
-"""The verification page's claims hold, the page is the one they make, and a wrong number would be caught."""
+"""The verification page's claims hold, the page is the one they make, and a wrong number would be
+caught."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ def test_a_claim_fails_just_beyond_its_tolerance_and_without_numbers() -> None:
 
 
 def test_a_law_one_in_ten_thousand_too_stiff_is_caught(monkeypatch) -> None:
-    """Through the finite elements and through the film's density; with the model's cache emptied before and after."""
+    """Through the finite elements and through the film's density; with the model's cache emptied
+    before and after."""
     energy = NeoHooke.energy
     monkeypatch.setattr(NeoHooke, "energy",
                         lambda law, excess: tuple(1.0001 * part for part in energy(law, excess)))

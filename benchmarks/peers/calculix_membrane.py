@@ -16,7 +16,8 @@ from harness import PROBLEM, Peer, Solution, give_up, main
 
 CCX = shutil.which("ccx") or give_up("CalculiX", "apt-get install calculix-ccx")
 BULK_RATIO = 10000.0  # K / mu: the compressibility then costs about 2e-4 of the force, 1000 ten times that
-# First and largest increment of the lift and the growth between them: the fastest of those that converge.
+# First and largest increment of the lift and the growth between them: the fastest of those that
+# converge.
 LIFT = "1e-3, 1., 1e-8, 0.12"
 CONTROLS = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2."
 

@@ -28,7 +28,9 @@ def prepare(level: int) -> tuple[Floats, Ints]:
 
 
 def solve(meridian: tuple[Floats, Ints]) -> Solution:
-    """Newton from the homogeneously stretched film, lifted in steps; both rims are clamped.
+    """Newton from the homogeneously stretched film, lifted in steps.
+
+    Both rims are clamped.
 
     A film of finite thickness resists bending: with the mesh and K it goes to a force 2.3e-4 above the
     membrane's. Rims that may rotate have been tried; Newton's method then fails.

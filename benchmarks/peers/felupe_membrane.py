@@ -61,7 +61,10 @@ def prepare(level: int) -> Annulus:
 
 
 def solve(annulus: Annulus) -> Solution:
-    """Newton from the flat membrane straight to the full travel; the force is the reaction of the rim."""
+    """Newton from the flat membrane straight to the full travel.
+
+    The force is the reaction of the rim.
+    """
     mesh = fem.Mesh(annulus.points, annulus.cells, "quad9")
     region = fem.RegionBiQuadraticQuad(mesh)
     field = fem.FieldContainer([fem.Field(region, dim=3)])

@@ -47,7 +47,10 @@ def _energy(mesh: Mesh, u: fem.Function) -> ufl.Form:
 
 
 def solve(mesh: Mesh) -> Solution:
-    """Newton from the flat membrane straight to the full travel; the force is the reaction of the rim."""
+    """Newton from the flat membrane straight to the full travel.
+
+    The force is the reaction of the rim.
+    """
     space = fem.VectorFunctionSpace(mesh, ("Lagrange", 2), dim=3)
     u, v, du = fem.Function(space), ufl.TestFunction(space), ufl.TrialFunction(space)
     first = ufl.derivative(_energy(mesh, u), u, v)

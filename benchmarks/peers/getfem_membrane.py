@@ -38,7 +38,9 @@ def prepare(level: int) -> getfem.Mesh:
 
 
 def solve(mesh: getfem.Mesh) -> Solution:
-    """Newton from a cone to the full travel; the force is the reaction of the rim.
+    """Newton from a cone to the full travel.
+
+    The force is the reaction of the rim.
 
     GetFEM puts the boundary values into the start: without the cone the plate's travel would be taken up by
     the first ring of cells and Newton's method would need more steps.

@@ -82,7 +82,9 @@ def measure(
     peer: Peer, levels: int, repeat: int, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution],
     first: int = 0,
 ) -> Iterator[Row]:
-    """Rows for the meshes `prepare(first) ... prepare(first + levels - 1)`; only `solve` is timed.
+    """Rows for the meshes `prepare(first) ... prepare(first + levels - 1)`.
+
+    Only `solve` is timed.
 
     Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run on the
     coarsest mesh goes before and is not counted: lazy imports and compile caches are not the subject.

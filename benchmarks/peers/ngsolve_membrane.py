@@ -37,7 +37,10 @@ def _energy(space: ngs.FESpace) -> ngs.BilinearForm:
 
 
 def solve(mesh: ngs.Mesh) -> Solution:
-    """Newton from the flat membrane straight to the full travel; the force is the work of a unit lift."""
+    """Newton from the flat membrane straight to the full travel.
+
+    The force is the work of a unit lift.
+    """
     with ngs.TaskManager():
         space = ngs.H1(mesh, order=ORDER, dirichlet="plate|frame") ** 3
         form = _energy(space)

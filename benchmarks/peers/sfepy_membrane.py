@@ -87,7 +87,10 @@ def on_circles(points: Floats, conn: Ints) -> Floats:
 
 
 def prepare(level: int) -> Mesh:
-    """Virgin film as one layer of 8-node hexahedra; only the nodes of its upper face carry unknowns."""
+    """Virgin film as one layer of 8-node hexahedra.
+
+    Only the nodes of its upper face carry unknowns.
+    """
     n_r = 4 * 2**level
     flat = quads(PROBLEM.inner / PROBLEM.prestretch, PROBLEM.outer / PROBLEM.prestretch, n_r, 4 * n_r, order=1)
     n = len(flat.points)

@@ -1,4 +1,5 @@
-"""Readings by the axisymmetric equations, with effects written down again: none of the project's solver is used."""
+"""Readings by the axisymmetric equations, with effects written down again: none of the project's
+solver is used."""
 
 from __future__ import annotations
 
@@ -55,7 +56,8 @@ def readings(design: Design, truth: Truth) -> FloatArray | None:
 
 
 def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -> FloatArray | None:
-    """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past pull-in."""
+    """Deflection at each of rising voltages [V] under a dead load [N] and a spring [N/m]; None past
+    pull-in."""
     ritz = RitzExpansion(film, _DEGREE)
     state = ritz.flat(0.0)
     found = []
@@ -69,7 +71,8 @@ def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -
 
 
 def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float, q: float) -> _State | None:
-    """Newton's method for the deflection, the film in equilibrium at each; steps of at most a tenth of the gap."""
+    """Newton's method for the deflection, the film in equilibrium at each; steps of at most a tenth
+    of the gap."""
     gap = 0.1 * (ritz.film.outer - ritz.film.inner)
     at = ritz.equilibrium(state.c, state.deflection, q)
     for _ in range(30):
@@ -84,7 +87,8 @@ def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float, q:
 
 
 def _material(law: object, factor: float, exponent: float | None, stretch: float) -> Material:
-    """The nominal Ogden law, stiffer by a factor, with an exponent more hardening about the mounted film."""
+    """The nominal Ogden law, stiffer by a factor, with an exponent more hardening about the mounted
+    film."""
     mu, alpha = (np.asarray(getattr(law, name)) for name in ("mu", "alpha"))
     nominal = Ogden(tuple((factor * mu).tolist()), tuple(alpha.tolist()))
     if exponent is None:

@@ -52,7 +52,8 @@ def lab_of(seed: int, workers: int) -> Lab:
 
 
 def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
-    """All trials, those of all populations mixed, so that a study stopped early has some of each."""
+    """All trials, those of all populations mixed, so that a study stopped early has some of each.
+    """
     every = [((number + 0.5) / count, name, number) for name, count in counts.items()
              for number in range(count)]
     return ((name, number) for _, name, number in sorted(every))
@@ -61,7 +62,8 @@ def order(counts: dict[str, int]) -> Iterator[tuple[str, int]]:
 def study(lab: Lab, counts: dict[str, int], workers: int, keep: Path | None = None,
           minutes: float = inf
           ) -> list[Record]:
-    """All trials run, or read from where they were kept; those still to be begun after some minutes left out."""
+    """All trials run, or read from where they were kept; those still to be begun after some minutes
+    left out."""
     records, done = kept(keep)
     trials = [trial for trial in order(counts) if trial not in done]
     end = time.monotonic() + 60 * minutes

@@ -1,4 +1,5 @@
-"""The same case reached from another direction: voltage first, the plate held at heaves, or the axisymmetric equations.
+"""The same case reached from another direction: voltage first, the plate held at heaves, or the
+axisymmetric equations.
 
 Each check returns a :class:`Verdict`. "agrees" and "differs" are about the status and the numbers
 of the outcome; "silent" means that this direction says nothing about the case.
@@ -63,7 +64,8 @@ def voltage_first(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
 
 
 def along_heaves(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
-    """The load that keeps the plate at one heave after another, from where that load is zero to beyond the limit.
+    """The load that keeps the plate at one heave after another, from where that load is zero to
+    beyond the limit.
 
     The heave takes the place of the load as what is given, so that the limit point is nothing
     special there.
@@ -144,7 +146,8 @@ def oracle(model: Model, drawn: Drawn, found: Outcome) -> Verdict:
 
 
 def _reference(material: Material) -> axisymmetric.Material | None:
-    """An implementation of a law that shares nothing with tympan.fem.film.laws, where there is one."""
+    """An implementation of a law that shares nothing with tympan.fem.film.laws, where there is one.
+    """
     if isinstance(material, Ogden):
         return axisymmetric.Ogden(material.mu, material.alpha)
     return next((sample.reference for sample in SAMPLES.values() if sample.law == material), None)

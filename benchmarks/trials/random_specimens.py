@@ -123,7 +123,8 @@ def _film(random: Generator, plain: bool) -> Film:
 
 
 def _outline(random: Generator, size: float) -> Outline:
-    """A circle, or an ellipse of aspect up to 3 lying or standing, with about the area of a circle of that size."""
+    """A circle, or an ellipse of aspect up to 3 lying or standing, with about the area of a circle
+    of that size."""
     if random.random() < 0.35:
         return Circle(size)
     stretch = np.sqrt(random.uniform(1, 3)) ** random.choice([-1, 1])

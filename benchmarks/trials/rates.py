@@ -1,4 +1,5 @@
-"""What a study's records add up to: rates with intervals against their targets, the page and the power curve."""
+"""What a study's records add up to: rates with intervals against their targets, the page and the
+power curve."""
 
 from __future__ import annotations
 
@@ -156,7 +157,8 @@ def _right(one: Record) -> bool:
 
 
 def calibration(records: Sequence[Record]) -> tuple[float, list[tuple[float, float, int]]]:
-    """Expected error of the first cause's stated probability, and (stated, true share, count) of each bin.
+    """Expected error of the first cause's stated probability, and (stated, true share, count) of
+    each bin.
 
     Trials with one effect, two, and a stranger, as they were drawn, are weighted as the diagnosis
     expects them.

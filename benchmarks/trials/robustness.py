@@ -81,7 +81,8 @@ class Record:
 
 
 def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
-    """A case solved and checked; every ``sample``-th from the other directions that cost as much as the search."""
+    """A case solved and checked; every ``sample``-th from the other directions that cost as much as
+    the search."""
     began = time.process_time()
     model, found = equilibrate(drawn.case, Settings(mesh))
     seconds = time.process_time() - began

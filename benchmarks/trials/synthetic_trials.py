@@ -1,4 +1,5 @@
-"""Readings with an effect hidden in them, made by other means than those a diagnosis fits them with.
+"""Readings with an effect hidden in them, made by other means than those a diagnosis fits them
+with.
 
 The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at
 heaves, polynomials between. The readings here come from (a) elements of order 3 or 2 on other,
@@ -99,7 +100,8 @@ def _read(states: States) -> ReadingTable:
 
 def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tuple(EFFECTS),
            voltages: Array = UP) -> Design:
-    """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the other.
+    """Three specimens under two masses, each ramp to 6.5 kV in 15 readings, one ramp after the
+    other.
 
     Effects that need ramps both ways may only be there where there are some.
     """
@@ -159,7 +161,8 @@ def stresses(law: Material) -> Array:
 
 @lru_cache
 def look_alike(nominal: Material) -> tuple[Material, float]:
-    """A Gent law with a Mooney term fitted to another law over the stretches visited; its largest relative error."""
+    """A Gent law with a Mooney term fitted to another law over the stretches visited; its largest
+    relative error."""
     wanted = stresses(nominal)
 
     def law(x: Array) -> Material:
@@ -185,7 +188,8 @@ def scaled(law: Material, factor: float) -> Material:
 
 
 class Stranger:
-    """Something wrong that no effect of the library is. It does nothing; a subclass overrides what it does."""
+    """Something wrong that no effect of the library is. It does nothing; a subclass overrides what
+    it does."""
 
     def setup(self, setup: Setup) -> Setup:
         """The specimens and the rig as they are."""
@@ -213,7 +217,8 @@ NOBODY = Stranger()
 
 @dataclass(frozen=True)
 class Truth:
-    """What is the case: factors on stiffness and permittivity, effects with their sizes, and by which means."""
+    """What is the case: factors on stiffness and permittivity, effects with their sizes, and by
+    which means."""
 
     stiffness: float = 1.0
     permittivity: float = 1.0
@@ -240,7 +245,8 @@ def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
 
 
 def readings(design: Design, truth: Truth) -> Array | None:
-    """Readings of a design's rows without noise [m]; None where a state has no equilibrium or a film cannot be built.
+    """Readings of a design's rows without noise [m]; None where a state has no equilibrium or a
+    film cannot be built.
 
     The latter are electrode margins of less than 1 % of the gap.
     """
@@ -294,7 +300,8 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
 
 def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
            stranger: Stranger = NOBODY) -> tuple[Truth, Array, int]:
-    """A truth with its readings, drawn again while a state has no equilibrium, and how often that was."""
+    """A truth with its readings, drawn again while a state has no equilibrium, and how often that
+    was."""
     for again in range(100):
         truth = draw(generator, hypothesis, means, stranger)
         found = readings(design, truth)

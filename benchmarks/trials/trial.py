@@ -1,4 +1,5 @@
-"""One trial: something hidden in readings, what the truth allows to be known, and what the diagnosis made of it."""
+"""One trial: something hidden in readings, what the truth allows to be known, and what the
+diagnosis made of it."""
 
 from __future__ import annotations
 
@@ -93,7 +94,8 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class Lab:
-    """The designs with their fitted models, and the study's seed; ``loops`` are the paper's up and down."""
+    """The designs with their fitted models, and the study's seed; ``loops`` are the paper's up and
+    down."""
 
     paper: tuple[Design, Simulation]
     loops: tuple[Design, Simulation]
@@ -106,14 +108,16 @@ class Lab:
         return POPULATIONS[population](self, generator, number)
 
     def by(self, number: int) -> tuple[Design, Simulation, Means]:
-        """Elements in half of the trials, half of these up and down, the equations and another law in a quarter."""
+        """Elements in half of the trials, half of these up and down, the equations and another law
+        in a quarter."""
         means: Means = ("elements", "equations", "elements", "another law")[number % 4]
         return (*(self.paper, self.circles, self.loops, self.paper)[number % 4], means)
 
 
 def measured(design: Design, values: Array, generator: np.random.Generator | None,
              number: int) -> ReadingTable:
-    """Readings with the noise of that trial, and its standard deviation; without a generator only the latter."""
+    """Readings with the noise of that trial, and its standard deviation; without a generator only
+    the latter."""
     sigma = _NOISES[number // 4 % len(_NOISES)]
     noise = 0.0 if generator is None else generator.normal(0, sigma, len(values))
     return design.table.with_sigma(np.full(len(values), sigma)).with_values(values + noise)
@@ -148,7 +152,8 @@ def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
 
 
 def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
-    """An effect that stands out, and what the model extended by causes chosen without them gains on other readings."""
+    """An effect that stands out, and what the model extended by causes chosen without them gains on
+    other readings."""
     design, simulation, means = lab.by(number)
     truth, values, again = _foretold(design, simulation, [(cause,) for cause in _visible(design)],
                                      means, generator,
@@ -165,7 +170,8 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
               generator: np.random.Generator, number: int) -> tuple[Truth, Array, int]:
-    """A truth that the fitted model foretells to stand out among single effects, its readings, and draws without."""
+    """A truth that the fitted model foretells to stand out among single effects, its readings, and
+    draws without."""
     again, singles = 0, [(cause,) for cause in _visible(design)]
     while True:
         truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
@@ -311,7 +317,8 @@ def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: ReadingT
 
 def stands_out(simulation: Simulation, truth: Hypothesis, exact: ReadingTable, rivals: Sequence[Hypothesis]
                ) -> tuple[float, float]:
-    """χ² by which the nominal model, and the best rival, miss readings without noise more than the truth does.
+    """χ² by which the nominal model, and the best rival, miss readings without noise more than the
+    truth does.
 
     Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not
     told from one.

@@ -1,4 +1,5 @@
-"""Things that go wrong in a laboratory and are no effect of the library, for a diagnosis to call unexplained."""
+"""Things that go wrong in a laboratory and are no effect of the library, for a diagnosis to call
+unexplained."""
 
 from __future__ import annotations
 
@@ -107,7 +108,8 @@ class Jump(Stranger):
 
 @dataclass(frozen=True)
 class Stick(Stranger):
-    """The plate rubs at a guide: it moves only once it has to by more than a threshold [m], then all the way."""
+    """The plate rubs at a guide: it moves only once it has to by more than a threshold [m], then
+    all the way."""
 
     threshold: float
 

@@ -1,1 +1,4 @@
-"""Claims of what the program computes right, each beside an independent reference; ``make verification`` runs them."""
+"""Claims of what the program computes right, each beside an independent reference.
+
+``make verification`` runs them.
+"""

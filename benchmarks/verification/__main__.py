@@ -1,4 +1,6 @@
-"""Run every claim and write ``docs/verification.md``; the exit status is 1 if a claim does not hold.
+"""Run every claim and write ``docs/verification.md``.
+
+The exit status is 1 if a claim does not hold.
 
 Run as ``python -m benchmarks.verification``.
 """

@@ -54,7 +54,10 @@ CLAIMS: list[Claim] = []
 
 def claim(title: str, *, reference: str, tolerance: float
           ) -> Callable[[Callable[[], Iterable[Pair]]], Callable[[], Iterable[Pair]]]:
-    """Register a function of pairs as a claim of the page; the order of definition is that of the page."""
+    """Register a function of pairs as a claim of the page.
+
+    The order of definition is that of the page.
+    """
     def register(pairs: Callable[[], Iterable[Pair]]) -> Callable[[], Iterable[Pair]]:
         CLAIMS.append(Claim(title, reference, tolerance, pairs))
         return pairs

@@ -61,7 +61,10 @@ def quarter_annulus(order: int, count: int) -> Model:
 
 
 def quarter_disc(order: int, count: int, radius: float, film: Film) -> Model:
-    """A quarter of a disc without a plate, ``count`` elements along the radius; its edge is held as a plate's is."""
+    """A quarter of a disc without a plate, ``count`` elements along the radius.
+
+    Its edge is held as a plate's is.
+    """
     corners = np.array([(i, j) for i in range(count + 1) for j in range(count + 1 - i)])
     number = {tuple(corner): k for k, corner in enumerate(corners)}
     cells = [[(i, j), (i + 1, j), (i, j + 1)] for i, j in corners if i + j < count]

@@ -51,7 +51,10 @@ def transverse(model: Model, voltage: float, plate: RigidPlate) -> list[float]:
 @claim("Natural frequencies of the flat annular film, plate held", tolerance=1e-5,
        reference="zeros of J_m(ka) Y_m(kb) − J_m(kb) Y_m(ka), waves at √(tension/mass per area)")
 def annulus_held() -> Iterator[Pair]:
-    """The lowest five across the film, twins counted twice; a voltage lowers them by the Maxwell tension."""
+    """The lowest five across the film, twins counted twice.
+
+    A voltage lowers them by the Maxwell tension.
+    """
     waves = [annulus_modes.held(m, 2, A, B) for m in range(4)]
     exact = np.sort(np.concatenate([np.repeat(wave, 1 if m == 0 else 2)
                                     for m, wave in enumerate(waves)]))

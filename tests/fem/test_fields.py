@@ -1,4 +1,5 @@
-"""Recovered fields: Fig. 4's claims, balances, and agreement with the axisymmetric ODE away from the plate too."""
+"""Recovered fields: Fig. 4's claims, balances, and agreement with the axisymmetric ODE away from
+the plate too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Small vibrations: closed forms of the flat annulus, the ODE's stiffness, dense eigenvalues, energies, symmetry."""
+"""Small vibrations: closed forms of the flat annulus, the ODE's stiffness, dense eigenvalues,
+energies, symmetry."""
 
 from __future__ import annotations
 
@@ -169,7 +170,8 @@ def test_an_unstable_plate_grows_as_bessel_s_modified_functions_say(push) -> Non
 
 
 def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
-    """The count is that of a dense solver; the mass decides how fast they grow, not how many there are."""
+    """The count is that of a dense solver; the mass decides how fast they grow, not how many there
+    are."""
     soft = circular(replace(NEO_HOOKE, mu=(15e3,)), density=DENSITY)
     film = model(soft, order=2)
     state = held(film, 10e-3, 6800.0).state
@@ -183,7 +185,8 @@ def test_a_slack_film_s_unstable_directions_are_counted_and_listed() -> None:
 
 @pytest.mark.parametrize("factor", [1.0, 10.0])
 def test_film_s_mass_on_a_loaded_film_by_the_ode_s_motion(factor) -> None:
-    """Rayleigh: a film much lighter than the plate moves as in statics, with an error of the next order in its mass."""
+    """Rayleigh: a film much lighter than the plate moves as in statics, with an error of the next
+    order in its mass."""
     heave, voltage, step = 8e-3, 3000.0, 1e-5
     above, below = (axisymmetric.solve_deflection(reference_film(NEO_HOOKE), heave + sign * step, voltage)
                     for sign in (1, -1))
@@ -268,7 +271,8 @@ def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
 
 @pytest.mark.parametrize("mass", [0.0, 1e-3])
 def test_a_skewed_film_against_dense_eigenvalues(mass) -> None:
-    """No symmetry, heave and tilt coupled, weight off centre, film with margins: all lowest modes, none missed."""
+    """No symmetry, heave and tilt coupled, weight off centre, film with margins: all lowest modes,
+    none missed."""
     film, state = loaded(heavy(skewed()), order=1)
     arm = (3e-3, -2e-3)
     film = replace(film, loading=Loading((Spring(4.0),), arm))
@@ -384,7 +388,8 @@ def test_a_spring_stiffens_the_heave_alone() -> None:
 
 
 def test_names_of_film_patterns_are_bessel_s() -> None:
-    """Each name (m, n) comes with the closed form's frequency for m nodal diameters and n circles."""
+    """Each name (m, n) comes with the closed form's frequency for m nodal diameters and n circles.
+    """
     film = model(annulus())
     found = vibrations(film, film.mounted(), HELD, count=60)
     labels = mode_names(*named(film, found))

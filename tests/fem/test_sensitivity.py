@@ -1,4 +1,5 @@
-"""Gradients of results: against differences of solved equilibria, and exact identities of similarity."""
+"""Gradients of results: against differences of solved equilibria, and exact identities of
+similarity."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def test_every_number_of_the_model_is_a_parameter(solved) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
-    """Central differences of re-solved equilibria, order two: the error falls fourfold when the step halves."""
+    """Central differences of re-solved equilibria, order two: the error falls fourfold when the
+    step halves."""
     film, solution, exact = solved
     value = parameters(film)[name].value(film, solution.state) or 1e-3
     errors = []
@@ -74,7 +76,8 @@ def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
 
 
 def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is factorised, and the adjoint solution solves the equilibrium's own tangent; without refinement not."""
+    """Nothing is factorised, and the adjoint solution solves the equilibrium's own tangent; without
+    refinement not."""
     film, solution, exact = solved
     fresh = Tangent(film, film.linearised(solution.state), solution.state)
     right = QUANTITIES["heave"].slope(film, solution.state)
@@ -92,7 +95,8 @@ def test_the_factors_of_the_solve_suffice(solved, monkeypatch: pytest.MonkeyPatc
 
 
 def test_similarity_ties_the_derivatives_together() -> None:
-    """The heave over the size depends on F/(mu T b), eps U²/(mu T²) and a/b alone; logarithmic slopes cancel."""
+    """The heave over the size depends on F/(mu T b), eps U²/(mu T²) and a/b alone; logarithmic
+    slopes cancel."""
     film = model(circular())
     outcome = equilibrium(film, FORCE, VOLTAGE)
     values = {"force": FORCE, "voltage": VOLTAGE, "membrane.material.mu.0": 25e3,

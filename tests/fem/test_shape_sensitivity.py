@@ -1,4 +1,5 @@
-"""Derivatives by lengths and of pull-in: against the axisymmetric equations, new meshes, and scikit-fem's geometry."""
+"""Derivatives by lengths and of pull-in: against the axisymmetric equations, new meshes, and
+scikit-fem's geometry."""
 
 from __future__ import annotations
 

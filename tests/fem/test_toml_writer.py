@@ -78,7 +78,8 @@ def test_a_specimen_with_everything(read) -> None:
 
 
 def test_a_law_of_a_narrow_range_states_it(read) -> None:
-    """Its stress falls beyond a stretch of 4; where it falls at the mounted stretch no file can state it."""
+    """Its stress falls beyond a stretch of 4; where it falls at the mounted stretch no file can
+    state it."""
     specimen = circular(Ogden((20e3, -500.0), (2.0, 4.0)))
     assert "range = [" in specimen_to_toml(specimen)
     assert read(specimen) == specimen

@@ -1,4 +1,5 @@
-"""Outlines from DXF and STEP files, parts for making, and what is refused of them, with its place."""
+"""Outlines from DXF and STEP files, parts for making, and what is refused of them, with its place.
+"""
 
 from __future__ import annotations
 

@@ -75,7 +75,8 @@ def test_electrode_margins_have_their_areas() -> None:
 @pytest.mark.parametrize(("frame", "plate"),
                          [(17, 17), (16, 16), (25, 8), (34, 0), (0, 34), (3, 2), (0.5, 0.5)])
 def test_no_band_folds_its_elements(frame: float, plate: float) -> None:
-    """A flat film is stretched alike everywhere, however narrow the bands: folded elements would show."""
+    """A flat film is stretched alike everywhere, however narrow the bands: folded elements would
+    show."""
     specimen = replace(circular(), electrode=Electrode(frame * 1e-3, plate * 1e-3))
     model = build_model(specimen, Settings())
     assert folded(model.discretisation.mesh) == 0
@@ -138,7 +139,8 @@ def test_elements_shrink_towards_the_plate() -> None:
 
 
 def test_meshing_leaves_a_broken_pipe_an_error() -> None:
-    """gmsh makes it lethal; a server that meshes, in any thread, must outlive a client that hangs up."""
+    """gmsh makes it lethal; a server that meshes, in any thread, must outlive a client that hangs
+    up."""
     script = """
 import os, pickle, sys, threading
 from tympan.geometry.mesher import MeshSettings, mesh_film

@@ -1,4 +1,5 @@
-"""Quantities and specimen files at the border: what is accepted, and one clear message for what is not."""
+"""Quantities and specimen files at the border: what is accepted, and one clear message for what is
+not."""
 
 from __future__ import annotations
 

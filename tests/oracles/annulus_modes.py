@@ -1,4 +1,5 @@
-"""Independent closed forms for vibrations of a flat annular film under an equal tension, with or without a rigid disc.
+"""Independent closed forms for vibrations of a flat annular film under an equal tension, with or
+without a rigid disc.
 
 Nothing of the project is imported here. A film of tension ``N`` [N/m] and mass ``s`` per area
 [kg/m²] between the radii ``a`` and ``b`` obeys ``N lap(w) = -s w^2 w``, so ``w(r, t) = f(r) cos(m
@@ -48,7 +49,8 @@ def tilting(count: int, inner: float, outer: float, inertia_ratio: float) -> np.
 
 
 def growing(inner: float, outer: float, mass_ratio: float, push_ratio: float) -> float:
-    """kappa = g / c [1/m] of the disc that leaves, with ``mass_ratio = M / s`` [m²] and ``push_ratio = K / N``."""
+    """kappa = g / c [1/m] of the disc that leaves, with ``mass_ratio = M / s`` [m²] and
+    ``push_ratio = K / N``."""
     def equation(kappa: float) -> float:
         i, k = iv(0, kappa * outer), kv(0, kappa * outer)
         value = iv(0, kappa * inner) * k - kv(0, kappa * inner) * i
@@ -67,7 +69,8 @@ def _cross(order: int, k: float, inner: float, outer: float) -> tuple[float, flo
 
 def _roots(equation: Callable[[float], float], count: int, inner: float,
            outer: float) -> np.ndarray:
-    """Lowest positive roots; neighbours are about pi/(b - a) apart, so this net is fine enough for all of them."""
+    """Lowest positive roots; neighbours are about pi/(b - a) apart, so this net is fine enough for
+    all of them."""
     step = np.pi / (outer - inner) / 200
     k = step * np.arange(1, 200 * (count + 2) + 1)
     values = np.array([equation(item) for item in k])

@@ -77,7 +77,8 @@ class NoEquilibrium(ArithmeticError):
 
 
 class Material(Protocol):
-    """Energy per virgin volume ``W(l1, l2)`` [J/m^3 = Pa] with ``l3 = 1 / (l1 l2)`` already eliminated.
+    """Energy per virgin volume ``W(l1, l2)`` [J/m^3 = Pa] with ``l3 = 1 / (l1 l2)`` already
+    eliminated.
 
     ``w1 = dW/dl1``, ``w12 = d2W/(dl1 dl2)`` and so on [Pa]; arguments and results are arrays of one
     shape.
@@ -98,7 +99,8 @@ class Material(Protocol):
 
 @dataclass(frozen=True)
 class Ogden:
-    """Incompressible Ogden law ``W = sum_p mu_p / alpha_p (l1^a + l2^a + l3^a - 3)``, ``a = alpha_p``.
+    """Incompressible Ogden law ``W = sum_p mu_p / alpha_p (l1^a + l2^a + l3^a - 3)``, ``a =
+    alpha_p``.
 
     ``mu`` [Pa], ``alpha`` [-].  Convention ``mu_p / alpha_p``: the initial shear modulus is
     ``1/2 sum mu_p alpha_p``.  (Ogden 1972, Proc. R. Soc. A 326, 565.)  ``Ogden((mu,), (2.0,))`` is
@@ -158,7 +160,8 @@ def neo_hooke(mu: float) -> Ogden:
 
 @dataclass(frozen=True)
 class EnergyFunction:
-    """Any energy ``W(l1, l2)`` [Pa] given with its first derivatives ``first = dW/dl1``, ``second = dW/dl2``.
+    """Any energy ``W(l1, l2)`` [Pa] given with its first derivatives ``first = dW/dl1``, ``second =
+    dW/dl2``.
 
     The second derivatives are five-point central differences (step 1e-3, error about 1e-12
     relative).  The Ritz method needs them only to converge and to judge stability, its force does
@@ -250,7 +253,8 @@ class Film:
 
 
 class EnergyDerivatives(NamedTuple):
-    """``Psi`` and its derivatives by the stretches; ``q*`` are derivatives by ``q = U^2`` [Pa, Pa/V^2]."""
+    """``Psi`` and its derivatives by the stretches; ``q*`` are derivatives by ``q = U^2`` [Pa,
+    Pa/V^2]."""
 
     value: FloatArray
     d1: FloatArray
@@ -264,7 +268,8 @@ class EnergyDerivatives(NamedTuple):
 
 def energy_derivatives(film: Film, l1: FloatArray, l2: FloatArray,
                        squared_voltage: float) -> EnergyDerivatives:
-    """Energy per virgin volume, elastic plus electrical, relaxed if the film is, at ``U^2`` [V^2]."""
+    """Energy per virgin volume, elastic plus electrical, relaxed if the film is, at ``U^2`` [V^2].
+    """
     plain = _plain(film, l1, l2, squared_voltage)
     slack = plain.d2 < 0.0
     if not (film.relaxed and np.any(slack)):
@@ -284,7 +289,8 @@ def energy_derivatives(film: Film, l1: FloatArray, l2: FloatArray,
 
 
 def natural_width(film: Film, l1: FloatArray, l2: FloatArray, squared_voltage: float) -> FloatArray:
-    """Smallest root ``n > l2`` of ``Psi_2(l1, n) = 0``, from ``Psi_2(l1, l2) < 0``; nan where there is none."""
+    """Smallest root ``n > l2`` of ``Psi_2(l1, n) = 0``, from ``Psi_2(l1, l2) < 0``; nan where there
+    is none."""
     with np.errstate(all="ignore"):  # points without a root end in nan
         factor = 1.02
         low, high = l2, l2 * factor
@@ -429,7 +435,8 @@ class _State:
 
 
 class RitzExpansion:
-    """Spectral Ritz discretisation of ``Pi`` in ``xi in [-1, 1]``, ``R = a exp((1 + xi) ln(b / a) / 2)``.
+    """Spectral Ritz discretisation of ``Pi`` in ``xi in [-1, 1]``, ``R = a exp((1 + xi) ln(b / a) /
+    2)``.
 
     ``r = R + sum c_k B_k`` and ``z = w (1 - xi) / 2 + sum d_k B_k`` with the integrated Legendre
     polynomials ``B_k' = P_k, k >= 1``, which vanish at both ends.  The boundary conditions hold
@@ -488,7 +495,8 @@ class RitzExpansion:
     def derivatives(
         self, c: FloatArray, deflection: float, q: float
     ) -> tuple[float, FloatArray, FloatArray, FloatArray] | None:
-        """``Pi``, its gradient and Hessian by ``(c, w)``, and the derivative of the gradient by ``q = U^2``.
+        """``Pi``, its gradient and Hessian by ``(c, w)``, and the derivative of the gradient by ``q
+        = U^2``.
 
         None if the shape is not admissible (non-positive stretch or overflow).
         """
@@ -538,7 +546,8 @@ class RitzExpansion:
         return value, gradient, hessian, mixed
 
     def equilibrium(self, c: FloatArray, deflection: float, q: float) -> _State | None:
-        """Newton iteration at given deflection and ``q = U^2`` from the guess ``c``; None if it fails."""
+        """Newton iteration at given deflection and ``q = U^2`` from the guess ``c``; None if it
+        fails."""
         for _ in range(12):
             now = self.derivatives(c, deflection, q)
             if now is None:
@@ -553,7 +562,8 @@ class RitzExpansion:
         return None
 
     def follow_force(self, base: _State, arc: float, force: float) -> _State | None:
-        """Next equilibrium of constant ``force`` [N], ``arc`` ahead of the stable state ``base``, or None.
+        """Next equilibrium of constant ``force`` [N], ``arc`` ahead of the stable state ``base``,
+        or None.
 
         Deflection and ``q = U^2`` are both unknown; the step is measured along the tangent of the
         branch in the plane of ``w / (b - a)`` and ``q / q_unit``, so that neither needs to be
@@ -717,7 +727,8 @@ def solve_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
 def solve_load(
     film: Film, force: float, voltage: float = 0.0, max_deflection: float | None = None
 ) -> Solution:
-    """Stable equilibrium on the primary branch under the dead load ``force`` [N] and ``voltage`` [V].
+    """Stable equilibrium on the primary branch under the dead load ``force`` [N] and ``voltage``
+    [V].
 
     At constant voltage ``F(w)`` is followed from the flat film; the primary branch ends at the
     first limit point, where ``dF/dw = 0`` (pull-in under a dead load).  Raises
@@ -780,7 +791,8 @@ def _primary(ritz: RitzExpansion, load: float, q: float, reach: float) -> _State
 
 
 def _limit_point(ritz: RitzExpansion, start: _State, end: float) -> _State:
-    """Bisect the loss of stability under load between ``start`` (stable) and the deflection ``end`` [m]."""
+    """Bisect the loss of stability under load between ``start`` (stable) and the deflection ``end``
+    [m]."""
     low, high = start, end
     while high - low.deflection > 1e-9 * ritz.film.outer:
         middle = ritz.advance(low, 0.5 * (low.deflection + high))
@@ -810,7 +822,8 @@ def _at_load(ritz: RitzExpansion, low: _State, high: _State, load: float) -> _St
 
 
 def pull_in(film: Film, force: float) -> Solution:
-    """The fold of the load-controlled branch: ``force`` [N] is kept while the voltage rises from zero.
+    """The fold of the load-controlled branch: ``force`` [N] is kept while the voltage rises from
+    zero.
 
     The equilibria of constant force are followed by arc length in the plane of deflection and
     ``U^2``.  The voltage is largest where ``dF/dw`` at constant voltage vanishes, since on the
@@ -832,7 +845,8 @@ def pull_in(film: Film, force: float) -> Solution:
 
 
 def pull_in_voltage(film: Film, force: float) -> float:
-    """Voltage [V] of :func:`pull_in`, to 1e-8 relative or better (the fold is a maximum of the voltage)."""
+    """Voltage [V] of :func:`pull_in`, to 1e-8 relative or better (the fold is a maximum of the
+    voltage)."""
     return pull_in(film, force).voltage
 
 

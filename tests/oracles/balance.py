@@ -29,7 +29,8 @@ _STEP = 1e-30
 
 @dataclass(frozen=True)
 class Balance:
-    """What is left over in the whole film, relative to the largest nodal force; moments over the frame's half extent.
+    """What is left over in the whole film, relative to the largest nodal force; moments over the
+    frame's half extent.
 
     ``nodes``: on the free nodes. ``force`` and ``moment``: on the plate, along the motions its
     guide allows. ``slope``: of the potential along random motions of film and plate, over force
@@ -51,7 +52,8 @@ class Balance:
 
 
 def balance(part: Model, state_of_part: State) -> Balance:
-    """Forces and moments left over at a state, on the whole film also where a mirrored part was solved."""
+    """Forces and moments left over at a state, on the whole film also where a mirrored part was
+    solved."""
     model, state = whole(part, state_of_part)
     forces = nodal_forces(model, state)
     scale = float(np.abs(forces).max())
@@ -68,7 +70,8 @@ def balance(part: Model, state_of_part: State) -> Balance:
 
 
 def nodal_forces(model: Model, state: State) -> Array:
-    """What it takes to hold the nodes against film, its weight and the gas on it [N], shape (nodes, 3)."""
+    """What it takes to hold the nodes against film, its weight and the gas on it [N], shape (nodes,
+    3)."""
     deformation = model.discretisation.deformation(state.positions)
     density, shapes = model.specimen.membrane.density, model.discretisation.shapes
     piola = _nominal_stress(model, state, deformation)
@@ -109,7 +112,8 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
 
 
 def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]:
-    """Force [N] and moment about its centre [N m] left over on the plate, from what it takes to hold its edge."""
+    """Force [N] and moment about its centre [N m] left over on the plate, from what it takes to
+    hold its edge."""
     plate, loading = state.plate, model.loading
     arms = (model.discretisation.reference[model.discretisation.plate_nodes] - model.centre) @ plate.rotation.T
     weight = np.array([0.0, 0.0, state.force])
@@ -129,7 +133,8 @@ def _pull(bias: object, heave: float) -> float:
 
 
 def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
-    """Largest slope of the potential along random motions, over the largest force times the motion's length.
+    """Largest slope of the potential along random motions, over the largest force times the
+    motion's length.
 
     By a complex step, which has no error of truncation: near a law's locking stretch, or across a
     gap far narrower than the frame, a difference's would be larger than the forces left over.
@@ -149,7 +154,8 @@ def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
 
 
 def displaced(model: Model, state: State, nodes: Array, motion: Array, step: complex) -> State:
-    """The state after a step along a motion of free nodal components and plate; the rotation to the first order."""
+    """The state after a step along a motion of free nodal components and plate; the rotation to the
+    first order."""
     positions = state.positions + 0 * step
     positions[model.discretisation.free] += step * nodes
     turn = np.eye(3) + step * np.cross(motion[3:], np.eye(3)).T

@@ -1,4 +1,5 @@
-"""Independent reference for discs and annuli under gas pressure, own weight and a force on the plate.
+"""Independent reference for discs and annuli under gas pressure, own weight and a force on the
+plate.
 
 Words, kinematics and energy are those of :mod:`axisymmetric`; nothing of the project is imported.
 Besides the force ``F`` on the plate there are a gas pressure ``p`` on the film, normal to it
@@ -45,7 +46,8 @@ class Disc(Film):
 
 @dataclass(frozen=True)
 class Loads:
-    """Gas pressure on the film [Pa], force on the plate [N], voltage [V], weight per virgin area [Pa]."""
+    """Gas pressure on the film [Pa], force on the plate [N], voltage [V], weight per virgin area
+    [Pa]."""
 
     pressure: float = 0.0
     force: float = 0.0
@@ -55,7 +57,8 @@ class Loads:
 
 @dataclass(frozen=True, eq=False)
 class Bubble:
-    """An equilibrium: ``apex`` is the height of the centre or the plate [m]; ``meridian`` maps R to (l1, l2, z)."""
+    """An equilibrium: ``apex`` is the height of the centre or the plate [m]; ``meridian`` maps R to
+    (l1, l2, z)."""
 
     apex: float
     meridian: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
@@ -123,7 +126,8 @@ def minimise(film: Film, loads: Loads, degree: int = 30) -> Bubble:
 
 
 class _Expansion:
-    """``r = R + sum c_k r_k(R)`` and ``z = sum d_k z_k(R)``; the plate's heave is the first ``d``, if there is one."""
+    """``r = R + sum c_k r_k(R)`` and ``z = sum d_k z_k(R)``; the plate's heave is the first ``d``,
+    if there is one."""
 
     def __init__(self, film: Film, degree: int) -> None:
         self.film, self.degree = film, degree
@@ -231,7 +235,8 @@ class _Expansion:
 
 
 def hencky(poisson: float, tension: float = 0.0, terms: int = 400) -> tuple[float, float]:
-    """Hencky's series for a clamped linear membrane under uniform pressure: ``b0`` and the apex coefficient.
+    """Hencky's series for a clamped linear membrane under uniform pressure: ``b0`` and the apex
+    coefficient.
 
     ``n(s) = sum b_k s^2k`` solves ``n'' + 3 n'/s + 8 / n^2 = 0`` for the radial resultant
     ``N = (E h p^2 a^2 / 64)^(1/3) n(r/a)``; the edge does not move. The apex is at ``w0 = a (p a /

@@ -29,7 +29,8 @@ from tympan.fem.film.laws import (
 
 @dataclass(frozen=True)
 class Sample:
-    """A law, its lines in a specimen file, its reference, and its true stress at λ₁ = λ₂ = √5 [Pa]."""
+    """A law, its lines in a specimen file, its reference, and its true stress at λ₁ = λ₂ = √5 [Pa].
+    """
 
     law: Any
     lines: str
@@ -89,7 +90,8 @@ def separable(reference: float) -> axisymmetric.EnergyFunction:
 
 
 def prestretched_ogden(reference: float) -> axisymmetric.EnergyFunction:
-    """The same with γ on the thickness, as an Ogden law of the virgin film with constants that differ by axis."""
+    """The same with γ on the thickness, as an Ogden law of the virgin film with constants that
+    differ by axis."""
     inner, outer = ((40e3, 2e3), (2, 4)), ((3e3, 1.5e3), (2, 4))
 
     def energy(l1: Any, l2: Any) -> Any:

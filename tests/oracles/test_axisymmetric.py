@@ -1,4 +1,5 @@
-"""Checks of the axisymmetric reference against published values, closed forms and a second method."""
+"""Checks of the axisymmetric reference against published values, closed forms and a second method.
+"""
 
 from __future__ import annotations
 
@@ -164,7 +165,8 @@ def test_small_deflection_constant_of_neo_hooke() -> None:
 
 
 def test_quadratic_energy_is_solved_exactly() -> None:
-    """``W = mu / 2 (l1^2 + l2^2)`` decouples: r = R and ``F = 2 pi mu T w / ln(b / a)`` for any w."""
+    """``W = mu / 2 (l1^2 + l2^2)`` decouples: r = R and ``F = 2 pi mu T w / ln(b / a)`` for any w.
+    """
     mu, deflection = 25e3, 0.1
     material = EnergyFunction(
         lambda l1, l2: 0.5 * mu * (l1**2 + l2**2), lambda l1, l2: mu * l1, lambda l1, l2: mu * l2

@@ -1,4 +1,5 @@
-"""The reference with tension-field relaxation: closed form of a fully wrinkled film, two methods, derivatives."""
+"""The reference with tension-field relaxation: closed form of a fully wrinkled film, two methods,
+derivatives."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ SLACK = Film(10e-3, 45e-3, 1e-3, 0.5, neo_hooke(MU), relaxed=True)
 
 
 def wrinkled_force(film: Film, mu: float, heave: float) -> float:
-    """Force on a film whose meridians are all strings: straight, uniaxial, with mu (l - 1/l²) R = constant."""
+    """Force on a film whose meridians are all strings: straight, uniaxial, with mu (l - 1/l²) R =
+    constant."""
     length = math.hypot(film.outer - film.inner, heave)
     xi, weight = legendre.leggauss(40)
     radii = film.inner + 0.5 * (film.outer - film.inner) * (1 + xi)

@@ -1,4 +1,5 @@
-"""Independent references around pull-in: the unstable branch beyond it, and the loss of hoop tension before it.
+"""Independent references around pull-in: the unstable branch beyond it, and the loss of hoop
+tension before it.
 
 Built on the Ritz expansion of :mod:`axisymmetric`; the project is not imported.
 """

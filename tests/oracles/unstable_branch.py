@@ -31,5 +31,6 @@ def branch_points(film: Model, subspace: Subspace, reach: float = 10.9e-3,
 def voltage_at(reference: Reference, heave: float, force: float, near: tuple[FloatArray, float],
                degree: int
                ) -> tuple[FloatArray, float]:
-    """Shape and U² of the Ritz method at a heave and a force, by Newton's method from a shape and a U² near."""
+    """Shape and U² of the Ritz method at a heave and a force, by Newton's method from a shape and a
+    U² near."""
     return shape_at(RitzExpansion(reference, degree), near[0], heave, near[1], force)

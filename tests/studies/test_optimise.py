@@ -1,4 +1,5 @@
-"""Shape optimisation: gradients by Taylor's test, optima by their own conditions, by neighbours and finer meshes."""
+"""Shape optimisation: gradients by Taylor's test, optima by their own conditions, by neighbours and
+finer meshes."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ def result(file: Path) -> Optima:
 
 def remainders(problem: OptimiseProblem, values: np.ndarray, direction: np.ndarray,
                steps: tuple[float, ...]) -> np.ndarray:
-    """What a first-order expansion of stroke and limits misses, shape (steps, 1 + limits), on one mesh moved."""
+    """What a first-order expansion of stroke and limits misses, shape (steps, 1 + limits), on one
+    mesh moved."""
     evaluator = DesignEvaluator(problem, COARSE)
     _, here = evaluator.fresh(values)
     assert here is not None
@@ -71,7 +73,8 @@ def remainders(problem: OptimiseProblem, values: np.ndarray, direction: np.ndarr
 
 
 def test_stroke_and_every_limit_have_exact_slopes(file: Path) -> None:
-    """Halving the step quarters what the expansion misses, with a plate off the centre and all kinds of limits."""
+    """Halving the step quarters what the expansion misses, with a plate off the centre and all
+    kinds of limits."""
     more = 'pull_in_margin = 1.2\nmax_true_stress = "120 kPa"\nmax_field = "40 MV/m"\ngap = "15 mm"'
     text = PROBLEM.replace("[limits]", f"[limits]\n{more}")
     other = file.parent / "all.toml"
@@ -135,7 +138,8 @@ def test_a_number_without_derivative_is_refused() -> None:
 
 
 def test_the_optimum_keeps_its_conditions(result: Optima) -> None:
-    """Karush, Kuhn and Tucker's: balance of slopes, limits kept, multipliers positive, both starts the same."""
+    """Karush, Kuhn and Tucker's: balance of slopes, limits kept, multipliers positive, both starts
+    the same."""
     (optimum,) = result.optima
     assert not result.failed
     assert [run.descent.status for run in optimum.runs] == ["optimum"] * 2
@@ -161,7 +165,8 @@ def test_the_optimum_holds_on_a_finer_mesh_and_beats_the_reference(result: Optim
 
 
 def test_no_neighbour_is_better(result: Optima) -> None:
-    """Solved on their own, by the command's own function: neighbours of the same area and margin have less stroke."""
+    """Solved on their own, by the command's own function: neighbours of the same area and margin
+    have less stroke."""
     (optimum,) = result.optima
     best, problem = optimum.best.best, result.problem
 

@@ -1,4 +1,5 @@
-"""The branch command: limit points, lost tension, bias mechanisms and files, against the axisymmetric equations."""
+"""The branch command: limit points, lost tension, bias mechanisms and files, against the
+axisymmetric equations."""
 
 from __future__ import annotations
 
@@ -74,7 +75,8 @@ def test_stations_beyond_pull_in_are_the_unstable_branch(voltage_branch) -> None
 
 
 def test_voltage_and_charge_follow_the_same_branch(voltage_branch) -> None:
-    """Cutting off the source removes the limit point: along the charge the voltage passes its largest value."""
+    """Cutting off the source removes the limit point: along the charge the voltage passes its
+    largest value."""
     charged = path(Case(SOFT, mass=17.9e-3, voltage=0.0), Settings(), "charge")
     assert [item.what for item in charged.events] == ["tension lost"]
     charges = [station.charge_C for station in charged.stations]
@@ -92,7 +94,8 @@ def test_charge_of_a_nearly_flat_film_is_a_plate_capacitor_s() -> None:
 
 
 def test_magnet_makes_the_plate_snap_where_its_stiffness_is_the_film_s() -> None:
-    """At the limit point the film's stiffness at that voltage, by the equations, equals the magnet's negative one."""
+    """At the limit point the film's stiffness at that voltage, by the equations, equals the
+    magnet's negative one."""
     magnet = Magnet(1.2, 12e-3, 6e-3)
     case = Case(SOFT, mass=5e-3, voltage=0.0, rig=Rig(biases=(magnet,)))
     result = path(case, Settings(), "voltage")

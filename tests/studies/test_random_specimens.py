@@ -1,4 +1,5 @@
-"""Random specimens: every one converges with its forces in balance, or has a status that is right."""
+"""Random specimens: every one converges with its forces in balance, or has a status that is right.
+"""
 
 from __future__ import annotations
 
@@ -86,7 +87,8 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
 
 @pytest.mark.parametrize("number", [349, 377])
 def test_slopes_are_seen_near_locking(number: int) -> None:
-    """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a film that locks."""
+    """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a
+    film that locks."""
     drawn = next(one for one in design(number + 1) if one.number == number)
     record = judged(drawn, MeshSettings(), sample=10**9)
     assert record.balance.slope < STEEP
@@ -94,7 +96,8 @@ def test_slopes_are_seen_near_locking(number: int) -> None:
 
 
 def test_smooth_motions_start_before_the_film_wrinkles() -> None:
-    """On this coarse mesh the natural steps go on with a few radial wrinkles: from there the limit is 2 % too low."""
+    """On this coarse mesh the natural steps go on with a few radial wrinkles: from there the limit
+    is 2 % too low."""
     sample, a, b = SAMPLES["prestretched_ogden"], 0.007072555665392742, 0.022103619578584383
     thickness, stretch, permittivity, exponent = (0.00019409759679790068, 2.5291423810969422,
                                                   9.130380113361293,
@@ -118,7 +121,8 @@ def test_smooth_motions_start_before_the_film_wrinkles() -> None:
 
 @pytest.mark.parametrize("number", [47, 101])
 def test_no_pull_in_is_invented(number: int) -> None:
-    """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations have none."""
+    """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations
+    have none."""
     drawn = next(one for one in design(number + 1) if one.number == number)
     film, found = equilibrate(drawn.case, Settings(MESH))
     assert found.status == "not_converged"
@@ -141,7 +145,8 @@ def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
 
 
 def test_a_film_that_locks_says_so() -> None:
-    """The eight-chain law has no stress beyond its locking stretch; the film is taut until there."""
+    """The eight-chain law has no stress beyond its locking stretch; the film is taut until there.
+    """
     specimen = circular(SAMPLES["arruda_boyce"].law, prestretch=(3.99, 3.99), thickness=0.2323e-3)
     specimen = replace(specimen, frame=Circle(22.5e-3), plate=Plate(Circle(4.2e-3)))
     found = equilibrium(model(specimen, refine=0.6, order=3), 0.132, 1412.0)

@@ -1,4 +1,5 @@
-"""tympan/parts.pyi from the declared fields: ``python -m tests.support.parts_stub`` writes it anew."""
+"""tympan/parts.pyi from the declared fields: ``python -m tests.support.parts_stub`` writes it anew.
+"""
 
 from __future__ import annotations
 

@@ -49,7 +49,8 @@ def elliptical(long: float, material: Material = NEO_HOOKE) -> Specimen:
 
 
 def skewed() -> Specimen:
-    """Without any symmetry: plate off centre, anisotropic prestretch, electrode margins, stiffness."""
+    """Without any symmetry: plate off centre, anisotropic prestretch, electrode margins, stiffness.
+    """
     material = Ogden((16e3, 300.0), (1.7, 4.2))
     film = Film(1e-3, (2.4, 2.1), material, 4.7, permittivity_exponent=0.3, density=960.0)
     return Specimen("skewed", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3), (8e-3, -5e-3)), film,

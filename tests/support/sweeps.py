@@ -83,7 +83,8 @@ class Lethal(SweepTask):
 
 
 class Command:
-    """``tympan sweep`` on two processors of this machine, all its processes in a group of their own."""
+    """``tympan sweep`` on two processors of this machine, all its processes in a group of their
+    own."""
 
     def __init__(self, file: Path, folder: Path, *options: str, before: Sequence[str] = ()) -> None:
         """Start it; ``before``: a command that starts commands."""
@@ -106,7 +107,8 @@ class Command:
         return self.process.returncode, said
 
     def signalled(self, number: int, tasks: int, seconds: float) -> bool:
-        """A signal to the group, so long after so many more tasks are finished; False if it had ended by then."""
+        """A signal to the group, so long after so many more tasks are finished; False if it had
+        ended by then."""
         wanted = tasks + self._finished
         while self._finished < wanted and self.process.poll() is None:
             time.sleep(0.005)

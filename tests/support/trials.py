@@ -1,4 +1,5 @@
-"""Datasets made by the reduced model: three shapes, two masses, up to 6.5 kV, one minute a reading."""
+"""Datasets made by the reduced model: three shapes, two masses, up to 6.5 kV, one minute a reading.
+"""
 
 from __future__ import annotations
 

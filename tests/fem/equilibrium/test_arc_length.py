@@ -1,4 +1,5 @@
-"""Branches: limit points of every load, what lies beyond them, snap-through, and the critical mode."""
+"""Branches: limit points of every load, what lies beyond them, snap-through, and the critical mode.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +97,8 @@ def test_critical_mode_is_the_branch_s_derivative() -> None:
 
 
 def test_an_ellipse_s_pull_in_settles() -> None:
-    """With the mesh, with the waves that smooth motions may have, and alike on quarter and whole."""
+    """With the mesh, with the waves that smooth motions may have, and alike on quarter and whole.
+    """
     specimen = elliptical(60e-3, SOFT)
 
     def limit(film: Model, waves: int = 4) -> float:
@@ -114,7 +116,8 @@ def test_an_ellipse_s_pull_in_settles() -> None:
 
 
 def test_a_limit_in_force() -> None:
-    """A soft film's force–heave curve at a voltage has a maximum: found by force, by arc and in the ODE's curve."""
+    """A soft film's force–heave curve at a voltage has a maximum: found by force, by arc and in the
+    ODE's curve."""
     film, voltage = model(circular(SOFT)), 6700.0
     by_ramp = equilibrium(film, 1.0, 0.0)
     assert by_ramp.status == "equilibrium"
@@ -144,7 +147,8 @@ def test_a_branch_comes_back_on_itself() -> None:
 
 @dataclass(frozen=True)
 class Stop:
-    """A soft stop below the plate: a push that grows with the square of the heave beyond ``start``."""
+    """A soft stop below the plate: a push that grows with the square of the heave beyond ``start``.
+    """
 
     start: float
     stiffness: float
@@ -159,7 +163,8 @@ MAGNET, STOP, LIGHT = Magnet(0.8, 6e-3, 5e-3), Stop(4e-3, 1e6), 0.07
 
 
 def total(heave: float, voltage: float) -> tuple[float, float]:
-    """Force of film, magnet and stop at a heave and its slope: the ODE, and both mechanisms written out again."""
+    """Force of film, magnet and stop at a heave and its slope: the ODE, and both mechanisms written
+    out again."""
     film = axisymmetric.solve_deflection(reference_film(VHB), heave, voltage)
     near, beyond = 1 + (6e-3 - heave) / 5e-3, max(heave - 4e-3, 0.0)
     return (film.force - 0.8 * near**-4 + 1e6 * beyond**2,
@@ -167,7 +172,8 @@ def total(heave: float, voltage: float) -> tuple[float, float]:
 
 
 def extremum(within: tuple[float, float]) -> tuple[float, float]:
-    """Heave and voltage where the force of everything is stationary in the heave and equals the weight."""
+    """Heave and voltage where the force of everything is stationary in the heave and equals the
+    weight."""
     def heave(voltage: float) -> float:
         return float(brentq(lambda w: total(w, voltage)[1], *within, xtol=1e-11))
 
@@ -176,7 +182,8 @@ def extremum(within: tuple[float, float]) -> tuple[float, float]:
 
 
 def test_a_magnet_snaps_the_plate_through_and_back() -> None:
-    """S-shaped branch in voltage: two limit points where the force of everything is stationary, unstable between."""
+    """S-shaped branch in voltage: two limit points where the force of everything is stationary,
+    unstable between."""
     film = replace(model(circular(VHB)), loading=Loading((MAGNET, STOP)))
     start = equilibrium(film, LIGHT, 0.0).state
     points, turns = [], []
@@ -203,7 +210,8 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
 
 
 def test_hysteresis_of_a_magnet() -> None:
-    """Between the limits the state remembers; above the upper one the ramp says that the plate snaps."""
+    """Between the limits the state remembers; above the upper one the ramp says that the plate
+    snaps."""
     film = replace(model(circular(VHB)), loading=Loading((MAGNET, STOP)))
     (near, snap), (far, back) = extremum((1e-3, 3.9e-3)), extremum((3.9e-3, 4.8e-3))
     middle = (snap + back) / 2

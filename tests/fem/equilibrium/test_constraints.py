@@ -1,4 +1,5 @@
-"""Equations in place of loads: derivatives, a held plate, a charge kept, and stability at constant charge."""
+"""Equations in place of loads: derivatives, a held plate, a charge kept, and stability at constant
+charge."""
 
 from __future__ import annotations
 
@@ -74,7 +75,8 @@ def test_a_heave_is_the_one_asked_for_also_with_an_offset_weight(skewed_model: M
 
 
 def constant(film: Model, state, subspace, kept: str) -> np.ndarray:
-    """The dense tangent within some motions: at given loads, at constant charge, or with the heave held."""
+    """The dense tangent within some motions: at given loads, at constant charge, or with the heave
+    held."""
     tangent = subspace.reduced(film.linearised(state))
     whole = np.block([[tangent.inner, tangent.border], [tangent.border.T, tangent.corner]])
     if kept == "charge":  # E + Q²/2C has the Hessian of E − ½CU² and (U²/C) ∇C ∇Cᵀ
@@ -89,7 +91,8 @@ def constant(film: Model, state, subspace, kept: str) -> np.ndarray:
 
 @pytest.mark.parametrize(("waves", "beyond"), [(0, (1, 0, 0)), (2, (2, 1, 1))])
 def test_closed_stability_is_the_dense_matrix_s(waves: int, beyond: tuple[int, int, int]) -> None:
-    """Counts along the branch through pull-in and beyond, against eigenvalues of the matrices written out."""
+    """Counts along the branch through pull-in and beyond, against eigenvalues of the matrices
+    written out."""
     film = model(circular(SOFT))
     subspace = SmoothSubspace.of(film, waves)
     seen = set()
@@ -109,7 +112,8 @@ def test_closed_stability_is_the_dense_matrix_s(waves: int, beyond: tuple[int, i
 
 
 def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> None:
-    """Charge grows along the whole branch, the voltage only to its limit; stability at constant charge goes on.
+    """Charge grows along the whole branch, the voltage only to its limit; stability at constant
+    charge goes on.
 
     The reference has the Hessian of the Ritz method's energy at constant charge, at its own states.
     """
@@ -142,7 +146,8 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
 
 def reference_counts(heave: float,
                      near: tuple[np.ndarray, float]) -> tuple[tuple[np.ndarray, float], int, int]:
-    """State of the Ritz method at a heave; its negative eigenvalues at constant voltage and at constant charge."""
+    """State of the Ritz method at a heave; its negative eigenvalues at constant voltage and at
+    constant charge."""
     ritz = RitzExpansion(reference_film(SOFT), 40)
     c, q = near = voltage_at(reference_film(SOFT), heave, WEIGHT, near, 40)
     value, _, hessian, mixed = ritz.derivatives(c, heave, q)

@@ -1,4 +1,5 @@
-"""Electrodes of any outline: the area they cover, the mesh at their edge, their capacitance, and what is refused."""
+"""Electrodes of any outline: the area they cover, the mesh at their edge, their capacitance, and
+what is refused."""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ def chord(outline: Circle | Ellipse, offset: tuple[float, float],
 
 
 def chord_area(region: Region, frame: float, plate: float) -> float:
-    """Area of region ∩ circle(frame) − circle(plate), by chords of convex outlines; no mesh, no CAD."""
+    """Area of region ∩ circle(frame) − circle(plate), by chords of convex outlines; no mesh, no
+    CAD."""
     # Chords grow like a square root at their ends; sin makes the integrand smooth at the region's
     # own ends.
     (a, _), (x0, _) = region.outline.semi_axes, region.offset
@@ -141,7 +143,8 @@ def test_capacitance_of_the_flat_film() -> None:
 
 
 def test_a_patch_beside_the_plate_pulls_it_sideways_and_tilts_it() -> None:
-    """The film under the patch expands, so the plate moves away from it; at rest nothing is skewed."""
+    """The film under the patch expands, so the plate moves away from it; at rest nothing is skewed.
+    """
     load = 17.9e-3 * 9.80665
     made = model(specimen(Region(Circle(8e-3), (25e-3, 0.0))))
     plate = equilibrium(made, load, 3000.0).state.plate
@@ -152,7 +155,8 @@ def test_a_patch_beside_the_plate_pulls_it_sideways_and_tilts_it() -> None:
 
 
 def test_elliptical_plate_off_centre_balances_its_load() -> None:
-    """Force and moment of the tractions on both edges, integrated from the stress: independent of the nodal forces."""
+    """Force and moment of the tractions on both edges, integrated from the stress: independent of
+    the nodal forces."""
     load = 17.9e-3 * 9.80665
     made = model(replace(circular(), plate=Plate(Ellipse((14e-3, 7e-3)), (8e-3, -4e-3))), refine=2)
     state = equilibrium(made, load, 3000.0).state

@@ -1,4 +1,5 @@
-"""Volume under film and plate against closed forms; gas pressure, which follows both, against shooting."""
+"""Volume under film and plate against closed forms; gas pressure, which follows both, against
+shooting."""
 
 from __future__ import annotations
 
@@ -92,7 +93,8 @@ def test_divergence_theorem_with_the_plate_shifted_tilted_and_turned(skewed_mode
 
 
 def test_gas_pressure_is_normal_to_film_and_plate(skewed_model: Model) -> None:
-    """Forces p ∫ φ n da on free nodes; on the plate p n A through its centre, and the film's on its edge."""
+    """Forces p ∫ φ n da on free nodes; on the plate p n A through its centre, and the film's on its
+    edge."""
     film, state = skewed_model, loaded(skewed_model)
     inner, outer = film.by_load(state, "pressure")
     forces, _ = followers(film, state)
@@ -119,7 +121,8 @@ def test_plate_volume_s_derivatives() -> None:
 def shoot(rim: float, pressure: float, voltage_squared: float, force: float = 0.0,
           material=NEO_HOOKE
           ) -> tuple[float, float]:
-    """How far r(b) misses b, relative; the heave [m]. From the plate's edge outwards, ``rim`` being λ₁ there.
+    """How far r(b) misses b, relative; the heave [m]. From the plate's edge outwards, ``rim`` being
+    λ₁ there.
 
     With x = ln R, ρ = R/λ_p and the slope t: (ρ T Ψ₁)' = T Ψ₂ cos t along the meridian, and across
     it ρ T Ψ₁ t' = p r λ₁ρ' − T Ψ₂ sin t; at the plate 2π ρ T Ψ₁ sin t = F + p π a².

@@ -50,7 +50,8 @@ FINEST = 4.0  #: refinement at which the tables must be met to 1e-6
 
 
 def rim_peak(film: Model, state: State) -> float:
-    """The largest elastic principal stress around the plate [Pa], as a designer reads it off Fig. 4."""
+    """The largest elastic principal stress around the plate [Pa], as a designer reads it off Fig.
+    4."""
     fields = edge_fields(*whole(film, state), "plate").fields
     return float((fields.stress_1 + fields.maxwell_stress).max())
 
@@ -110,7 +111,8 @@ def test_deflections_on_the_finest_mesh(modulus, mass, kilovolt) -> None:
     share=st.floats(0, 0.6),
     exponent=st.sampled_from([0.0, 0.5]))
 def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, exponent) -> None:
-    """Plate size, prestretch, load (relative to one that tilts the film by about 0.2) and voltage drawn at random."""
+    """Plate size, prestretch, load (relative to one that tilts the film by about 0.2) and voltage
+    drawn at random."""
     from tympan.geometry.outlines import Circle
     from tympan.geometry.specimen import Plate
 
@@ -137,7 +139,8 @@ def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, e
                           (3, (2, 4, 8), 4.5, 2.3),
                           (4, (1, 2, 4), 6.0, 3.0)])
 def test_convergence_orders(order, sizes, force_rate, stress_rate) -> None:
-    """Plate force and peak rim stress; 15 mm, where the stress is hard. The theory says 2p and p."""
+    """Plate force and peak rim stress; 15 mm, where the stress is hard. The theory says 2p and p.
+    """
     heave = 15e-3
     exact = axisymmetric.solve_deflection(reference_film(NEO_HOOKE), heave)
     force_errors, stress_errors = [], []
@@ -153,7 +156,8 @@ def test_convergence_orders(order, sizes, force_rate, stress_rate) -> None:
 
 
 def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
-    """gmsh's graded meshes as users refine them: the force gains at least four digits from --refine 1 to 4."""
+    """gmsh's graded meshes as users refine them: the force gains at least four digits from --refine
+    1 to 4."""
     exact = axisymmetric.solve_deflection(reference_film(NEO_HOOKE), 15e-3)
     errors = []
     for refine in (1.0, 2.0, 4.0):
@@ -172,7 +176,8 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
                          ids=lambda s: s.name)
 @pytest.mark.parametrize("voltage", [0.0, 5000.0])
 def test_quarter_and_full_models_agree(specimen, voltage) -> None:
-    """In every number of the result, peaks included; and with a mesh of the whole that is not mirrored."""
+    """In every number of the result, peaks included; and with a mesh of the whole that is not
+    mirrored."""
     quarter, full = (solve(Case(specimen, mass=17.9e-3, voltage=voltage), Settings(symmetry=symmetry))
                      for symmetry in (True, False))
     assert full.dofs > 3 * quarter.dofs
@@ -198,7 +203,8 @@ def test_half_and_full_models_agree_for_a_plate_off_centre() -> None:
 
 
 def test_si_and_mm_g_s_files_give_the_same_result(tmp_path: Path) -> None:
-    """Lengths in mm, masses in g, stress in g/(mm s²), voltage in its unit of that system, kg m²/(A s³) = 1e9 of it."""
+    """Lengths in mm, masses in g, stress in g/(mm s²), voltage in its unit of that system, kg m²/(A
+    s³) = 1e9 of it."""
     template = """
 name = "annulus"
 [frame]
@@ -234,7 +240,8 @@ alpha = [2]
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
-    """Statics depend on m g/(μ T R) and ε U²/(μ T²) alone: scaling both must not change shape or effort."""
+    """Statics depend on m g/(μ T R) and ε U²/(μ T²) alone: scaling both must not change shape or
+    effort."""
     def scaled(size: float, modulus: float) -> tuple[float, int]:
         from tympan.geometry.outlines import Circle
         from tympan.geometry.specimen import Film, Plate, Specimen
@@ -274,7 +281,8 @@ def test_reaction_is_the_energy_s_slope_along_the_heave() -> None:
 
 
 def test_newton_converges_quadratically(skewed_model: Model) -> None:
-    """Distances to the solution after 1, 2, 3 tangents from a tilted, twisted start: each below C times the last²."""
+    """Distances to the solution after 1, 2, 3 tangents from a tilted, twisted start: each below C
+    times the last²."""
     exact = equilibrium(skewed_model, 0.2, 3000.0).state
     plate = exact.plate.moved(np.array([2e-4, -1e-4, 3e-4, 0.02, -0.03, 0.02]))
     start = replace(exact, plate=plate)
@@ -339,7 +347,8 @@ def test_mesh_settings_say_what_they_allow() -> None:
 
 @pytest.mark.parametrize("prestretch", [1.0, 1.0001, 1.02])
 def test_films_that_are_not_taut_when_flat(prestretch) -> None:
-    """An unstressed flat membrane has no stiffness across its plane; its loaded shape is found all the same."""
+    """An unstressed flat membrane has no stiffness across its plane; its loaded shape is found all
+    the same."""
     outcome = equilibrium(model(circular(prestretch=(prestretch, prestretch))), 0.1755, 0.0)
     assert outcome.status == "equilibrium"
     exact = axisymmetric.solve_load(reference_film(NEO_HOOKE, prestretch=prestretch), 0.1755)
@@ -347,7 +356,8 @@ def test_films_that_are_not_taut_when_flat(prestretch) -> None:
 
 
 def test_a_voltage_path_skips_only_what_is_hopeless() -> None:
-    """A sagging amplifier brings the voltage back down: after a pull-in at 7 kV, 3 kV has an equilibrium again."""
+    """A sagging amplifier brings the voltage back down: after a pull-in at 7 kV, 3 kV has an
+    equilibrium again."""
     film = model(circular(Ogden((15e3,), (2.0,))))
     statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
                                                            [1000.0, 7000.0, 8000.0, 3000.0])]

@@ -1,4 +1,5 @@
-"""Sparse factorisation, elimination order and assembly against dense linear algebra and plain sums."""
+"""Sparse factorisation, elimination order and assembly against dense linear algebra and plain sums.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +80,8 @@ def test_counts_negative_eigenvalues(name: str, quantile: float, film: Model,
 @pytest.mark.parametrize("first", [True, False])
 def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool,
                                                 tangent: csc_matrix) -> None:
-    """A saddle: as many negative eigenvalues as constraints, whose zero pivots come first or last."""
+    """A saddle: as many negative eigenvalues as constraints, whose zero pivots come first or last.
+    """
     size = tangent.shape[0]
     constraint = coo_matrix((np.full(60, tangent.diagonal().max()),
                              (np.arange(60) * 7 % size, np.arange(60) // 2)),
@@ -157,7 +159,8 @@ def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
 
 
 def test_fill_grows_little_faster_than_the_unknowns() -> None:
-    """n log n: doubling the elements each way quadruples the unknowns and adds less than another half to the fill."""
+    """n log n: doubling the elements each way quadruples the unknowns and adds less than another
+    half to the fill."""
     fills, sizes = [], []
     for refine in (1.5, 3.0):
         film = model(circular(), symmetry=False, refine=refine, order=2)

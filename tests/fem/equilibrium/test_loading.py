@@ -1,4 +1,5 @@
-"""Loads beyond the dead weight: one potential for all, offset weights, guides, biases, the film's own weight."""
+"""Loads beyond the dead weight: one potential for all, offset weights, guides, biases, the film's
+own weight."""
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def film(films: dict[str, Model], request: pytest.FixtureRequest) -> Model:
 
 
 def test_everything_follows_from_one_potential(film: Model) -> None:
-    """Potential less its quadratic model, residual less its linear one: third and second order, rotations too."""
+    """Potential less its quadratic model, residual less its linear one: third and second order,
+    rotations too."""
     state = loaded(film)
     part = film.linearised(state)
     slope = film.residual(part.forces, state)
@@ -137,7 +139,8 @@ def test_an_offset_weight_is_no_load_for_a_part_it_does_not_mirror() -> None:
 
 
 def test_an_offset_weight_tilts_a_free_plate_by_its_moment() -> None:
-    """The film's moment on the plate balances force times lever, the lever turned with the plate."""
+    """The film's moment on the plate balances force times lever, the lever turned with the plate.
+    """
     arm, force = np.array([4e-3, 2e-3, 0.0]), 0.2
     film = build_model(elliptical(60e-3), Settings(), Loading(arm=(4e-3, 2e-3)))
     state = equilibrium(film, force, 3000.0).state
@@ -166,7 +169,8 @@ def test_a_small_offset_tilts_in_proportion_and_mirrored_offsets_mirror_the_stat
 
 @pytest.mark.parametrize("guide", ["level", "vertical"])
 def test_a_guide_takes_the_moment_of_an_offset_weight(guide) -> None:
-    """On a film with two mirror planes a plate that cannot tilt does not feel where the weight hangs."""
+    """On a film with two mirror planes a plate that cannot tilt does not feel where the weight
+    hangs."""
     free = equilibrium(build_model(elliptical(60e-3), Settings()), 0.2, 3000.0).state
     guided = build_model(elliptical(60e-3), Settings(), Loading(arm=(4e-3, 2e-3), guide=guide))
     state = equilibrium(guided, 0.2, 3000.0).state
@@ -176,7 +180,8 @@ def test_a_guide_takes_the_moment_of_an_offset_weight(guide) -> None:
 
 
 def test_a_vertical_guide_pushes_a_plate_off_centre_sideways() -> None:
-    """The film's pull towards the frame's middle is the guide's reaction; without the guide the plate gives way."""
+    """The film's pull towards the frame's middle is the guide's reaction; without the guide the
+    plate gives way."""
     specimen = replace(circular(), plate=Plate(Circle(10e-3), (8e-3, 0.0)))
     results = {}
     for guide in ("free", "level", "vertical"):
@@ -196,7 +201,8 @@ def test_a_vertical_guide_pushes_a_plate_off_centre_sideways() -> None:
 
 
 def test_a_fixed_plate_leaves_the_film_alone_to_bulge() -> None:
-    """Under a small pressure a pre-tensioned membrane: 4 N z = p (b² − r² − (b² − a²) ln(b/r)/ln(b/a))."""
+    """Under a small pressure a pre-tensioned membrane: 4 N z = p (b² − r² − (b² − a²)
+    ln(b/r)/ln(b/a))."""
     film = replace(model(circular(), refine=2.0), loading=Loading(guide="fixed"))
     assert film.plate_freedoms == ()
     outcome = equilibrium(film, 0.0, 0.0, pressure=1.0)
@@ -244,7 +250,8 @@ def test_bias_forces_hold_the_plate_as_hand_calculation_says() -> None:
 
 
 def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
-    """A film of 9.6 t/m³: total weight, and the sag of a pre-tensioned membrane under a weight per area."""
+    """A film of 9.6 t/m³: total weight, and the sag of a pre-tensioned membrane under a weight per
+    area."""
     heavy = circular(density=9600.0)
     film = build_model(heavy, Settings(), Loading(gravity=9.81, guide="fixed"))
     area = np.pi * (45e-3**2 - 10e-3**2)
@@ -317,7 +324,8 @@ def test_good_rig_keys_are_read() -> None:
 
 
 def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
-    """The example in the README; its record goes through JSON into the report's lines with names and units."""
+    """The example in the README; its record goes through JSON into the report's lines with names
+    and units."""
     text = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
     example = next(block for block in text.split("```toml\n")[1:]
                    if block.startswith("guide")).split("```")[0]

@@ -1,4 +1,5 @@
-"""What a path of a large film keeps: the factors of one state at a time, and what is made anew is the same."""
+"""What a path of a large film keeps: the factors of one state at a time, and what is made anew is
+the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The discretised film against itself and against scikit-fem's own forms: energy, forces, tangent, invariance."""
+"""The discretised film against itself and against scikit-fem's own forms: energy, forces, tangent,
+invariance."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Mode
 
 
 def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model: Model) -> None:
-    """Energy minus its quadratic model falls with the third power of the step, plate rotations included."""
+    """Energy minus its quadratic model falls with the third power of the step, plate rotations
+    included."""
     film = skewed_model
     positions, plate = deformed(film)
     part = film.linearised(State(positions, plate, VOLTAGE_SQUARED))
@@ -77,7 +79,8 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
 
 
 def test_assembly_agrees_with_scikit_fem_forms() -> None:
-    """The slow way as oracle: skfem's form language on the same mesh, neo-Hooke written in F directly."""
+    """The slow way as oracle: skfem's form language on the same mesh, neo-Hooke written in F
+    directly."""
     film = model(circular(), symmetry=False, order=2, refine=0.7)
     positions, plate = deformed(film)
     mesh = film.discretisation.mesh

@@ -1,4 +1,5 @@
-"""Where laws fail: Hill's inequality and strong ellipticity against brute force, Eq. (8), and what solutions visit."""
+"""Where laws fail: Hill's inequality and strong ellipticity against brute force, Eq. (8), and what
+solutions visit."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def gradient_energy(law, f):  # type: ignore[no-untyped-def]
 
 
 def smallest_acoustic(law, l1: float, l2: float, count: int = 91) -> float:
-    """min over unit a, n of d²W(F + s a⊗n)/ds² by differences: brute force, no formula for ellipticity."""
+    """min over unit a, n of d²W(F + s a⊗n)/ds² by differences: brute force, no formula for
+    ellipticity."""
     angles = np.linspace(0, np.pi, count, endpoint=False)
     a, n = np.meshgrid(angles, angles, indexing="ij")
     rank_one = np.einsum("i...,j...->...ij", np.array([np.cos(a), np.sin(a)]),
@@ -139,7 +141,8 @@ def test_an_ogden_film_written_from_its_mounted_state_is_the_same_film() -> None
 
 
 def test_visited_failure_is_found_at_its_place() -> None:
-    """On a film pulled far out, a law that fails only beyond some λ₁: reported at the rim of the plate."""
+    """On a film pulled far out, a law that fails only beyond some λ₁: reported at the rim of the
+    plate."""
     weak = Yeoh((12e3, -345.0))
     model, outcome = equilibrate(Case(circular(), mass=60e-3, voltage=0.0), Settings())
     assert outcome.status == "equilibrium"

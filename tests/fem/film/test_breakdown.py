@@ -1,4 +1,5 @@
-"""Breakdown: strength laws by hand, the margin in closed form on the flat film, its place, and what files may say."""
+"""Breakdown: strength laws by hand, the margin in closed form on the flat film, its place, and what
+files may say."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ WEIGHT = 17.9e-3
 
 @pytest.mark.parametrize("name", STRENGTH_LIBRARY)
 def test_library(name: str) -> None:
-    """Every strength has a source and a caveat, and grows with the stretch at one virgin thickness."""
+    """Every strength has a source and a caveat, and grows with the stretch at one virgin thickness.
+    """
     entry = STRENGTH_LIBRARY[name]
     assert entry.source
     assert entry.caveat

@@ -1,4 +1,5 @@
-"""Laws and the film's energy density: derivatives by the complex step, invariance, and behaviour at equal stretches."""
+"""Laws and the film's energy density: derivatives by the complex step, invariance, and behaviour at
+equal stretches."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ def test_derivatives_in_the_stretches(law, stretches) -> None:
 @pytest.mark.parametrize("law", MATERIALS_TO_TEST.values(), ids=MATERIALS_TO_TEST)
 @pytest.mark.parametrize("c", EQUAL + GENERAL)
 def test_stress_and_tangent_are_derivatives_of_the_energy(law, c) -> None:
-    """S = ∂ψ/∂E and D = ∂S/∂E in Voigt form: C₁₁ = 2E₁₁ + 1, C₁₂ = γ; also at and near equal stretches."""
+    """S = ∂ψ/∂E and D = ∂S/∂E in Voigt form: C₁₁ = 2E₁₁ + 1, C₁₂ = γ; also at and near equal
+    stretches."""
     prestretch = (ROOT5, ROOT5)
     density = plane_stress((law,), c, prestretch)
     scale = np.abs(density.tangent).max()
@@ -165,7 +167,8 @@ def test_library_is_admissible_and_cited(entry) -> None:
 
 
 def test_default_material_follows_its_source() -> None:
-    """Foo et al. 2012: Gent, μ 18 kPa, J_lim 110; biaxial stress within the 4 % its entry states."""
+    """Foo et al. 2012: Gent, μ 18 kPa, J_lim 110; biaxial stress within the 4 % its entry states.
+    """
     grid = np.linspace(1.8, 3.2, 29)
     l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
     l3 = 1 / (l1 * l2)

@@ -1,4 +1,5 @@
-"""What every registered law must satisfy, identities between laws, and films of each against the axisymmetric ODE."""
+"""What every registered law must satisfy, identities between laws, and films of each against the
+axisymmetric ODE."""
 
 from __future__ import annotations
 
@@ -93,7 +94,8 @@ def test_symmetry(sample: Sample) -> None:
 
 @each_law
 def test_virgin_state(sample: Sample) -> None:
-    """No energy, no stress; small strains see an incompressible solid of the modulus the law states.
+    """No energy, no stress; small strains see an incompressible solid of the modulus the law
+    states.
 
     A law that declares not to be stress-free when virgin has its reference there instead.
     """
@@ -165,7 +167,8 @@ def test_reductions(law, same, tolerance) -> None:
 
 
 def test_arruda_boyce_stands_for_the_inverse_langevin_function() -> None:
-    """2 ∂W/∂I₁ = μ λ_lock/(3 λ_c) L⁻¹(λ_c/λ_lock), λ_c = √(I₁/3); the errors are those its description states."""
+    """2 ∂W/∂I₁ = μ λ_lock/(3 λ_c) L⁻¹(λ_c/λ_lock), λ_c = √(I₁/3); the errors are those its
+    description states."""
     law = ArrudaBoyce(1.0, 5.0)
     for share, error in ((0.3, 1e-5), (0.6, 5e-3), (0.8, 0.1005)):
         inverse = brentq(lambda x, share=share: 1 / np.tanh(x) - 1 / x - share, 1e-3, 1e3)
@@ -185,7 +188,8 @@ def test_library_gent_is_the_source_s() -> None:
 
 @pytest.mark.parametrize("law", [Gent(20e3, 9.0), ArrudaBoyce(20e3, 2.0)], ids=str)
 def test_beyond_the_locking_stretch(law) -> None:
-    """I₁ = 12 is the limit of both: infinite energy, no derivatives, no warnings (which are errors here)."""
+    """I₁ = 12 is the limit of both: infinite energy, no derivatives, no warnings (which are errors
+    here)."""
     limit = brentq(lambda x: 2 * x**2 + x**-4.0 - 12, 2, 3)
     stretch = np.array([1.0, 0.999 * limit, 1.001 * limit, 1e3, np.inf, np.nan])
     w, *derivatives = law.derivatives(stretch, stretch)
@@ -201,7 +205,8 @@ def test_beyond_the_locking_stretch(law) -> None:
 @pytest.mark.parametrize(("force", "voltage"),
                          [(0.5, 0.0), (5.0, 0.0), (50.0, 0.0), (0.5, 9000.0), (5.0, 9000.0)])
 def test_film_close_to_locking(force: float, voltage: float) -> None:
-    """Predictions along the path overshoot the limit, where forces are not finite, and are taken back silently."""
+    """Predictions along the path overshoot the limit, where forces are not finite, and are taken
+    back silently."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         outcome = equilibrium(model(circular(Gent(15e3, 12.0))), force, voltage)
@@ -212,7 +217,8 @@ def test_film_close_to_locking(force: float, voltage: float) -> None:
 
 
 def test_newton_backs_off_from_locking(monkeypatch) -> None:
-    """From the flat film straight to 25 N: full steps end where forces are not finite, shorter ones do not."""
+    """From the flat film straight to 25 N: full steps end where forces are not finite, shorter ones
+    do not."""
     film = model(circular(Gent(15e3, 12.0)))
     finite, forces = [], type(film).forces
 

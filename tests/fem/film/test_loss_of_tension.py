@@ -1,4 +1,5 @@
-"""Loss of tension: its state and area in films deformed on purpose, by the axisymmetric ODE, and in what is said."""
+"""Loss of tension: its state and area in films deformed on purpose, by the axisymmetric ODE, and in
+what is said."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ SOFT = Ogden((15e3,), (2.0,))
 
 def squeezed(made: Model, stretch: float, slope: float = 0.0, across: float = 1.0,
              voltage: float = 0.0) -> State:
-    """The flat film deformed so that its mounted stretch along x is stretch + slope·x, and ``across`` along y."""
+    """The flat film deformed so that its mounted stretch along x is stretch + slope·x, and
+    ``across`` along y."""
     reference = made.discretisation.reference
     positions = reference.copy()
     positions[:, 0] = stretch * reference[:, 0] + slope / 2 * reference[:, 0] ** 2
@@ -43,7 +45,8 @@ def left_of(x: float, radius: float) -> float:
 @pytest.mark.parametrize("wrinkles", [False, True])
 @pytest.mark.parametrize("edge", [-20e-3, 3e-3, 12e-3])
 def test_area_where_one_direction_has_lost_its_tension(edge: float, wrinkles: bool) -> None:
-    """σ_x = μ(λx² − λx⁻²λy⁻²) vanishes at λx = λy^(−1/2): with a stretch linear in x, along a straight line."""
+    """σ_x = μ(λx² − λx⁻²λy⁻²) vanishes at λx = λy^(−1/2): with a stretch linear in x, along a
+    straight line."""
     made = replace(model(circular(NEO_HOOKE), symmetry=False), wrinkles=wrinkles)
     slope = 2.5
     state = squeezed(made, ROOT5**-0.5 / ROOT5 - slope * edge, slope)
@@ -82,7 +85,8 @@ def test_voltage_that_takes_the_prestress_slackens_the_flat_film(excess: float,
 
 
 def test_slack_zone_near_pull_in_is_that_of_the_ode() -> None:
-    """Neo-Hooke 15 kPa under 17.9 g at 6.8 kV: a ring around the plate has lost its hoop tension."""
+    """Neo-Hooke 15 kPa under 17.9 g at 6.8 kV: a ring around the plate has lost its hoop tension.
+    """
     result = solve(Case(circular(SOFT), mass=17.9e-3, voltage=6800.0), Settings())
     film = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
     exact = axisymmetric.solve_load(film, 17.9e-3 * 9.80665, 6800.0)

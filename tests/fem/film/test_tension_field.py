@@ -1,4 +1,5 @@
-"""A film that wrinkles: derivatives, continuity and convexity of the tension field; a plate on it against an ODE."""
+"""A film that wrinkles: derivatives, continuity and convexity of the tension field; a plate on it
+against an ODE."""
 
 from __future__ import annotations
 
@@ -103,7 +104,8 @@ def test_energy_and_stress_are_continuous_between_regimes(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(SAMPLES))
 def test_a_wrinkling_film_is_convex_and_in_tension(name: str) -> None:
-    """Without voltage: no compression, a positive tangent where loose, and never more energy than the film's own."""
+    """Without voltage: no compression, a positive tangent where loose, and never more energy than
+    the film's own."""
     law = SAMPLES[name].law
     field, free = TensionField((law,), KAPPA), virgin(law)
     l1, l2 = (grid.ravel() * free for grid in np.meshgrid(np.linspace(0.5, 1.8, 40),
@@ -122,7 +124,8 @@ def test_a_wrinkling_film_is_convex_and_in_tension(name: str) -> None:
 
 
 def wrinkled_force(prestretch: float, heave: float) -> float:
-    """Force on the plate of a relaxed neo-Hookean film, its hoop tension never below zero; by shooting."""
+    """Force on the plate of a relaxed neo-Hookean film, its hoop tension never below zero; by
+    shooting."""
     film = reference_film(NEO_HOOKE, prestretch=prestretch)
     mu, span = 25e3, film.log_ratio
 
@@ -177,7 +180,8 @@ def test_a_plate_on_a_film_with_little_prestretch_is_the_ode_s(prestretch: float
 
 
 def test_a_loose_film_without_natural_width_has_no_state() -> None:
-    """With c λ₁² > μ a neo-Hookean film under voltage thins without end once it is loose; taut, it is itself."""
+    """With c λ₁² > μ a neo-Hookean film under voltage thins without end once it is loose; taut, it
+    is itself."""
     law, charge = SAMPLES["neo_hooke"].law, 5e3
     field = TensionField((law, Maxwell(charge, 2.0)), KAPPA)
     # n⁴ = 1/(l² (1 − c l²/μ)), without residual tension.

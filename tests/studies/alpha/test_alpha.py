@@ -1,4 +1,5 @@
-"""α: the exact simplex fit, cones against Eq. (5), and what the weights must satisfy for any shape."""
+"""α: the exact simplex fit, cones against Eq. (5), and what the weights must satisfy for any shape.
+"""
 
 from __future__ import annotations
 
@@ -98,7 +99,8 @@ def test_weights_of_the_paper_s_ellipses(long: float) -> None:
 
 
 def test_the_mixture_reproduces_a_mixture() -> None:
-    """If a shape's force were that of two circles, the weights would come back: here the circles themselves."""
+    """If a shape's force were that of two circles, the weights would come back: here the circles
+    themselves."""
     for radius, expected in ((45e-3, (1.0, 0.0)), (60e-3, (0.0, 1.0))):
         forces = np.array([[ConeCircle(circular(), r).force(y, u) for r in (45e-3, 60e-3)]
                            for y in (1e-3, 4e-3) for u in (0.0, 4e3)])
@@ -115,7 +117,8 @@ def test_a_circle_is_one_circle() -> None:
 
 
 def test_a_spring_on_the_rig_changes_no_weight() -> None:
-    """It carries some of the weight, of the shape as of its circles: the film's forces are compared, not the loads."""
+    """It carries some of the weight, of the shape as of its circles: the film's forces are
+    compared, not the loads."""
     few = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((), ()))
     free, sprung = (alpha(elliptical(75e-3), Settings(), few, Rig(spring=k)).by_basis["membrane"]
                     for k in (0.0, 20.0))
@@ -229,7 +232,8 @@ def test_ranges_hold_exactly_the_mixtures_that_are_as_good() -> None:
 
 
 def test_parts_of_an_ellipse_are_its_quarters() -> None:
-    """Two parts: within 45° of the short axis and of the long one; the geometric mean over them by quadrature."""
+    """Two parts: within 45° of the short axis and of the long one; the geometric mean over them by
+    quadrature."""
     oval = elliptical(75e-3)
     parts, angle = parts_of(oval, 2), 2 * np.pi * (np.arange(7200) + 0.5) / 7200
     assert np.array_equal(parts == 0, np.abs(np.sin(angle)) > np.sqrt(0.5))

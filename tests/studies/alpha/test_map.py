@@ -1,4 +1,5 @@
-"""The map's formula: found from a coarse grid, it holds where it was not fitted and says where it does not."""
+"""The map's formula: found from a coarse grid, it holds where it was not fitted and says where it
+does not."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def test_materials_of_the_test_are_others_than_the_fit_s(made: AlphaMap) -> None
 
 
 def test_a_small_plate_sees_the_conformal_radius_of_the_ellipse(made: AlphaMap) -> None:
-    """The circle as stiff as the ellipse has, for small plates, the conformal radius of the ellipse.
+    """The circle as stiff as the ellipse has, for small plates, the conformal radius of the
+    ellipse.
 
     w = √k sn(2K/π · asin(z/c)), of nome q = ((a − b)/(a + b))², maps the ellipse of foci ±c on the
     unit disc, so that |dw/dz| at the centre is √k 2K/(π c).

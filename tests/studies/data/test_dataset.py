@@ -285,7 +285,8 @@ def test_a_good_dataset_has_no_warnings(tmp_path) -> None:
 
 
 def test_noise_of_repeats_by_hand(tmp_path) -> None:
-    """Groups {1, 3} and {5, 6, 7} of mm: squares 2 + 2 on 3 degrees; χ² limits of 3 degrees from tables."""
+    """Groups {1, 3} and {5, 6, 7} of mm: squares 2 + 2 on 3 degrees; χ² limits of 3 degrees from
+    tables."""
     text = TOP[:-1] + ",direction,run\n" + "".join(f"A,17.9,{row}\n" for row in (
         "0,1,up,1", "0.0,3,up,1", "5,5,up,1", "5.00,6,up,1", "5,7,up,1", "5,99,down,1",
         "5,88,up,2"))
@@ -318,7 +319,8 @@ def test_a_reading_s_own_sigma_is_respected(tmp_path) -> None:
 
 @pytest.mark.parametrize("uneven", [False, True])
 def test_noise_intervals_cover_as_often_as_they_say(uneven: bool) -> None:
-    """Groups of 1 to 4 about distant means; limits one seed in a thousand would miss on either side."""
+    """Groups of 1 to 4 about distant means; limits one seed in a thousand would miss on either
+    side."""
     random, trials = np.random.default_rng(5), 2000
     groups = np.repeat(np.arange(8), [1, 2, 3, 4, 1, 2, 2, 3])
     sigma = random.uniform(0.5, 2, len(groups)) if uneven else 1.0

@@ -1,4 +1,5 @@
-"""Coupon tests: reading, constants recovered from closed forms, honest intervals, and the command."""
+"""Coupon tests: reading, constants recovered from closed forms, honest intervals, and the command.
+"""
 
 from __future__ import annotations
 

@@ -143,7 +143,8 @@ def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) 
 def test_the_extended_model_is_what_solve_takes(written: tuple[Path, dict[str, Any]],
                                                 three_shapes: Simulation,
                                                 capsys: pytest.CaptureFixture[str]) -> None:
-    """Files of the extended model, read again and solved by finite elements, say what the diagnosis says it does."""
+    """Files of the extended model, read again and solved by finite elements, say what the diagnosis
+    says it does."""
     folder, content = written
     specimen = load_specimen(folder / "extended" / "elliptical-large.toml")
     assert specimen.electrode.margin_frame == pytest.approx(

@@ -38,7 +38,8 @@ COARSE = Settings(MeshSettings(order=2).refined(0.7))
 
 @dataclass(frozen=True)
 class Reading:
-    """A reading to predict: mass [kg], voltage [V], time since the run began [s], on the way up (1) or down (-1)."""
+    """A reading to predict: mass [kg], voltage [V], time since the run began [s], on the way up (1)
+    or down (-1)."""
 
     mass: float
     voltage: float
@@ -100,7 +101,8 @@ def test_a_typical_size_is_seen(effect: Effect, number: int) -> None:
 
 @each_parameter
 def test_readings_are_smooth_in_the_size(effect: Effect, number: int) -> None:
-    """Central differences about a typical size agree at two steps: no jump, no kink, no noise of the mesh."""
+    """Central differences about a typical size agree at two steps: no jump, no kink, no noise of
+    the mesh."""
     item = effect.parameters[number]
     middle = max(item.deviation, 2 * item.least)
     slopes = []
@@ -143,7 +145,8 @@ def test_sign_rule(effect: Effect, number: int) -> None:
 @each_effect
 def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
                                     capsys: pytest.CaptureFixture[str]) -> None:
-    """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found in memory."""
+    """Written as TOML and read back: equal, and ``tympan solve`` on the files finds what is found
+    in memory."""
     values = [max(item.deviation, item.least) for item in effect.parameters]
     setup = effect.at(TAKEN, values, effect.choices(TAKEN)[0])
     specimen = setup.specimens[0]

@@ -1,4 +1,5 @@
-"""Force laws against the axisymmetric equations and finite elements; their derivatives; exact scalings."""
+"""Force laws against the axisymmetric equations and finite elements; their derivatives; exact
+scalings."""
 
 from __future__ import annotations
 
@@ -80,7 +81,8 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
 
 
 def test_stiffness_and_permittivity_scale_exactly(three_shapes: Simulation) -> None:
-    """The setup with a film of the scaled law is the simulation with these factors, by finite elements."""
+    """The setup with a film of the scaled law is the simulation with these factors, by finite
+    elements."""
     film = three_shapes.setup.specimens[0].membrane
     stiffer = replace(film, material=scaled(film.material, 1.3), relative_permittivity=5.0)
     specimen = replace(three_shapes.setup.specimens[0], membrane=stiffer)

@@ -1,4 +1,5 @@
-"""Held-out gain: what is held out, that the training never sees it, and that the numbers mean what they say."""
+"""Held-out gain: what is held out, that the training never sees it, and that the numbers mean what
+they say."""
 
 from __future__ import annotations
 
@@ -93,7 +94,8 @@ def test_the_cause_is_found_and_gains_on_every_split(sagging: tuple[ReadingTable
 
 def test_extrapolation_is_where_a_cause_beats_curves(sagging: tuple[ReadingTable, Judgement,
                                                                     GainReport]) -> None:
-    """Above the voltages trained on, a Gaussian process and the best wrong cause fail where the cause does not."""
+    """Above the voltages trained on, a Gaussian process and the best wrong cause fail where the
+    cause does not."""
     above = next(one for one in sagging[2].splits if one.split.kind == "voltage").rmse
     assert above["before"] > 10 * SIGMA
     assert above["process"] > 3 * above["after"]
@@ -146,7 +148,8 @@ def test_excess_is_what_lies_beyond_noise() -> None:
 
 
 def synthetic(generator: np.random.Generator, ramps: int, before: float, after: float) -> SplitGain:
-    """Errors in units of the noise: each ramp is off by one draw with these deviations, its readings by noise too."""
+    """Errors in units of the noise: each ramp is off by one draw with these deviations, its
+    readings by noise too."""
     ramp = np.repeat(np.arange(ramps), 20)
     noise = generator.standard_normal(20 * ramps)
     errors = [deviation * generator.standard_normal(ramps)[ramp] + noise
@@ -157,7 +160,8 @@ def synthetic(generator: np.random.Generator, ramps: int, before: float, after: 
 
 
 def test_the_interval_covers_the_true_ratio() -> None:
-    """Drawn again 300 times; by ramps, not by readings, which would cover a third of the time less."""
+    """Drawn again 300 times; by ramps, not by readings, which would cover a third of the time less.
+    """
     generator = np.random.default_rng(8)
     covered, count = 0, 300
     for seed in range(count):
@@ -170,7 +174,8 @@ def test_the_interval_covers_the_true_ratio() -> None:
 
 
 def test_a_process_predicts_as_well_as_it_claims() -> None:
-    """Residuals drawn from a kernel on the grid: errors beyond noise are small inside and the prior's far outside."""
+    """Residuals drawn from a kernel on the grid: errors beyond noise are small inside and the
+    prior's far outside."""
     generator = np.random.default_rng(4)
     table = design(1e-6)
     truth = GaussianProcess(table, np.zeros(len(table)), (0.5, 0.5), 0.5, 30e-6)

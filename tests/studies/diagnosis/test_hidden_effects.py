@@ -1,4 +1,5 @@
-"""Effects hidden in readings must be found: a few seeded trials of each kind; the study has hundreds (make hidden)."""
+"""Effects hidden in readings must be found: a few seeded trials of each kind; the study has
+hundreds (make hidden)."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ ROOT5 = 5**0.5
 
 @pytest.fixture(scope="module")
 def lab() -> Lab:
-    """The paper's three actuators with their force laws, the dearest part; circles are left to the study."""
+    """The paper's three actuators with their force laws, the dearest part; circles are left to the
+    study."""
     design = paper()
     one = design, design.simulation(2)
     return Lab(one, (paper(LOOP), one[1]), one, SEED)

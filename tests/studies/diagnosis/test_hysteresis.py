@@ -37,7 +37,8 @@ def deflection(lag: float, voltage: float, direction: float, specimen: str = "ci
 @pytest.mark.parametrize("specimen", ["circle", "ellipse 0.06"])
 @pytest.mark.parametrize("voltage", [1e3, 4.5e3])
 def test_a_film_is_behind_the_more_the_larger_its_lag(specimen: str, voltage: float) -> None:
-    """Lower on the way up than on the way down, without a lag the same, without a direction in between."""
+    """Lower on the way up than on the way down, without a lag the same, without a direction in
+    between."""
     lags = (0.0, 50.0, 200.0, 600.0)
     up, unknown, down = ([deflection(lag, voltage, way, specimen) for lag in lags]
                          for way in (UP, DISCREPANCY, DOWN))

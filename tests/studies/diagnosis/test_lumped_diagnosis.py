@@ -1,4 +1,5 @@
-"""The paper's lumped model put through the diagnosis: it finds its cone kinematics in data of the field model."""
+"""The paper's lumped model put through the diagnosis: it finds its cone kinematics in data of the
+field model."""
 
 from __future__ import annotations
 
@@ -64,7 +65,8 @@ def field_data(setup: Setup) -> ReadingTable:
 
 
 def cone_data(setup: Setup) -> ReadingTable:
-    """Displacements by the lumped model itself, without noise; roots of its force, not of a fitted polynomial."""
+    """Displacements by the lumped model itself, without noise; roots of its force, not of a fitted
+    polynomial."""
     table = field_data(setup)
     rest = []
     for number, mass, voltage in zip(table.specimen, table.mass, table.voltage, strict=True):
@@ -74,7 +76,8 @@ def cone_data(setup: Setup) -> ReadingTable:
 
 
 def _missing(heave: float, one: Specimen, load: float, voltage: float) -> float:
-    """Force less load [N] of a film 2.3 times as stiff and permittive, so that it sinks about as far as a membrane."""
+    """Force less load [N] of a film 2.3 times as stiff and permittive, so that it sinks about as
+    far as a membrane."""
     assert isinstance(one, Lumped)
     return 2.3 * one.force(heave, voltage) - load
 
@@ -102,7 +105,8 @@ def judged(setup: Setup, table: ReadingTable, seed: int) -> Judgement:
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_the_lumped_model_finds_its_cone_kinematics_in_field_data(seed: int) -> None:
-    """Three round actuators: no other cause comes near, and the film has the membrane's profile, c = 1."""
+    """Three round actuators: no other cause comes near, and the film has the membrane's profile, c
+    = 1."""
     found = judged(lumped(CIRCLES), field_data(CIRCLES), seed)
     misfit = found.nominal.residual * found.table.sigma
     assert np.sqrt(np.mean(misfit**2)) > 20 * SIGMA
@@ -127,7 +131,8 @@ def test_it_finds_nothing_in_data_of_its_own(seed: int) -> None:
 
 
 def test_one_shape_cannot_show_it() -> None:
-    """A free stiffness takes up the factor of one shape: the cause is listed as one the readings cannot see."""
+    """A free stiffness takes up the factor of one shape: the cause is listed as one the readings
+    cannot see."""
     one = Setup(CIRCLES.specimens[:1], Rig())
     found = judged(lumped(one), field_data(one), seed=1)
     assert found.verdict == "nothing"
@@ -138,7 +143,8 @@ def test_one_shape_cannot_show_it() -> None:
     ("membrane", "named", (CONE,)), ("cone_scaled", "nothing", ())])
 def test_the_paper_s_shapes_show_it_unless_alpha_was_fitted_to_them(
         basis: str, verdict: str, named: tuple[Cause, ...]) -> None:
-    """With the weights of membrane circles it is found; weights fitted on cones with a free stress hide it."""
+    """With the weights of membrane circles it is found; weights fitted on cones with a free stress
+    hide it."""
     few = AlphaSettings(LoadGrid(MASSES, (0.0, 3e3)), LoadGrid((20e-3,), (1e3,)))
     settings = Settings(MeshSettings(order=3).refined(0.7))
     weights = {one.name: alpha(one, settings, few).by_basis[basis].alpha
@@ -172,7 +178,8 @@ def test_capacitance_of_the_straight_cone_by_hand() -> None:
 
 
 def test_force_laws_are_the_model() -> None:
-    """Between nodes, with two effects that act on films together, on a mixture; against the formula itself."""
+    """Between nodes, with two effects that act on films together, on a mixture; against the formula
+    itself."""
     setup = lumped(PAPER, {one.name: (0.7, 0.3) for one in PAPER.specimens[1:]})
     table = field_data(PAPER)
     simulation = simulation_of(setup, table)
@@ -198,7 +205,8 @@ def test_force_laws_are_the_model() -> None:
 @pytest.mark.parametrize("effect", [effect for effect in EFFECTS.values() if effect.lumped],
                          ids=lambda one: one.name)
 def test_effects_on_the_lumped_model_keep_the_contract(effect: Effect) -> None:
-    """Nothing at size 0, bit for bit; smooth; pure; within limits; and no part of what finite elements see."""
+    """Nothing at size 0, bit for bit; smooth; pure; within limits; and no part of what finite
+    elements see."""
     setup = lumped(CIRCLES)
 
     def force(size: float) -> float:

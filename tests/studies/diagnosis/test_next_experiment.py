@@ -41,7 +41,8 @@ def refitted(simulation: Simulation, one: Fit, old: ReadingTable, new: ReadingTa
 
 @pytest.mark.parametrize("experiment", MENU, ids=lambda one: one.what)
 def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: Experiment) -> None:
-    """Δχ² by one linear step is that of a full fit to old and new readings within a tenth, or a tenth of enough."""
+    """Δχ² by one linear step is that of a full fit to old and new readings within a tenth, or a
+    tenth of enough."""
     causes = [Cause("parallel_spring"), Cause("electrode_margin"), Cause("drift")]
     table = read(three_shapes, design(SIGMA), (causes[1],), [2e-3], seed=2)
     judgement = judged_between(three_shapes, table, causes)
@@ -57,7 +58,8 @@ def test_expected_worth_is_that_of_refits(three_shapes: Simulation, experiment: 
 
 
 def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
-    """Readings in reverse or after a pause tell a drift from a spring far better than more readings of the kind."""
+    """Readings in reverse or after a pause tell a drift from a spring far better than more readings
+    of the kind."""
     causes = [Cause("drift"), Cause("parallel_spring")]
     table = read(three_shapes, design(SIGMA / 4), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
     found = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
@@ -113,7 +115,8 @@ def test_times_are_needed_to_wait(three_shapes: Simulation) -> None:
 
 
 def test_new_readings_stay_below_pull_in(three_shapes: Simulation) -> None:
-    """Twice the mass at the highest voltage has no equilibrium within reach and is not proposed; half of it has."""
+    """Twice the mass at the highest voltage has no equilibrium within reach and is not proposed;
+    half of it has."""
     table = read(three_shapes, design(SIGMA), (), [], seed=1)
     nominal = fit(three_shapes, (), table)
     readout = Readout(three_shapes, table, nominal)
@@ -138,7 +141,8 @@ class Trial:
 def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unknowns: np.ndarray,
           new: ReadingTable,
           others: list[tuple[Fit, float]]) -> float:
-    """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them, up to SEEN."""
+    """Mean true Δχ² of the rivals refitted to old and new readings over the truth refitted to them,
+    up to SEEN."""
     values = simulation.predict(truth, unknowns, new)
     told = np.isfinite(values)
     new = new[told].with_values(values[told])
@@ -148,7 +152,8 @@ def worth(simulation: Simulation, judgement: Judgement, truth: Hypothesis, unkno
 
 
 def tried(simulation: Simulation, seed: int) -> Trial | None:
-    """A random cause of random size; None where nothing is found, or the truth is not among the rivals."""
+    """A random cause of random size; None where nothing is found, or the truth is not among the
+    rivals."""
     generator = np.random.default_rng(seed)
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
@@ -178,7 +183,8 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
 
 
 def rate(simulation: Simulation, wanted: int, first: int) -> float:
-    """Share of trials, of those in which some experiment helps, where the proposed one has 90 % of the best worth."""
+    """Share of trials, of those in which some experiment helps, where the proposed one has 90 % of
+    the best worth."""
     shares: list[float] = []
     seed = first
     while len(shares) < wanted:

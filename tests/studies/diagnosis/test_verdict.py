@@ -1,4 +1,5 @@
-"""What a judgement rests on: evidence, tests against noise, classes; each against something computed another way."""
+"""What a judgement rests on: evidence, tests against noise, classes; each against something
+computed another way."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def _brute_force(simulation: Simulation, cause: Cause, table: ReadingTable) -> f
                                              (Cause("electrode_margin"), 0.0),
                                              (Cause("sensor_zero"), 40e-6)])
 def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: float) -> None:
-    """Also where the most probable size is at its limit; relative to the nominal model's, the same grid aside."""
+    """Also where the most probable size is at its limit; relative to the nominal model's, the same
+    grid aside."""
     table = read(three_shapes, design(SIGMA, voltages=5), (cause,), [size], seed=4)
     exact = _brute_force(three_shapes, cause, table)
     assert fit(three_shapes, (cause,), table).evidence == pytest.approx(exact, abs=0.1)
@@ -81,7 +83,8 @@ def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(three_shapes
 
 
 def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> None:
-    """Permittivity, and so an amplifier's gain, is refitted; with one mass the stiffness takes up a load as well."""
+    """Permittivity, and so an amplifier's gain, is refitted; with one mass the stiffness takes up a
+    load as well."""
     table = design(SIGMA)
     known = effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes))
     assert Cause("amplifier_gain") in known.invisible
@@ -92,7 +95,8 @@ def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> No
 
 
 def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Simulation) -> None:
-    """The size at which an effect should reach Δχ² = 25, put into exact readings, does: the refit done in full."""
+    """The size at which an effect should reach Δχ² = 25, put into exact readings, does: the refit
+    done in full."""
     table = design(SIGMA)
     for one in effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
         parameters = one.cause.effect.parameters

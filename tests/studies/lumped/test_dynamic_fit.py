@@ -1,4 +1,5 @@
-"""Identification of the lumped model's viscous constants: motions, derivatives, coverage, and what stays open."""
+"""Identification of the lumped model's viscous constants: motions, derivatives, coverage, and what
+stays open."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def actuator(number: int = 2, mass: float = MASSES[0]) -> Actuator:
 
 
 def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.ndarray:
-    """States at times, shape (size, times), by DOP853 from rest at the signal's first voltage, piece by piece."""
+    """States at times, shape (size, times), by DOP853 from rest at the signal's first voltage,
+    piece by piece."""
     state, parts = model.rest(rest(model, signal.first)), []
     for piece, (left, right) in enumerate(pairwise(signal.breaks)):
         inside = time[(time >= left) & ((time < right) | (right == signal.end))]
@@ -59,7 +61,8 @@ def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.nda
 @cache
 def response(number: int, mass: float, end: float, interval: float) -> tuple[np.ndarray,
                                                                              np.ndarray]:
-    """A step of 3.5 kV at samples from 0; the voltage came a third of a sample before the one that shows it first."""
+    """A step of 3.5 kV at samples from 0; the voltage came a third of a sample before the one that
+    shows it first."""
     time = np.arange(0.0, end + interval / 2, interval)
     at = time[np.searchsorted(time, 0.1)] - interval / 3
     return time, explicit(actuator(number, mass), step(0.0, 3.5e3, at, time[-1]), time)[0]
@@ -94,7 +97,8 @@ def drive(signal: Sine | Pieces, points: int = 51) -> Pieces:
                                     random_steps(0.0, 6e3, 0.25, 4, 7)],
                          ids=["step", "to 7 kV", "sine", "random"])
 def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
-    """To 1 nm, a thousandth of the sensor's noise; the voltage is given as straight lines to both."""
+    """To 1 nm, a thousandth of the sensor's noise; the voltage is given as straight lines to both.
+    """
     given = drive(signal)
     model = actuator()
     start = model.rest(rest(model, given.first))
@@ -107,7 +111,8 @@ def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
 
 
 def test_derivatives_have_taylor_order_two() -> None:
-    """Of a response by viscous constants, turns of the statics and delays: what is left falls with the square."""
+    """Of a response by viscous constants, turns of the statics and delays: what is left falls with
+    the square."""
     made = problem(0, Held(identify_static(noisy(0), profiles=False)), end=1.0)
     z = made.start.copy()
     z[:3], z[3:] = LOGS, 0.1
@@ -157,7 +162,8 @@ def within(fits: list[DynamicFit]) -> np.ndarray:
 
 
 def with_statics(seed: int, profiles: bool, **how: float) -> DynamicFit:
-    """A run with everything drawn anew: readings at rest, which are fitted first, and two responses."""
+    """A run with everything drawn anew: readings at rest, which are fitted first, and two
+    responses."""
     return identify_dynamic(problem(seed, Held(identify_static(noisy(seed), profiles=False)),
                                     **how), profiles)
 
@@ -169,7 +175,8 @@ def told(inside: np.ndarray) -> str:
 
 
 def test_intervals_cover_the_truth() -> None:
-    """Six runs with exact statics, two without the noise known, and two with fitted ones; to 2 % of each constant."""
+    """Six runs with exact statics, two without the noise known, and two with fitted ones; to 2 % of
+    each constant."""
     fits = [identify_dynamic(problem(seed, noise=NOISE if seed < 4 else None, end=3.0),
                              profiles=seed == 0)
             for seed in range(6)] + [with_statics(seed, profiles=False, end=3.0)
@@ -186,7 +193,8 @@ def test_intervals_cover_the_truth() -> None:
 
 
 def test_responses_that_do_not_see_a_constant_leave_it_open() -> None:
-    """The first 60 ms see no relaxation, so not η₁; a reading every 0.2 s does not follow what η₂ damps."""
+    """The first 60 ms see no relaxation, so not η₁; a reading every 0.2 s does not follow what η₂
+    damps."""
     short = identify_dynamic(problem(1, end=0.16, interval=0.002))
     assert short.judgement.undetermined == ["eta_1"]
     assert len(short.warnings) == 1
@@ -257,7 +265,8 @@ def toml(names: tuple[str, ...]) -> str:
 
 def test_what_simulate_writes_identify_reads(tmp_path: Path,
                                              capsys: pytest.CaptureFixture[str]) -> None:
-    """A step at the first sample, so that the run begins at a rest of 0 V that its voltages do not show."""
+    """A step at the first sample, so that the run begins at a rest of 0 V that its voltages do not
+    show."""
     names = ("circular", "elliptical-small")
     assert main(["lumped", "simulate", *(str(ACTUATORS / f"{name}.toml") for name in names),
                  "--duration", "0.5 s",
@@ -313,7 +322,8 @@ def test_what_cannot_be_identified_is_one_message(keep: str, options: list[str],
 
 @pytest.mark.study
 def test_coverage_of_400_runs() -> None:
-    """Readings at rest and two responses drawn anew in every run, statics fitted first; profiles in every fourth."""
+    """Readings at rest and two responses drawn anew in every run, statics fitted first; profiles in
+    every fourth."""
     fits = [with_statics(seed, profiles=seed % 4 == 0) for seed in range(400)]
     for words, inside in (("combinations", covered(fits)),
                           ("constants by profile", within(fits[::4]))):

@@ -1,4 +1,5 @@
-"""What is wrong in the paper, each claim asserted, with references of its own where there is one."""
+"""What is wrong in the paper, each claim asserted, with references of its own where there is one.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +53,8 @@ def test_a_simplex_on_the_printed_sum_goes_the_same_way(fitted: lost.MissingPara
 
 
 def test_stress_falls_with_stretch(fitted: lost.MissingParameters) -> None:
-    """Eq. (8) typed again: its slope at the mounted film, where it turns, and that the actuators work before that."""
+    """Eq. (8) typed again: its slope at the mounted film, where it turns, and that the actuators
+    work before that."""
     def sigma(x: float) -> float:
         return (13.4e3 * x**2 + 34.8e3 * x**4 + 35.8e3 * x**6 + 0.41e3 * x**-2 + 113e3 * x**-4
                 + 34.2e3 * x**-6)
@@ -103,7 +105,8 @@ def test_energy_and_eq_5_differ(fitted: lost.MissingParameters) -> None:
 
 
 def test_no_permittivity_makes_films_at_rest_grow_as_table_2(fitted: lost.MissingParameters) -> None:
-    """Seeded points of all that may be chosen, by roots of the balance: always above the ratio of the weights."""
+    """Seeded points of all that may be chosen, by roots of the balance: always above the ratio of
+    the weights."""
     rng = np.random.default_rng(8)
     least = table2.smallest_growth(np.linspace(1, 11, 21), np.linspace(0, 1, 6),
                                    np.array([1e3, 7e3]))
@@ -132,7 +135,8 @@ def test_a_film_without_prestress_grows_with_the_cube_root() -> None:
 
 
 def test_unaccounted_mass_gives_table_2s_growth(fitted: lost.MissingParameters) -> None:
-    """Put into the ranges again, the extra mass gives the growth with the ε_r that keeps the smaller range."""
+    """Put into the ranges again, the extra mass gives the growth with the ε_r that keeps the
+    smaller range."""
     read = published.ranges()
     extra = table2.unaccounted(fitted, read[1] / read[0])
     assert (extra > 20e-3).all()

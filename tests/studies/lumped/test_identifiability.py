@@ -1,4 +1,5 @@
-"""Profiles of the likelihood against closed forms and linearised limits, and what is called not determined."""
+"""Profiles of the likelihood against closed forms and linearised limits, and what is called not
+determined."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ def test_profile_of_a_reciprocal_is_its_closed_form_and_longer_upwards() -> None
 
 
 def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> None:
-    """A film's stiffness: at 1 µm both limits agree; at 0.4 mm the profile reaches further up and less far down."""
+    """A film's stiffness: at 1 µm both limits agree; at 0.4 mm the profile reaches further up and
+    less far down."""
     base = clean()
     ratios = []
     for noise in (1e-6, 4e-4):
@@ -82,7 +84,8 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
 
 
 def test_limits_of_a_constant_among_others_nobody_sees() -> None:
-    """One mass up to 4 kV: five of nine directions are unseen, and no fit behind a profile gets lost along them."""
+    """One mass up to 4 kV: five of nine directions are unseen, and no fit behind a profile gets
+    lost along them."""
     base = clean()
     for seed in range(6):
         read = base.displacement + 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
@@ -103,7 +106,8 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
 
 
 def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
-    """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as its sum."""
+    """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as
+    its sum."""
     names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]
     saturating = LeastSquares.of(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
                                    np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),

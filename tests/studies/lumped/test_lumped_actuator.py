@@ -1,4 +1,5 @@
-"""The paper's lumped model: its equations, statics and linearisation against other ways of computing them."""
+"""The paper's lumped model: its equations, statics and linearisation against other ways of
+computing them."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def test_derivatives_by_complex_step(actuator: Actuator) -> None:
 
 @EVERY
 def test_forces_derive_from_the_energy(actuator: Actuator) -> None:
-    """∂energy/∂y is the force of a film at rest and of its branches; by ε₁ it is what drives Eq. (9)."""
+    """∂energy/∂y is the force of a film at rest and of its branches; by ε₁ it is what drives Eq.
+    (9)."""
     state = np.concatenate([[4e-3, 0.0], np.full(actuator.count, 3e-3)])
     u, step = 3e3, 1e-30
     slope = actuator.energy(state + step * 1j * np.eye(len(state))[0], u).imag / step
@@ -87,7 +89,8 @@ def test_roots_against_brute_force(actuator: Actuator, voltage: float) -> None:
 
 
 def test_pull_in_is_where_two_roots_meet() -> None:
-    """Below it a stable and an unstable rest, at it one that touches, above it neither; against a fine grid."""
+    """Below it a stable and an unstable rest, at it one that touches, above it neither; against a
+    fine grid."""
     actuator = Actuator.of(paper_actuators(8.5)[0], 17.9e-3)
     voltage, y = pull_in(actuator) or (np.nan, np.nan)
     below, above = roots(actuator, voltage * (1 - 1e-7)), roots(actuator, voltage * (1 + 1e-7))
@@ -116,7 +119,8 @@ def test_capacitance_and_energy_of_equation_1() -> None:
 
 
 def test_electric_force_is_less_than_that_of_half_c_u_squared() -> None:
-    """The whole cone's ½Cu² pulls (r₁ + r)/2r times as hard as Eq. (5), which takes the film at the plate's edge."""
+    """The whole cone's ½Cu² pulls (r₁ + r)/2r times as hard as Eq. (5), which takes the film at the
+    plate's edge."""
     actuator = MODELS["paper"]
     short = replace(actuator.circles, radius=actuator.circles.radius[:1])
     one = replace(actuator, circles=short, weights=(1.0,))

@@ -1,4 +1,5 @@
-"""The lumped model built from the field model: its errors, its formulas typed again, its file, and the command."""
+"""The lumped model built from the field model: its errors, its formulas typed again, its file, and
+the command."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ def actuator(request: pytest.FixtureRequest) -> Built:
 
 
 def test_the_papers_actuators_within_one_per_cent(actuator: Built) -> None:
-    """Issue 6's line, at loads of both masses, and ten times better; α alone does it, cones miss by their factor."""
+    """Issue 6's line, at loads of both masses, and ten times better; α alone does it, cones miss by
+    their factor."""
     assert actuator.worst("corrected", held_out=False) < 1e-3
     assert actuator.worst("corrected", held_out=True) < 1e-3
     assert actuator.worst("membrane", held_out=True) < 1e-3
@@ -73,7 +75,8 @@ def test_heave_of_the_model_is_the_fields(actuator: Built) -> None:
 
 
 def test_cones_miss_by_the_membrane_factor() -> None:
-    """Without voltage a film that hardly stiffens sinks as its stiffness says: 2.33 for the circle."""
+    """Without voltage a film that hardly stiffens sinks as its stiffness says: 2.33 for the circle.
+    """
     circle = of_paper("circular")
     assert circle.errors("cone")[0, 0] + 1 == pytest.approx(circle.membrane_factors[0], rel=5e-3)
     assert circle.membrane_factors[0] == pytest.approx(2.33, abs=0.005)
@@ -85,7 +88,8 @@ def test_cones_miss_by_the_membrane_factor() -> None:
     (Ogden((30e3, 2e3), (1.3, 5.5)), axisymmetric.Ogden((30e3, 2e3), (1.3, 5.5)), 1e-3)],
                          ids=["neo", "tape", "stiff"])
 def test_a_circle_against_the_axisymmetric_equations(law: Any, mine: Any, near: float) -> None:
-    """No field model and no fit: membrane theory against the spectral solution, to 5 kV under both masses."""
+    """No field model and no fit: membrane theory against the spectral solution, to 5 kV under both
+    masses."""
     model = LumpedModel(circular(law), (45e-3,), (1.0,), Correction(), 1.26e-9, 5e3)
     film = axisymmetric.Film(10e-3, 45e-3, 1e-3, 5**0.5, mine, 4.7)
     for mass in (17.9e-3, 22.45e-3):
@@ -96,7 +100,8 @@ def test_a_circle_against_the_axisymmetric_equations(law: Any, mine: Any, near: 
 
 
 def test_energy_is_the_whole_films_to_fourth_order() -> None:
-    """∫ Ψ over a film with the slopes of y ln(R/ρ)/ln(R/r), by quadrature: the difference falls with y⁶."""
+    """∫ Ψ over a film with the slopes of y ln(R/ρ)/ln(R/r), by quadrature: the difference falls
+    with y⁶."""
     circle, law, root = MembraneCircle(ConeCircle(circular(TAPE), 45e-3), 0.0), TAPE, 5**0.5
     differences = []
     for y in (4e-3, 2e-3):
@@ -213,7 +218,8 @@ def test_shapes_that_nothing_but_alpha_was_fitted_on(shape: str) -> None:
 @pytest.mark.study
 @pytest.mark.parametrize("name", [*examples(), *MATERIALS])
 def test_every_outline_and_every_material_within_one_per_cent(name: str) -> None:
-    """Held-out loads; circles by sectors, as some outlines' semi-axes are no circles that stand for them."""
+    """Held-out loads; circles by sectors, as some outlines' semi-axes are no circles that stand for
+    them."""
     circle = load_specimen(str(ACTUATORS / "circular.toml"))
     specimen = replace(circle, frame=examples()[name]) if name in examples() else \
         replace(circle, membrane=replace(circle.membrane, material=MATERIALS[name].material))

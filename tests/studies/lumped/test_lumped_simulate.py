@@ -1,4 +1,5 @@
-"""The lumped model in time: another integrator, the linearised model, energy, signals, and the command."""
+"""The lumped model in time: another integrator, the linearised model, energy, signals, and the
+command."""
 
 from __future__ import annotations
 
@@ -89,7 +90,8 @@ def test_hysteresis_goes_as_the_signal_slows_and_has_the_sign_of_loss() -> None:
 
 
 def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
-    """From period to period the drift falls as the slow eigenvalue says, between those at 3.5 and at 5 kV."""
+    """From period to period the drift falls as the slow eigenvalue says, between those at 3.5 and
+    at 5 kV."""
     simulated = [sample(simulate(PAPER, Sine(3.5e3, 3.5e3, 4.0, count)), 0.01, 4.0)
                  for count in (2.0, 3.0, 12.0)]
     drifts = [one.loop.drift for one in simulated if one.loop is not None]
@@ -100,7 +102,8 @@ def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
 
 
 def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> None:
-    """Without viscosity the motion passes the unstable rest at 0.995 of the pull-in voltage, and does not at half."""
+    """Without viscosity the motion passes the unstable rest at 0.995 of the pull-in voltage, and
+    does not at half."""
     actuator = Actuator.of(paper_actuators(8.5)[0], 17.9e-3, viscous=Viscous(0.0, 1.0, 0.0))
     limit, turning = pull_in(actuator) or (np.nan, np.nan)
     for share, passes in ((0.995, True), (0.5, False)):

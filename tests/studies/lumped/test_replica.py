@@ -1,4 +1,5 @@
-"""The paper's figures and tables computed again: lost parameters, settling times, the command and its page."""
+"""The paper's figures and tables computed again: lost parameters, settling times, the command and
+its page."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ def test_slopes_of_ranges_by_differences() -> None:
 
 
 def test_lost_parameters_against_a_grid(fitted: lost.MissingParameters) -> None:
-    """No point of a grid does better, in squares or in the worst; the ends of what is within twice are on its edge."""
+    """No point of a grid does better, in squares or in the worst; the ends of what is within twice
+    are on its edge."""
     read = published.ranges()
     permittivity, alpha = np.linspace(7.6, 9.2, 33), np.linspace(0.1, 0.95, 18)
     squares = [np.sum((lost.rest_ranges(e, (a, a)) - read) ** 2) for e in permittivity[::4]
@@ -102,7 +104,8 @@ def test_an_array_is_its_actuators(fitted: lost.MissingParameters) -> None:
 
 
 def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.MissingParameters) -> None:
-    """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it back by a little."""
+    """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it
+    back by a little."""
     signal = random_steps(0.0, 7e3, 6.0, 3, 4)
     levels = creep(lost.actuators(fitted.permittivity, fitted.alpha), signal)[:, 1]
     ends = np.array([simulate(actuator, signal).deflection(signal.breaks)
@@ -122,7 +125,8 @@ def test_parameters_come_back_from_levels_they_made(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.study
 def test_table_2_at_the_ends_of_levels() -> None:
-    """The ellipses' four ranges within 0.03 mm, the circle's not, and better than at rest, for three seeds."""
+    """The ellipses' four ranges within 0.03 mm, the circle's not, and better than at rest, for
+    three seeds."""
     for seed in (6, 17, 25):
         found = lost_steps.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
         assert np.abs(found.misfit[:, 1:]).max() < 0.03e-3
@@ -131,7 +135,8 @@ def test_table_2_at_the_ends_of_levels() -> None:
 
 
 def test_settling_of_a_known_oscillation() -> None:
-    """Decay of exp(−t) cos(60 t) on a slow slope fall below a share after its logarithm, whatever the sampling."""
+    """Decay of exp(−t) cos(60 t) on a slow slope fall below a share after its logarithm, whatever
+    the sampling."""
     t = np.linspace(0, 8, 8001)
     swings = Decay.of(t, 1e-4 * (0.05 * t + np.exp(-t) * np.cos(60 * t)))
     assert swings.settled(1e-5) - swings.settled(5e-5) == pytest.approx(np.log(5), abs=0.02)
@@ -141,7 +146,8 @@ def test_settling_of_a_known_oscillation() -> None:
 
 
 def test_damping_and_settling_agree(fitted: lost.MissingParameters) -> None:
-    """Between two thresholds the time is the logarithm of their ratio over the linear model's rate."""
+    """Between two thresholds the time is the logarithm of their ratio over the linear model's rate.
+    """
     from tympan.studies.lumped.linear import linearise
 
     actuator = fitted.actuators(22.45e-3)[2]
@@ -202,7 +208,8 @@ def test_a_negative_voltage_does_what_the_positive_does(fitted: lost.MissingPara
 
 def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
                        monkeypatch: pytest.MonkeyPatch) -> None:
-    """With two levels; JSON, tables, figures and page agree, and the report is built again from the folder."""
+    """With two levels; JSON, tables, figures and page agree, and the report is built again from the
+    folder."""
     out = tmp_path / "out"
     options = ["--levels", "2", "--seed", "3", "--period", "20 s", "--reading", "rest", "-o",
                str(out), "--json"]

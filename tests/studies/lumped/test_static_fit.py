@@ -1,4 +1,5 @@
-"""Identification of the lumped model's static constants: derivatives, coverage, and the sign of Eq. (11)."""
+"""Identification of the lumped model's static constants: derivatives, coverage, and the sign of Eq.
+(11)."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ def hits(fits: list[StaticFit]) -> np.ndarray:
 
 
 def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
-    """40 runs, the noise known in 30; 95 % of the independent combinations, within 3.3 standard deviations of it."""
+    """40 runs, the noise known in 30; 95 % of the independent combinations, within 3.3 standard
+    deviations of it."""
     fits = [identify_static(noisy(seed, NOISE if seed < 30 else None), profiles=seed % 5 == 0)
             for seed in range(40)]
     inside = hits(fits)
@@ -55,7 +57,8 @@ def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
 
 
 def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
-    """StaticReadings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and says so."""
+    """StaticReadings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and
+    says so."""
     base, values = clean(), np.append(TRUTH[:-1], [0.40, 0.55])
     problem = StaticProblem(base)
     read = problem.rest(values)[0]
@@ -79,7 +82,8 @@ def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
 
 @pytest.mark.study
 def test_coverage_of_400_runs() -> None:
-    """Combinations pooled, and by profile the two constants that are determined; the six others never get limits."""
+    """Combinations pooled, and by profile the two constants that are determined; the six others
+    never get limits."""
     fits = [identify_static(noisy(seed)) for seed in range(400)]
     profiled = np.array([one.low <= truth <= one.high for fit in fits
                          for one, truth in zip(fit.judgement.constants, TRUTH, strict=True)
@@ -94,7 +98,8 @@ def test_coverage_of_400_runs() -> None:
 
 
 def test_eq_11_as_printed_asks_the_film_to_push_down() -> None:
-    """With its signs the fit's films are unstable and their rest is nowhere near the readings; with Eq. (5)'s it is."""
+    """With its signs the fit's films are unstable and their rest is nowhere near the readings; with
+    Eq. (5)'s it is."""
     problem = StaticProblem(clean(), alpha="shared")
     right, wrong = (identify_static(problem, objective).values
                     for objective in ("force", "printed"))

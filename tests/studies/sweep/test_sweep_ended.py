@@ -87,7 +87,8 @@ def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(righ
 
 @pytest.mark.parametrize("tasks", [0, 3])
 def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, tasks: int) -> None:
-    """As by Ctrl-C, which all processes of a terminal get, also those that have only just been started."""
+    """As by Ctrl-C, which all processes of a terminal get, also those that have only just been
+    started."""
     command = Command(written(tmp_path, MANY), tmp_path / "out")
     while not (tmp_path / "out" / ".lock").exists():
         time.sleep(0.01)
