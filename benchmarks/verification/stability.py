@@ -54,10 +54,7 @@ def beyond() -> Outcome:
 @claim("Pull-in voltage, neo-Hooke 15 kPa, ε_r 4.7, 17.9 g, by arc length", tolerance=1e-5,
        reference="axisymmetric equations, fold of the Ritz branch; a membrane that cannot wrinkle")
 def pull_in() -> Iterator[Pair]:
-    """The largest voltage with an equilibrium of the membrane.
-
-    The branch beyond it is followed below.
-    """
+    """The largest voltage with an equilibrium of the membrane; the branch beyond is followed below."""
     outcome = beyond()
     yield Pair("U", math.sqrt(outcome.limit or 0.0), pull_in_voltage(reference(), FORCE), "V")
 
