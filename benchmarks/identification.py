@@ -20,11 +20,19 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.estimation.identifiability import Identifiability
-from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
-from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
+from tympan.studies.identify.dynamic import (
+    DynamicProblem,
+    Exact,
+    identify_dynamic,
+    nelder_mead_dynamic,
+)
 from tympan.studies.identify.responses import Record, drive_of
-from tympan.studies.identify.static_fit import StaticProblem, StaticReadings
-from tympan.studies.identify.static_search import identify_static, nelder_mead
+from tympan.studies.identify.static import (
+    StaticFit,
+    StaticProblem,
+    identify_static,
+    nelder_mead,
+)
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.signals import step
@@ -36,7 +44,7 @@ NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 
 VISCOUS = Viscous(15e6, 100e6, 100e3)
 
 
-def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> StaticReadings:
+def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> StaticProblem:
     """At rest, with noise; ε_r of the search's start is 6."""
     rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)))
             for number, one in enumerate(specimens) for mass in masses for volts in voltages]
@@ -44,7 +52,7 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: A
     unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
                     for one in specimens)
     noise = NOISE * np.random.default_rng(1).standard_normal(len(y))
-    return StaticReadings(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
+    return StaticProblem(unknown, Rig(), which.astype(int), mass, volts, y + noise, NOISE)
 
 
 def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
@@ -69,13 +77,13 @@ def show(words: str, judgement: Identifiability) -> None:
     print(f"{words:<42} {', '.join(found)}; {judgement.determined} of {len(judgement.constants)}")
 
 
-def statics(specimens: Sequence[Specimen]) -> Held:
-    """StaticReadings at rest: what of the constants they determine, by how much is read."""
+def statics(specimens: Sequence[Specimen]) -> StaticFit:
+    """Readings at rest: what of the constants they determine, by how much is read."""
     print("at rest")
     fits = {}
     for words, masses, voltages in (("both masses, to 7 kV", MASSES, VOLTAGES),
                                     ("17.9 g, to 3.5 kV", MASSES[:1], VOLTAGES[:8])):
-        fit = fits[words] = identify_static(StaticProblem(readings(specimens, masses, voltages)))
+        fit = fits[words] = identify_static(readings(specimens, masses, voltages))
         y = fit.problem.read
         show(f"{words}, λ 1{1e3 * (np.hypot(1, y.min() / 35e-3) - 1):+.1f} to "
              f"{1e3 * (np.hypot(1, y.max() / 35e-3) - 1):+.1f} ‰", fit.judgement)
@@ -93,15 +101,15 @@ def statics(specimens: Sequence[Specimen]) -> Held:
     bare = identify_static(fit.problem, profiles=False)
     print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.2f} s, misfit {1e6 * bare.rmse:.3f} µm; "
           f"Nelder-Mead {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.3f} µm")
-    return Held(fit)
+    return fit
 
 
-def responses(specimens: Sequence[Specimen], held: Held) -> None:
+def responses(specimens: Sequence[Specimen], held: StaticFit) -> None:
     """Responses: what of the viscous constants they determine, by how long and how often they are read."""
     print("after a step")
     exact = Exact(specimens, Rig(), ALPHA)
 
-    def problem(end: float, interval: float, known: Held | Exact) -> DynamicProblem:
+    def problem(end: float, interval: float, known: StaticFit | Exact) -> DynamicProblem:
         return DynamicProblem(known, Rig(), tuple(record(specimens, number, mass, end, interval)
                                                   for number in range(3) for mass in MASSES), NOISE)
 

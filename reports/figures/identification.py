@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
 from tympan.studies.estimation.profile import Profile
-from tympan.studies.identify.result import Fitted, FittedReadings, IdentifyResult
+from tympan.studies.identify.result import Fitted, IdentifyResult
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
 _TITLE, _AXIS, _GAP, _VOLTAGE, _RESPONSE = 6.0, 12.0, 5.0, 22.0, 60.0
@@ -71,21 +72,22 @@ def _symbol(name: str) -> str:
 
 
 def _static(fit: Fitted) -> Figure:
-    masses = sorted({part.mass for part in fit.readings})
-    names = list(dict.fromkeys(part.specimen for part in fit.readings))
+    masses = sorted(fit.readings["mass"].unique())
+    names = fit.readings["specimen"].unique().tolist()
     figure = style.new_figure(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
     for column, mass in enumerate(masses):
         start = _LEFT + column * (width + _LEFT)
         above = style.place_axes(figure, start, _TITLE, width, _RESPONSE)
         below = style.place_axes(figure, start, _TITLE + _RESPONSE + _GAP, width, _VOLTAGE)
-        for part in (part for part in fit.readings if part.mass == mass):
-            colour = style.colour_of(names.index(part.specimen))
-            volts = 1e-3 * part.at
-            above.plot(volts, 1e3 * part.read, "o", color=colour, markersize=3,
-                       markerfacecolor="none", label=part.specimen)
-            above.plot(volts, 1e3 * part.fitted, color=colour, linewidth=0.8)
-            below.plot(volts, 1e6 * (part.fitted - part.read), "o-", color=colour, markersize=2,
+        for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
+            name = part["specimen"].iloc[0]
+            colour = style.colour_of(names.index(name))
+            volts, read, fitted = part[["voltage", "displacement", "fitted"]].to_numpy().T
+            above.plot(1e-3 * volts, 1e3 * read, "o", color=colour, markersize=3,
+                       markerfacecolor="none", label=name)
+            above.plot(1e-3 * volts, 1e3 * fitted, color=colour, linewidth=0.8)
+            below.plot(1e-3 * volts, 1e6 * (fitted - read), "o-", color=colour, markersize=2,
                        linewidth=0.5)
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.legend(loc="upper left")
@@ -100,8 +102,8 @@ def _static(fit: Fitted) -> Figure:
 
 
 def _dynamic(fit: Fitted) -> Figure:
-    masses = sorted({part.mass for part in fit.readings})
-    names = list(dict.fromkeys(part.specimen for part in fit.readings))
+    masses = sorted(fit.readings["mass"].unique())
+    names = fit.readings["specimen"].unique().tolist()
     height = _WHOLE + _GAP + _LEFTOVER
     figure = style.new_figure(len(masses) * (_TITLE + height + _AXIS))
     width = style.WIDTH / 2 - _LEFT - _RIGHT
@@ -110,8 +112,8 @@ def _dynamic(fit: Fitted) -> Figure:
         columns = [(style.place_axes(figure, left, top, width, _WHOLE),
                     style.place_axes(figure, left, top + _WHOLE + _GAP, width, _LEFTOVER))
                    for left in (_LEFT, style.WIDTH / 2 + _LEFT)]
-        for part in (part for part in fit.readings if part.mass == mass):
-            colour = style.colour_of(names.index(part.specimen))
+        for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
+            colour = style.colour_of(names.index(part["specimen"].iloc[0]))
             for (above, below), end in zip(columns, (np.inf, _BEGINNING * (fit.radian or np.inf)),
                                            strict=True):
                 _response(above, below, part, end, colour)
@@ -127,15 +129,16 @@ def _dynamic(fit: Fitted) -> Figure:
     return figure
 
 
-def _response(above: Axes, below: Axes, part: FittedReadings, end: float, colour: str) -> None:
+def _response(above: Axes, below: Axes, part: pd.DataFrame, end: float, colour: str) -> None:
     """One run up to a time since its voltage changed: dots read, a line fitted, residuals below."""
-    inside = np.flatnonzero((part.at <= end) & (part.at >= -end / 5))
+    since, read, fitted = part[["since", "displacement", "fitted"]].to_numpy().T
+    inside = np.flatnonzero((since <= end) & (since >= -end / 5))
     thin = np.linspace(0, len(inside) - 1, min(len(inside), _POINTS)).astype(int)
     inside = inside[np.unique(thin)]
-    since, read, fitted = part.at[inside], part.read[inside], part.fitted[inside]
+    since, read, fitted = since[inside], read[inside], fitted[inside]
     above.plot(since, 1e3 * read, ".", color=colour, markersize=2, alpha=0.5, markeredgewidth=0,
                rasterized=True)
-    above.plot(since, 1e3 * fitted, color=colour, linewidth=0.6, label=part.specimen)
+    above.plot(since, 1e3 * fitted, color=colour, linewidth=0.6, label=part["specimen"].iloc[0])
     below.plot(since, 1e6 * (fitted - read), ".", color=colour, markersize=1.5, markeredgewidth=0,
                rasterized=True)
 

@@ -11,7 +11,7 @@ from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import Gent, Separable
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.studies.identify.static_fit import StaticProblem, StaticReadings
+from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.actuator import Actuator, Correction
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.model_file import LumpedModel
@@ -39,7 +39,7 @@ NOISE = 1e-6  # the paper's sensor
 
 
 @cache
-def clean() -> StaticReadings:
+def clean() -> StaticProblem:
     """Rests of the paper's three actuators by :mod:`tympan.studies.lumped.equilibria`, with other constants, without
     noise."""
     law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
@@ -50,10 +50,10 @@ def clean() -> StaticReadings:
     which, mass, u, y = np.array(rows).T
     unknown = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=6.0))
                     for one in specimens)
-    return StaticReadings(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
+    return StaticProblem(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
 
 
 def noisy(seed: int, noise: float | None = NOISE) -> StaticProblem:
     base = clean()
     read = base.displacement + NOISE * np.random.default_rng(seed).standard_normal(len(base.mass))
-    return StaticProblem(replace(base, displacement=read, noise=noise), alpha="shared")
+    return replace(base, displacement=read, noise=noise, alpha="shared")

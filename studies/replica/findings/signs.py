@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.film.laws import Separable
 from tympan.fem.rig import Rig
-from tympan.studies.identify.static_fit import StaticProblem, StaticReadings
+from tympan.studies.identify.static import StaticProblem
 from tympan.studies.paper.published import MASSES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.finding import Evidence, Finding
@@ -28,7 +28,7 @@ def at_rest(missing: MissingParameters) -> tuple[Array, Array, Array]:
     rests = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
     voltage, mass, which = (axis.ravel() for axis in np.meshgrid(
         _VOLTAGES, MASSES, np.arange(3), indexing="ij"))
-    problem = StaticProblem(StaticReadings(specimens, Rig(), which, mass, voltage, rests.ravel()))
+    problem = StaticProblem(specimens, Rig(), which, mass, voltage, rests.ravel())
     law = specimens[0].membrane.material
     assert isinstance(law, Separable)
     values = np.array([*law.beta, *law.gamma, missing.permittivity, *missing.alpha])

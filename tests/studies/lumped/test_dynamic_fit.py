@@ -18,10 +18,16 @@ from tympan.cli import main
 from tympan.fem.film.laws import Separable
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held, Statics
-from tympan.studies.identify.dynamic_search import DynamicFit, identify_dynamic, nelder_mead_dynamic
+from tympan.studies.identify.dynamic import (
+    DynamicFit,
+    DynamicProblem,
+    Exact,
+    Statics,
+    identify_dynamic,
+    nelder_mead_dynamic,
+)
 from tympan.studies.identify.responses import Record, drive_of
-from tympan.studies.identify.static_search import identify_static
+from tympan.studies.identify.static import identify_static
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.collocation import CollocationSolver
 from tympan.studies.lumped.equilibria import rest
@@ -113,7 +119,7 @@ def test_motion_is_that_of_another_integrator(signal: Sine | Pieces) -> None:
 def test_derivatives_have_taylor_order_two() -> None:
     """Of a response by viscous constants, turns of the statics and delays: what is left falls with
     the square."""
-    made = problem(0, Held(identify_static(noisy(0), profiles=False)), end=1.0)
+    made = problem(0, identify_static(noisy(0), profiles=False), end=1.0)
     z = made.start.copy()
     z[:3], z[3:] = LOGS, 0.1
     rng = np.random.default_rng(5)
@@ -164,7 +170,7 @@ def within(fits: list[DynamicFit]) -> np.ndarray:
 def with_statics(seed: int, profiles: bool, **how: float) -> DynamicFit:
     """A run with everything drawn anew: readings at rest, which are fitted first, and two
     responses."""
-    return identify_dynamic(problem(seed, Held(identify_static(noisy(seed), profiles=False)),
+    return identify_dynamic(problem(seed, identify_static(noisy(seed), profiles=False),
                                     **how), profiles)
 
 

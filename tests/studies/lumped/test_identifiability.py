@@ -16,8 +16,7 @@ from tympan.studies.estimation.identifiability import identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.noise import noise_of
 from tympan.studies.estimation.profile import profile
-from tympan.studies.identify.static_fit import Constant, StaticProblem
-from tympan.studies.identify.static_search import identify_static
+from tympan.studies.identify.static import Constant, identify_static
 
 QUANTILE = 1.959964
 
@@ -70,8 +69,8 @@ def test_a_stiffness_from_few_rough_readings_is_limited_like_a_reciprocal() -> N
     for noise in (1e-6, 4e-4):
         specimens = tuple(replace(one, membrane=replace(one.membrane, relative_permittivity=8.5))
                           for one in base.specimens)
-        fit = identify_static(StaticProblem(replace(base, specimens=specimens, noise=noise), "film",
-                                            "shared"))
+        fit = identify_static(replace(base, specimens=specimens, noise=noise, law="film",
+                                      alpha="shared"))
         one = fit.judgement.constants[0]
         assert one.name == "stiffness"
         assert one.value == pytest.approx(1.0, rel=1e-6)
@@ -93,7 +92,7 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
         few = replace(base, which=base.which[kept], mass=base.mass[kept],
                       voltage=base.voltage[kept],
                       displacement=read[kept])
-        found = identify_static(StaticProblem(few, alpha="shared")).judgement
+        found = identify_static(replace(few, alpha="shared")).judgement
         assert found.determined == 3
         assert found.undetermined == [f"{name}_{i}" for name in ("beta", "gamma")
                                       for i in (1, 2, 3)]
@@ -135,7 +134,7 @@ def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
 
 
 def test_pictures(tmp_path: Path) -> None:
-    fit = identify_static(StaticProblem(clean()))
+    fit = identify_static(clean())
     assert [one.name for one in fit.judgement.constants][-2:] == ["alpha_1[elliptical-small]",
                                                                   "alpha_1[elliptical-large]"]
     for file in (*draw_profiles(fit.judgement, tmp_path),

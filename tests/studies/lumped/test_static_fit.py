@@ -12,15 +12,14 @@ import pytest
 
 from tests.support.lumped import NOISE, TRUTH, clean, noisy
 from tympan.cli import main
-from tympan.studies.identify.static_fit import Sharing, StaticProblem
-from tympan.studies.identify.static_search import StaticFit, identify_static, nelder_mead
+from tympan.studies.identify.static import Sharing, StaticFit, identify_static, nelder_mead
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
 
 
 @pytest.mark.parametrize("sharing", ["each", "shared"])
 def test_truth_leaves_no_residual_and_derivatives_are_exact(sharing: Sharing) -> None:
-    problem = StaticProblem(clean(), alpha=sharing)
+    problem = replace(clean(), alpha=sharing)
     truth = TRUTH if sharing == "shared" else np.append(TRUTH, TRUTH[-1])
     for objective in ("deflection", "force", "printed"):
         residual, slopes = problem.residual(truth, objective)
@@ -57,10 +56,10 @@ def test_intervals_cover_the_truth_and_the_undetermined_are_named() -> None:
 
 
 def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
-    """StaticReadings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and
+    """Readings with 0.40 and 0.55: `each` finds both, `shared` leaves ten times the noise and
     says so."""
     base, values = clean(), np.append(TRUTH[:-1], [0.40, 0.55])
-    problem = StaticProblem(base)
+    problem = base
     read = problem.rest(values)[0]
     for number, (one, alpha) in enumerate(zip(base.specimens, (1.0, 0.40, 0.55), strict=True)):
         first = int(np.flatnonzero(base.which == number)[0])
@@ -70,7 +69,7 @@ def test_each_ellipse_has_its_own_alpha_and_one_for_both_is_wrong() -> None:
                                                  0.0), rel=1e-9)
         assert law.frame == one.frame
     read = read + NOISE * np.random.default_rng(3).standard_normal(len(read))
-    each, shared = (identify_static(StaticProblem(replace(base, displacement=read), alpha=sharing))
+    each, shared = (identify_static(replace(base, displacement=read, alpha=sharing))
                     for sharing in ("each", "shared"))
     for found, truth in zip(each.judgement.constants[-2:], (0.40, 0.55), strict=True):
         assert found.low is not None
@@ -100,7 +99,7 @@ def test_coverage_of_400_runs() -> None:
 def test_eq_11_as_printed_asks_the_film_to_push_down() -> None:
     """With its signs the fit's films are unstable and their rest is nowhere near the readings; with
     Eq. (5)'s it is."""
-    problem = StaticProblem(clean(), alpha="shared")
+    problem = replace(clean(), alpha="shared")
     right, wrong = (identify_static(problem, objective).values
                     for objective in ("force", "printed"))
     assert (problem.force(right, problem.read)[1] > 0).all()
@@ -126,7 +125,7 @@ def test_identify_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
                                                   / f"{name}.toml").read_text().splitlines()) + "\n"
         for name in names)
     (tmp_path / "dataset.toml").write_text(head)
-    read = noisy(5).readings
+    read = noisy(5)
     (tmp_path / "static.csv").write_text("specimen,mass_g,voltage_kV,displacement_mm\n" + "".join(
         f"{names[n]},{1e3 * m:.6g},{u / 1e3:.6g},{1e3 * y:.9g}\n"
         for n, m, u, y in zip(read.which, read.mass, read.voltage, read.displacement, strict=True)))

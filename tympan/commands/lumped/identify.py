@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tympan.studies.data.dataset import Dataset
-    from tympan.studies.identify.dynamic_search import DynamicFit
-    from tympan.studies.identify.static_search import StaticFit
+    from tympan.studies.identify.dynamic import DynamicFit
+    from tympan.studies.identify.static import StaticFit
 
     Progress = Callable[[str], None]
 
@@ -81,8 +81,7 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
                 progress: Progress
                 ) -> StaticFit | None:
     from tympan.geometry.errors import InputError
-    from tympan.studies.identify.static_fit import StaticProblem, static_readings
-    from tympan.studies.identify.static_search import identify_static, nelder_mead
+    from tympan.studies.identify.static import StaticProblem, identify_static, nelder_mead
 
     if options.dynamic and dataset.static is None:
         return None
@@ -90,7 +89,7 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
         raise InputError("is for --dynamic without static.csv, whose readings tell α",
                          key="--weights",
                          given=options.weights)
-    problem = StaticProblem(static_readings(dataset), options.law, options.alpha)
+    problem = StaticProblem.of(dataset, options.law, options.alpha)
     progress("readings at rest")
     fit = identify_static(problem, options.objective)
     result["static"] = fit.json()
@@ -103,12 +102,16 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
 def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace,
                  result: dict[str, Any],
                  progress: Progress) -> DynamicFit:
-    from tympan.studies.identify.dynamic_fit import DynamicProblem, Exact, Held
-    from tympan.studies.identify.dynamic_search import identify_dynamic, nelder_mead_dynamic
+    from tympan.studies.identify.dynamic import (
+        DynamicProblem,
+        Exact,
+        identify_dynamic,
+        nelder_mead_dynamic,
+    )
     from tympan.studies.identify.responses import records_of
 
     weights = parse_numbers(options.weights, "--weights")
-    statics = Exact(dataset.specimens, dataset.rig, weights) if static is None else Held(static)
+    statics = static or Exact(dataset.specimens, dataset.rig, weights)
     problem = DynamicProblem(statics, dataset.rig, records_of(dataset), dataset.noise)
     progress("responses")
     fit = identify_dynamic(problem)

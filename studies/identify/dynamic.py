@@ -1,0 +1,375 @@
+"""Eq. (12): viscous constants from responses of all shapes, masses and runs at once."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles.cone import radii_of
+from tympan.studies.estimation.identifiability import Identifiability, identifiability, unseen
+from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import noise_of
+from tympan.studies.identify.responses import Record
+from tympan.studies.identify.static import Constant, StaticFit
+from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.collocation import CollocationSolver
+from tympan.studies.lumped.equilibria import rest, settle
+from tympan.studies.lumped.signals import Pieces
+from tympan.studies.paper.table1 import known
+
+Array = NDArray[np.float64]
+
+#: The search's variables are the constants' natural logarithms.
+CONSTANTS = (Constant("k_1", "Pa", known("k_1"), 1.0, 1e2, 1e12),
+             Constant("eta_1", "Pa s", known("eta_1"), 1.0, 1e1, 1e14),
+             Constant("eta_2", "Pa s", known("eta_2"), 1.0, 1e0, 1e9))
+_STILL = 1e-6  # of a logarithm that does not move
+_BEGUN = 0.25  # of the way between two rests: how far from one a run may begin
+_DELAY, _FURTHEST = 0.5, 1.5  # deviation and bound of a run's delay, in sampling intervals
+#: The search sees the first so many periods of the fast oscillation, then more: a response that is
+#: out of step by half a period has its own minimum.
+_PERIODS = (1.5, 6.0, 25.0, 100.0)
+_LOOSE = 3.0  # deviation of a logarithm about the start while little of the record is seen
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """The films' own material, with given weights α of the circles, or equal ones."""
+
+    specimens: tuple[Specimen, ...]
+    rig: Rig
+    weights: tuple[float, ...] | None = None
+    turns: int = 0
+
+    def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
+        """The actuator of a specimen (by number)."""
+        weights = self.weights if len(radii_of(self.specimens[number].frame)) > 1 else None
+        return Actuator.of(self.specimens[number], mass, weights, viscous, self.rig)
+
+    def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
+        """None: nothing turns."""
+        return np.zeros((*y.shape, 0))
+
+
+#: What a response needs of the static constants: actuators, and how these may still turn.
+Statics = Exact | StaticFit
+
+
+@dataclass(frozen=True, eq=False)
+class DynamicProblem:
+    """Responses and what their motions depend on.
+
+    z = (ln k₁, ln η₁, ln η₂, turns of the statics, delays of the runs). A run's delay, in its
+    sampling intervals, is how long before the sample that first shows it a voltage came: no record
+    says. Turns and delays are unknown with a standard deviation of 1 and a half. Where no reading
+    follows the oscillation, η₂ is not ``followed`` and stays where it begins.
+    """
+
+    statics: Statics
+    rig: Rig
+    records: tuple[Record, ...]
+    noise: float | None = None
+    followed: bool = True
+
+    @property
+    def size(self) -> int:
+        """How many readings there are."""
+        return sum(len(record.time) for record in self.records)
+
+    @cached_property
+    def start(self) -> Array:
+        """Table 1's constants, the statics as they are, no delay."""
+        logs = np.log([constant.start for constant in CONSTANTS])
+        return np.append(logs, np.zeros(self.statics.turns + len(self.records)))
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper ends of z."""
+        room = np.append(np.full(self.statics.turns, 8.0), np.full(len(self.records), _FURTHEST))
+        low, high = np.log([(constant.low, constant.high) for constant in CONSTANTS]).T
+        if not self.followed:
+            low[2], high[2] = self.start[2] + _STILL * np.array([-1, 1])
+        return np.append(low, -room), np.append(high, room)
+
+    def split(self, z: Array) -> list[Array]:
+        """Logarithms of the viscous constants, turns of the statics, delays of the runs."""
+        return np.split(z, [len(CONSTANTS), len(CONSTANTS) + self.statics.turns])
+
+    def actuator(self, record: Record, z: Array) -> Actuator:
+        """The actuator of a run."""
+        logs, turn, _ = self.split(z)
+        return self.statics.actuator(record.specimen, record.mass, turn, Viscous(*np.exp(logs)))
+
+    def by_constants(self, record: Record, z: Array, state: Array, voltage: Array) -> Array:
+        """Derivatives of a run's rates by viscous constants and turns, (…, size, 3 + turns)."""
+        actuator, y = self.actuator(record, z), state[..., 0]
+        turned = np.zeros((*state.shape, self.statics.turns))
+        turned[..., 1, :] = -self.statics.by_turn(
+            record.specimen, self.split(z)[1], y.ravel(), np.ravel(voltage)
+        ).reshape(*y.shape, -1) / actuator.moved
+        return np.concatenate([actuator.by_viscous(state), turned], axis=-1)
+
+    @cached_property
+    def _solvers(self) -> tuple[CollocationSolver, ...]:
+        """Under each run's voltage, its last value held until the longest delay is over."""
+        solvers = []
+        for record in self.records:
+            at, volts = record.drive.time, record.drive.voltage
+            last = len(at) - int(volts[-1] == volts[-2])
+            longer = Pieces(np.append(at[:last], at[-1] + _FURTHEST * record.interval),
+                            np.append(volts[:last], volts[-1]))
+            solvers.append(CollocationSolver(longer))
+        return tuple(solvers)
+
+    def _start(self, record: Record, z: Array, began: float, near: float | None) -> Array:
+        """The rest a run begins from, and its derivatives by viscous constants and turns."""
+        actuator = self.actuator(record, z)
+        y = settle(lambda at: actuator.balance(at, began),
+                   rest(actuator, began) if near is None else near)
+        if np.isnan(y):
+            raise InputError("has no stable rest to begin from with these constants",
+                             key=actuator.specimen.name)
+        state, (_, stiffness) = actuator.rest(y), actuator.balance(y, began)
+        driven = self.by_constants(record, z, state[None], np.array([began]))[0, 1]
+        tangent = np.array([1.0, 0.0, *actuator.circles.stretch(y)[1]])
+        return np.column_stack([state, np.outer(tangent, driven * actuator.moved / stiffness)])
+
+    @cached_property
+    def began(self) -> tuple[float, ...]:
+        """The voltages [V] of the rests that runs began from: their first, or none, if nearer."""
+        return tuple(self._began(record) for record in self.records)
+
+    def _began(self, record: Record) -> float:
+        first = float(record.drive.voltage[0])
+        if first == 0:
+            return first
+        actuator = self.actuator(record, self.start)
+        rests = self.rig.reading(np.array([rest(actuator, volts) for volts in (0.0, first)]))
+        away = np.abs(record.first - rests)
+        if away.min() > _BEGUN * abs(rests[1] - rests[0]):
+            raise InputError("must begin at rest, at its first voltage or without any: record it "
+                             "from before the step",
+                             key=f"transient.csv, {actuator.specimen.name}, run {record.run}",
+                             given=f"{1e3 * record.first:.4f} mm, rests {1e3 * rests[1]:.4f} and "
+                                   f"{1e3 * rests[0]:.4f} mm")
+        return (0.0, first)[int(np.argmin(away))]
+
+    def until(self, length: float) -> DynamicProblem:
+        """The same up to so long after each run's voltage first changes [s]."""
+        return replace(self, records=tuple(record.until(record.begins + length)
+                                           for record in self.records))
+
+    def pole(self, z: Array) -> complex:
+        """The fastest pole of all runs at their start [1/s]."""
+        poles: list[complex] = []
+        for record, began in zip(self.records, self.began, strict=True):
+            actuator = self.actuator(record, z)
+            poles.extend(np.linalg.eigvals(actuator.jacobian(actuator.rest(float(record.first)),
+                                                             began)))
+        return complex(max(poles, key=abs))
+
+    @cached_property
+    def _latest(self) -> dict[bytes, list[tuple[Array, Array]]]:
+        return {}
+
+    def parts(self, z: Array, derivatives: bool = True) -> list[tuple[Array, Array]]:
+        """Of every run model less reading [m], and its derivative by z; the last is kept."""
+        key = z.tobytes()
+        if derivatives and key in self._latest:
+            return self._latest[key]
+        self._latest.clear()
+        parts, delays = [], self.split(z)[2]
+        inner, gain = len(z) - len(delays), 1 + self.rig.sensor_gain
+        for number, (record, solver, began) in enumerate(zip(self.records, self._solvers,
+                                                             self.began, strict=True)):
+            near = None if solver.last is None else float(solver.last.nodes[0, 0])
+            start = self._start(record, z[:inner], began, near)
+            motion = solver.solve(self.actuator(record, z), start, constants=z[:inner],
+                                  by_constants=partial(self.by_constants, record, z)) \
+                if derivatives else solver.solve(self.actuator(record, z), start[:, :1])
+            y, speed, by = motion.deflection(record.time + delays[number] * record.interval)
+            shown = np.asarray(self.rig.reading(y, record.time - record.time[0]))
+            slopes = np.zeros((len(y), len(z)))
+            slopes[:, :by.shape[1]] = gain * by
+            slopes[:, inner + number] = gain * record.interval * speed
+            parts.append((shown - record.displacement, slopes))
+        if derivatives:
+            self._latest[key] = parts
+        return parts
+
+    def misfit(self, sigma: float) -> LeastSquares:
+        """Of z, in units of a reading's noise [m].
+
+        Each run's rows are replaced by the triangular factor of (derivative, residual), which has
+        the same χ², the same gradient and the same curvature: nothing is lost of 30,000 readings,
+        and a step of the search is cheap.
+        """
+        _, turns, delays = self.split(np.eye(len(self.start)))
+        prior = np.concatenate([turns, delays / _DELAY])
+
+        def both(z: Array) -> tuple[Array, Array]:
+            try:
+                parts = self.parts(z)
+            except InputError:  # a trial beyond pull-in: the search steps back
+                return np.full(len(prior), np.nan), prior
+            rows = np.concatenate([np.linalg.qr(np.column_stack([slopes, residual]) / sigma,
+                                                mode="r")
+                                   for residual, slopes in parts])
+            return (np.concatenate([rows[:, -1], prior @ (z - self.start)]),
+                    np.concatenate([rows[:, :-1], prior]))
+
+        return LeastSquares.of(both, *self.bounds)
+
+
+@dataclass(frozen=True, eq=False)
+class DynamicFit:
+    """The viscous constants, what the data determine of them, the misfit, and what the search cost.
+
+    ``z`` are all its numbers, as :class:`DynamicProblem` has them; ``fast`` is the time in which
+    the fastest motion at rest goes through a radian [s]; ``waited`` how long after a jump of the
+    voltage readings were left out [s], because they come too seldom to follow it.
+    """
+
+    problem: DynamicProblem
+    z: Array
+    sigma: float
+    judgement: Identifiability
+    rmse: float
+    evaluations: int
+    seconds: float
+    fast: float
+    waited: float
+
+    @property
+    def viscous(self) -> Viscous:
+        """The constants."""
+        return Viscous(*np.exp(self.problem.split(self.z)[0]).tolist())
+
+    def json(self) -> dict[str, Any]:
+        """As the command prints it."""
+        problem = self.problem
+        return {
+            "noise_um": 1e6 * self.sigma,
+            "rmse_um": 1e6 * self.rmse,
+            "readings": problem.size,
+            **self.judgement.json(),
+            "runs": [{"specimen": problem.actuator(record, self.z).specimen.name,
+                      "mass_kg": record.mass, "run": record.run, "began_at_V": began,
+                      "interval_s": record.interval, "delay_s": float(delay * record.interval)}
+                     for record, began, delay in zip(problem.records, problem.began,
+                                                     problem.split(self.z)[2], strict=True)],
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+            "warnings": self.warnings,
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know."""
+        warnings, given = [], self.problem.noise
+        if given is not None and self.sigma > given:
+            warnings.append("the responses do not follow this model: misfit "
+                         f"{1e6 * self.sigma:.3g} um, noise {1e6 * given:.3g} um; the limits count "
+                         "the misfit as noise, and it is not")
+        if isinstance(self.problem.statics, Exact):
+            equal = ", equal weights" if self.problem.statics.weights is None else ", the weights"
+            warnings.append(f"there is no static.csv: the films' own material{equal} and permittivity "
+                         "are taken as exact")
+        if self.waited:
+            often = min(record.interval for record in self.problem.records)
+            warnings.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "
+                         f"oscillation, a radian of which takes {1e3 * self.fast:.3g} ms: "
+                         f"those within {self.waited:.2g} s after a jump of the voltage were left "
+                         "out, and eta_2, which damps it, is not determined")
+        return warnings
+
+
+def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicFit:
+    """Fit k₁, η₁ and η₂ to all responses, by bounded least squares in their logarithms.
+
+    First to the beginning of every response, then to more of it. As in the static fit, what the
+    responses do not see stays where the search began, and limits are by profiles of the misfit.
+
+    Raises
+    ------
+    InputError
+        When there are no more readings than numbers to find, or a run does not begin at rest.
+    """
+    began, calls, z = time.perf_counter(), 0, problem.start
+    problem, waited = _calm(problem)
+    if problem.size <= len(z):
+        raise InputError(f"needs more readings than the {len(z)} numbers to find",
+                         key="transient.csv", given=problem.size)
+    sigma = problem.noise or 1e-6
+    count = len(CONSTANTS)
+    loose = np.eye(len(z))[:count] / _LOOSE
+    whole = max(float(record.time[-1]) - record.begins for record in problem.records)
+    period = 2 * np.pi / abs(problem.pole(problem.start))
+    for length in (periods * period for periods in _PERIODS):
+        if waited or length >= whole / 2:
+            break
+        beginning = problem.until(length).misfit(sigma).with_rows(loose, problem.start)
+        minimum = minimise(beginning, z, precision=1e-2)
+        calls, z = calls + minimum.evaluations, minimum.unknowns
+    for _ in range(4):
+        misfit = problem.misfit(sigma)
+        rows, known = unseen(misfit, z, count)
+        minimum = minimise(misfit.with_rows(rows, problem.start), z, precision=1e-6)
+        moved = float(np.abs(minimum.unknowns - z).max())
+        calls, z = calls + minimum.evaluations, minimum.unknowns
+        squares = sum(float(residual @ residual) for residual, _ in problem.parts(z))
+        freedom = problem.size - known - (len(z) - count)
+        noise = noise_of(squares, freedom, problem.noise)
+        settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
+        if settled and (moved < 1e-4 or known == count):
+            break
+    judgement = identifiability(problem.misfit(sigma), z, CONSTANTS, noise.quantile,
+                                lambda _, log: float(np.exp(log)), profiles)
+    return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
+                      time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
+
+
+def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
+    """Without readings of an oscillation that no run follows, and how long it lasts [s].
+
+    Out of step with it by whole periods a fit has other minima. It is given twice the time in which
+    it falls from the whole range to the noise.
+    """
+    pole = problem.pole(problem.start)
+    if any(record.interval < np.pi / abs(pole) for record in problem.records):
+        return problem, 0.0
+    span = max(float(np.ptp(record.displacement)) for record in problem.records)
+    wait = 2 * float(np.log(max(span / (problem.noise or 1e-6), np.e)) / abs(pole.real))
+    return replace(problem, records=tuple(record.calm(wait) for record in problem.records),
+                   followed=False), wait
+
+
+def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, Any]:
+    """The paper's way: Nelder and Mead's simplex on Eq. (12), in logarithms, the statics held."""
+    began, start = time.perf_counter(), problem.start
+
+    def cost(logs: Array) -> float:
+        try:
+            parts = problem.parts(np.append(np.clip(logs, *(end[:3] for end in problem.bounds)),
+                                            start[3:]), False)
+        except InputError:
+            return 1e12
+        return sum(float(np.mean((1e6 * residual) ** 2)) for residual, _ in parts)
+
+    simplex = start[:3] + np.vstack([np.zeros(3), 0.3 * np.eye(3)])
+    done = minimize(cost, start[:3], method="Nelder-Mead", options={
+        "maxfev": most, "maxiter": most, "xatol": 1e-6, "fatol": 1e-9, "initial_simplex": simplex})
+    return {"values": dict(zip((constant.name for constant in CONSTANTS), np.exp(done.x).tolist(),
+                               strict=True)),
+            "rmse_um": float((done.fun / len(problem.records)) ** 0.5),
+            "evaluations": int(done.nfev),
+            "converged": bool(done.success), "seconds": time.perf_counter() - began}

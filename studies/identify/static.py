@@ -1,0 +1,375 @@
+"""Eq. (11): static constants from readings at rest of all shapes, masses and voltages at once."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from tympan.fem.film.density import maxwell
+from tympan.fem.film.laws import Separable
+from tympan.fem.film.laws.scaled import scaled
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.specimen import Specimen
+from tympan.studies.circles.cone import ConeCircle, radii_of
+from tympan.studies.data.dataset import Dataset
+from tympan.studies.estimation.identifiability import (
+    CREDIBLE,
+    Identifiability,
+    identifiability,
+    unseen,
+)
+from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.noise import noise_of
+from tympan.studies.lumped.actuator import Actuator, Viscous
+from tympan.studies.lumped.equilibria import settle
+from tympan.studies.paper.table1 import known
+
+Array = NDArray[np.float64]
+Law = Literal["eq8", "film"]
+Sharing = Literal["each", "shared"]
+Objective = Literal["deflection", "force", "printed"]
+
+_HIGHEST_STRESS = 1e7
+_POWERS = (2.0, 4.0, 6.0)  # of Eq. (8)
+_UNNOTICED = 100.0  # scales: a combination determined no better moves no response
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number to find: name, unit, where the search begins, the size it is judged by, bounds."""
+
+    name: str
+    unit: str
+    start: float
+    scale: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class StaticProblem:
+    """Displacements read [m] of specimens (by number ``which``), and what is to be found of them.
+
+    ``noise`` is the standard deviation of one reading [m]. To find are a law's constants, ε_r and
+    α. The law is Eq. (8) with β and γ (``eq8``), or one factor on the films (``film``). ``alpha``
+    says whether each shape with two semi-axes has its own α of the circle with the short one
+    (``each``), or one serves all as in Eq. (11) (``shared``). Each is what a user expects: α
+    belongs to the shape, and one for both ellipses leaves their difference to the other constants.
+    Shapes alike in their semi-axes share; without such a shape there is no α.
+    """
+
+    specimens: tuple[Specimen, ...]
+    rig: Rig
+    which: NDArray[np.int64]
+    mass: Array
+    voltage: Array
+    displacement: Array
+    noise: float | None = None
+    law: Law = "eq8"
+    alpha: Sharing = "each"
+
+    @classmethod
+    def of(cls, dataset: Dataset, law: Law = "eq8", alpha: Sharing = "each") -> StaticProblem:
+        """Of the readings at rest of a dataset.
+
+        Raises
+        ------
+        InputError
+            When it has no static.csv.
+        """
+        static = dataset.static
+        if static is None:
+            raise InputError("has no static.csv: the static constants need readings at rest",
+                             key=dataset.name)
+        names = [specimen.name for specimen in dataset.specimens]
+        which = np.array([names.index(name) for name in static.specimen.tolist()])
+        return cls(dataset.specimens, dataset.rig, which, static.mass, static.voltage,
+                   static.displacement, dataset.noise, law, alpha)
+
+    @cached_property
+    def constants(self) -> tuple[Constant, ...]:
+        """What is to be found."""
+        first = self.specimens[0].membrane
+        constants: list[Constant] = []
+        if self.law == "eq8":
+            for name in ("beta", "gamma"):
+                constants += [Constant(f"{name}_{i}", "Pa", known(f"{name}_{i}"), 50e3,
+                                       -_HIGHEST_STRESS, _HIGHEST_STRESS) for i in (1, 2, 3)]
+        else:
+            constants.append(Constant("stiffness", "1", 1.0, 1.0, 1e-3, 1e3))
+        constants.append(Constant("relative_permittivity", "1", first.relative_permittivity, 5.0,
+                                  0.0, 1e3))
+        constants += [Constant(name, "1", 0.5, 0.5, 0.0, 1.0)
+                      for name in dict.fromkeys(self._alphas) if name]
+        return tuple(constants)
+
+    def column(self, name: str) -> Array:
+        """``start``, ``scale``, ``low`` or ``high`` of all constants."""
+        return np.array([getattr(constant, name) for constant in self.constants])
+
+    @cached_property
+    def _alphas(self) -> tuple[str, ...]:
+        """The name of every specimen's α; empty where it has one circle."""
+        radii = [radii_of(specimen.frame) for specimen in self.specimens]
+        shapes: dict[tuple[float, ...], str] = {}
+        for specimen, pair in zip(self.specimens, radii, strict=True):
+            if len(pair) > 1:
+                shapes.setdefault(pair, f"alpha_1[{specimen.name}]")
+        if self.alpha == "shared" or len(shapes) == 1:
+            shapes = dict.fromkeys(shapes, "alpha_1")
+        return tuple(shapes.get(pair, "") for pair in radii)
+
+    @cached_property
+    def _units(self) -> tuple[tuple[ConeCircle, Any, Any], ...]:
+        """Each specimen's circles, and what acts on them at unit constants: material and voltage.
+
+        The material has its constants on a first axis, before points and circles.
+        """
+        units: Any = np.eye(6)[:, :, None, None]
+        films = []
+        for specimen in self.specimens:
+            film = specimen.membrane
+            material = film.material if self.law == "film" else Separable(
+                tuple(units[:3]), tuple(units[3:]), _POWERS, film.area_prestretch**0.5)
+            unit = replace(specimen, membrane=replace(film, relative_permittivity=1.0))
+            circles = ConeCircle(specimen, np.array(radii_of(specimen.frame)))
+            films.append((circles, material, maxwell(unit, 1.0)))
+        return tuple(films)
+
+    def weights(self, number: int, values: Any) -> tuple[Any, ...]:
+        """The weights α of a specimen's circles."""
+        if not self._alphas[number]:
+            return (1.0,)
+        alpha = values[self._place(number)]
+        return alpha, 1 - alpha
+
+    def _place(self, number: int) -> int:
+        return [constant.name for constant in self.constants].index(self._alphas[number])
+
+    def specimen(self, number: int, values: Any) -> Specimen:
+        """A specimen whose film follows the constants."""
+        specimen = self.specimens[number]
+        film = specimen.membrane
+        if self.law == "film":
+            law, permittivity = scaled(film.material, values[0]), values[1]
+        else:
+            law = Separable(tuple(values[:3]), tuple(values[3:6]), _POWERS,
+                            film.area_prestretch**0.5)
+            permittivity = values[6]
+        return replace(specimen,
+                       membrane=replace(film, material=law, relative_permittivity=permittivity))
+
+    def force(self, values: Array, y: Array) -> tuple[Array, Array, Array]:
+        """The film's force [N] at deflections of all readings [m], its derivatives by y, constants.
+
+        Shapes (readings,), (readings,) and (readings, constants).
+        """
+        force, stiffness = np.zeros(len(y)), np.zeros(len(y))
+        slopes = np.zeros((len(y), len(self.constants)))
+        for number in range(len(self.specimens)):
+            rows = self.which == number
+            force[rows], stiffness[rows], slopes[rows] = self.force_of(number, values, y[rows],
+                                                                       self.voltage[rows])
+        return force, stiffness, slopes
+
+    def force_of(self, number: int, values: Array, y: Array,
+                 voltage: Array) -> tuple[Array, Array, Array]:
+        """The same of one specimen (by number), at deflections [m] and voltages [V], (points,)."""
+        circles, *parts = self._units[number]
+        squared = np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
+        elastic, electric = (circles.pull(part, y[:, None])[1:] for part in parts)
+        # Both linear in the constants: shape (constants, points, circles).
+        pulls, stiffs = (np.concatenate([stretched.reshape(-1, *drawn.shape), squared * drawn[None]])
+                         for stretched, drawn in zip(elastic, electric, strict=True))
+        weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
+        slopes = np.zeros((len(y), len(self.constants)))
+        slopes[:, :len(linear)] = (pulls @ weights).T
+        if len(weights) > 1:
+            slopes[:, self._place(number)] = linear @ (pulls[..., 0] - pulls[..., 1])
+        force = slopes[:, :len(linear)] @ linear
+        spring = self.rig.spring
+        return force + spring * y, linear @ (stiffs @ weights) + spring, slopes
+
+    @property
+    def read(self) -> Array:
+        """Deflections that the readings stand for [m]."""
+        read = self.displacement - self.rig.sensor_zero
+        return np.asarray(read / (1 + self.rig.sensor_gain))
+
+    @property
+    def load(self) -> Array:
+        """Weights [N]."""
+        return np.asarray(self.rig.force(self.mass))
+
+    def rest(self, values: Array) -> tuple[Array, Array]:
+        """Deflections at rest [m] and their derivatives by the constants (implicit functions).
+
+        Newton from what was read, at most a quarter of it a step.
+        """
+        def balance(y: Array) -> tuple[Array, Array]:
+            force, stiffness, _ = self.force(values, y)
+            return force - self.load, stiffness
+
+        y = settle(balance, self.read, 0.25 * np.abs(self.read) + 1e-5)
+        _, stiffness, slopes = self.force(values, y)
+        return y, -slopes / stiffness[:, None]
+
+    def residual(self, values: Array, objective: Objective) -> tuple[Array, Array]:
+        """What a search makes small, and its derivative: deflections [m] or Eq. (11)'s forces [N].
+
+        ``force`` is Eq. (11) with the signs of Eq. (5); ``printed`` is Eq. (11) as it stands, where
+        what is within its brackets has the sign of Eq. (5) reversed, so that it asks the film to
+        push down with the weight.
+        """
+        if objective == "deflection":
+            y, slopes = self.rest(values)
+            return y - self.read, slopes
+        force, _, slopes = self.force(values, self.read)
+        sign = 1.0 if objective == "force" else -1.0
+        return self.load - sign * force, -sign * slopes
+
+
+@dataclass(frozen=True, eq=False)
+class StaticFit:
+    """Constants, what the data determine of them, the misfit, and what the search cost.
+
+    To readings in time the constants are as firm as those at rest determine them: a turn of 1
+    moves them by one standard deviation along a combination, at most by ten of their scales, for
+    many readings in time may see what few at rest do not.
+    """
+
+    problem: StaticProblem
+    values: Array
+    sigma: float
+    judgement: Identifiability
+    rmse: float
+    evaluations: int
+    seconds: float
+
+    @cached_property
+    def directions(self) -> Array:
+        """Changes of the constants, a column for each combination a reading may notice."""
+        scale = self.problem.column("scale")
+        return np.array([scale * combination.coefficients * min(combination.deviation, CREDIBLE)
+                         for combination in self.judgement.combinations
+                         if combination.deviation < _UNNOTICED]).T
+
+    @property
+    def turns(self) -> int:
+        """How many ways the constants may turn."""
+        return int(self.directions.shape[1])
+
+    def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
+        """The actuator of a specimen (by number); ``turn`` is how far it went each way."""
+        problem, values = self.problem, self.values + self.directions @ turn
+        return Actuator.of(problem.specimen(number, values), mass, problem.weights(number, values),
+                           viscous, problem.rig)
+
+    def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
+        """Derivatives of a specimen's force [N] by the turns, shape (points, turns)."""
+        values = self.values + self.directions @ turn
+        slopes = self.problem.force_of(number, values, y, voltage)[2]
+        return np.asarray(slopes @ self.directions)
+
+    def json(self) -> dict[str, Any]:
+        """As the command prints it."""
+        return {
+            "law": self.problem.law,
+            "alpha": self.problem.alpha,
+            "noise_um": 1e6 * self.sigma,
+            "rmse_um": 1e6 * self.rmse,
+            **self.judgement.json(),
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+            "warnings": self.warnings,
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know."""
+        given = self.problem.noise
+        if given is None or self.sigma <= given:
+            return []
+        return [f"the readings do not follow this law: misfit {1e6 * self.sigma:.3g} um, noise "
+                f"{1e6 * given:.3g} um; the limits count the misfit as noise, and it is not"]
+
+
+def identify_static(problem: StaticProblem, objective: Objective = "deflection",
+                    profiles: bool = True) -> StaticFit:
+    """Fit the constants by bounded least squares, and judge what the readings determine.
+
+    What the readings do not see, by the singular directions of the Jacobian, stays where the search
+    began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
+    in deflection where that was the ``objective``, else linearised.
+
+    Raises
+    ------
+    InputError
+        When there are no more readings than constants to find.
+    """
+    began, calls = time.perf_counter(), 0
+    scale, size = problem.column("scale"), problem.noise or 1e-6
+    z = start = problem.column("start") / scale
+    if len(problem.read) <= len(z):
+        raise InputError(f"needs more readings than constants: {len(z)} are to be found",
+                         key="static.csv",
+                         given=f"{len(problem.read)} readings")
+    # In force the problem is nearly linear: its fit is a safe place to begin from.
+    safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
+    for seek in [*safe, *[objective] * 6]:
+        rows, known = unseen(_misfit(problem, "deflection", size), z, len(z))
+        minimum = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
+        moved = float(np.abs(minimum.unknowns - z).max())
+        calls, z = calls + minimum.evaluations, minimum.unknowns
+        if seek == objective and moved < 1e-4:
+            break
+    residual = problem.residual(scale * z, "deflection")[0]
+    noise = noise_of(float(residual @ residual), len(residual) - known, problem.noise)
+    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z, problem.constants,
+                                noise.quantile, lambda index, at: float(scale[index] * at),
+                                profiles and objective == "deflection")
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    return StaticFit(problem, scale * z, noise.sigma, judgement, rmse, calls,
+                     time.perf_counter() - began)
+
+
+def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastSquares:
+    """Residuals over the constants in their scales, in a reading's noise [m] or its force."""
+    scale = problem.column("scale")
+    stiffness = float(np.mean(problem.load / np.abs(problem.read)))
+    unit = size * (1.0 if objective == "deflection" else stiffness)
+
+    def both(z: Array) -> tuple[Array, Array]:
+        residual, slopes = problem.residual(scale * z, objective)
+        return residual / unit, slopes * scale / unit
+
+    return LeastSquares.of(both, problem.column("low") / scale, problem.column("high") / scale)
+
+
+def nelder_mead(problem: StaticProblem, objective: Objective = "force",
+                most: int = 20_000) -> dict[str, Any]:
+    """The paper's way: Nelder and Mead's simplex on Eq. (11)'s squares, from the same start."""
+    began, scale = time.perf_counter(), problem.column("scale")
+    low, high, start = problem.column("low"), problem.column("high"), problem.column("start")
+    unit = float(np.mean(problem.load)) if objective != "deflection" else 1e-3
+
+    def cost(z: Array) -> float:
+        return float(np.sum((problem.residual(np.clip(start + scale * z, low, high), objective)[0]
+                             / unit) ** 2))
+
+    done = minimize(cost, np.zeros(len(start)), method="Nelder-Mead",
+                    options={"maxfev": most, "maxiter": most, "xatol": 1e-10, "fatol": 1e-16,
+                             "adaptive": True})
+    values = np.clip(start + scale * done.x, low, high)
+    misfit = problem.residual(values, "deflection")[0]
+    return {"values": dict(zip((c.name for c in problem.constants), values.tolist(), strict=True)),
+            "rmse_um": 1e6 * float(np.sqrt(np.mean(misfit**2))), "evaluations": int(done.nfev),
+            "converged": bool(done.success), "seconds": time.perf_counter() - began}
+
