@@ -177,7 +177,7 @@ def _reach(built: Built) -> list[str]:
     voltages = (5.5e3, 6e3, 6.5e3, 7e3, 7.5e3, 8e3)
     beyond = build(built.model.specimen, Settings(), replace(built.settings, voltages=voltages))
     errors = [curve(built.actuator("corrected", mass), np.array(voltages)) / row - 1
-              for mass, row in zip(built.settings.masses, beyond.field.deflection, strict=True)]
+              for mass, row in zip(built.settings.masses, beyond.field_deflection, strict=True)]
     limits = [equilibrate(Case(built.model.specimen, mass=mass, voltage=10e3), Settings())[1].limit
               for mass in built.settings.masses]
     return [

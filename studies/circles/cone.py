@@ -37,19 +37,6 @@ def sloped_stretch(steepness: Any, deflection: Any) -> tuple[Any, Any, Any]:
     return stretch, steepness * slope / stretch, (steepness / stretch) ** 2 / stretch
 
 
-def sloped_film(material: Any, prestretch: float, steepness: Any,
-                deflection: Any) -> tuple[Any, Any, Any]:
-    """Energy per volume [J/m³] of such a film over that of the flat one, its two derivatives by y.
-
-    ``prestretch`` is equibiaxial; across the slope the film keeps it.
-    """
-    stretch, phi, bend = sloped_stretch(steepness, deflection)
-    flat = np.asarray(prestretch)
-    w, w1, _, w11, *_ = material.derivatives(prestretch * stretch, flat)
-    return (w - material.derivatives(flat, flat)[0], prestretch * w1 * phi,
-            prestretch * (w1 * bend + prestretch * w11 * phi * phi))
-
-
 @dataclass(frozen=True)
 class ConeCircle:
     """A circular actuator of outer radius ``radius`` [m] whose film is a straight cone.
@@ -89,10 +76,15 @@ class ConeCircle:
         thickness = film.thickness / film.area_prestretch
         return 2 * np.pi * self.plate_radius * thickness / self.steepness
 
+    @cached_property
+    def film(self) -> tuple[Any, Any]:
+        """Slope over deflection [1/m] and volume [m³] of the film that pulls."""
+        return self.steepness, self.volume
+
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
         """Stretch from the mounted film at the plate's edge, √s of Eq. (3), its slopes φ, φ' by y.
 
-        ``deflection`` [m] is any array, complex ones included.
+        ``deflection`` [m] is any array, complex ones included. The viscous parts follow it.
         """
         return sloped_stretch(self.steepness, deflection)
 
@@ -100,11 +92,14 @@ class ConeCircle:
         """Energy [J] over the flat film's, force [N] and stiffness [N/m] of a material.
 
         ``material`` is the film's own or any other with derivatives W, W₁, …, such as
-        :class:`tympan.fem.film.density.Maxwell`.
+        :class:`tympan.fem.film.density.Maxwell`. Across the slope the film keeps its stretch.
         """
-        prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
-        energy, force, stiffness = sloped_film(material, prestretch, self.steepness, deflection)
-        return self.volume * energy, self.volume * force, self.volume * stiffness
+        flat = np.sqrt(self.specimen.membrane.area_prestretch)
+        steepness, volume = self.film
+        stretch, phi, bend = sloped_stretch(steepness, deflection)
+        w, w1, _, w11, *_ = material.derivatives(flat * stretch, flat)
+        return (volume * (w - material.derivatives(flat, flat)[0]), volume * flat * w1 * phi,
+                volume * flat * (w1 * bend + flat * w11 * phi * phi))
 
     def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
         """Energy [J], force [N] and stiffness [N/m] of the film's own material."""
@@ -114,14 +109,14 @@ class ConeCircle:
         """The voltage's, per V² across the film; energy and force are negative."""
         return self.pull(maxwell(self.specimen, 1.0), deflection)
 
-    def force(self, deflection: float, voltage: float) -> float:
+    def force(self, deflection: Any, voltage: float) -> Any:
         """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge.
 
         As in the paper it is what the film there pulls with, not the derivative of the film's
         energy.
         """
         parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
-        return float(sum(self.pull(part, deflection)[1] for part in parts))
+        return sum(self.pull(part, deflection)[1] for part in parts)
 
     def capacitance(self, deflection: Any) -> Any:
         """ε₀ε_r dA/z over the film [F] at a deflection [m], by Gauss's rule along the radius."""
@@ -156,7 +151,7 @@ class Lumped(Specimen):
     >>> from tympan.geometry.specimen import Film, Plate
     >>> film = Film(1e-3, (5**0.5, 5**0.5), NeoHooke(25e3), 4.7)
     >>> oval = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3)), film)
-    >>> [circle.radius for circle in Lumped.of(oval, (0.7, 0.3)).circles]
+    >>> Lumped.of(oval, (0.7, 0.3)).circles.radius.tolist()
     [0.045, 0.06]
     """
 
@@ -179,17 +174,14 @@ class Lumped(Specimen):
                    weights=weights)
 
     @property
-    def circles(self) -> tuple[ConeCircle, ...]:
-        """The circles it is mixed of."""
-        return tuple(ConeCircle(self, radius, self.profile) for radius in radii_of(self.frame))
+    def circles(self) -> ConeCircle:
+        """The circles it is mixed of, as one array."""
+        return ConeCircle(self, np.array(radii_of(self.frame)), self.profile)
 
     def force(self, deflection: float, voltage: float) -> float:
         """Σ α_j F_j [N] at a deflection [m] and a voltage [V]."""
-        parts = (circle.force(deflection, voltage) for circle in self.circles)
-        return sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
+        return float(np.dot(self.weights, self.circles.force(deflection, voltage)))
 
     def capacitance(self, deflection: float) -> float:
         """Σ α_j C_j [F] at a deflection [m]."""
-        parts = (circle.capacitance(deflection) for circle in self.circles)
-        whole: float = sum(weight * part for weight, part in zip(self.weights, parts, strict=True))
-        return whole
+        return float(np.dot(self.weights, self.circles.capacitance(deflection)))

@@ -173,8 +173,8 @@ class DynamicProblem:
         poles: list[complex] = []
         for record, began in zip(self.records, self.began, strict=True):
             actuator = self.actuator(record, z)
-            poles.extend(np.linalg.eigvals(actuator.jacobian(actuator.rest(float(record.first)),
-                                                             began)))
+            poles.extend(np.linalg.eigvals(
+                actuator.linear(actuator.rest(float(record.first)), began)[1]))
         return complex(max(poles, key=abs))
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,63 +38,7 @@ class Viscous:
         """Refuse what stores or dissipates a negative energy."""
         if not (min(np.real([self.k1, self.eta2])) >= 0 and np.real(self.eta1) > 0):
             raise InputError("k1 and eta2 must not be negative, eta1 must be positive",
-                             key="viscous",
-                             given=f"{self.k1}, {self.eta1}, {self.eta2}")
-
-
-@dataclass(frozen=True)
-class Correction:
-    """Factors on the energies of film and voltage, where a specimen is not what its circles say.
-
-    An electrode that leaves bands free, a plate or a prestretch that is not round, a plate off the
-    centre of a single circle; or cones instead of membranes.
-    """
-
-    stiffness: Any = 1.0
-    permittivity: Any = 1.0
-
-    def __post_init__(self) -> None:
-        """Refuse what turns a force around."""
-        if not (np.all(np.real(self.stiffness) > 0) and np.all(np.real(self.permittivity) >= 0)):
-            raise InputError("stiffness must be positive, permittivity must not be negative",
-                             key="correction",
-                             given=f"{self.stiffness}, {self.permittivity}")
-
-
-class CircleKinematics(Protocol):
-    """Circular actuators: the paper's cones, or others with another shape of the film.
-
-    ``radius``, ``steepness`` and ``volume`` are numbers or arrays; deflections broadcast against
-    them. ``steepness`` [1/m], ``volume`` [m³] and :meth:`stretch` are those of the viscous parts.
-    """
-
-    @property
-    def specimen(self) -> Specimen:
-        """What they are made of."""
-
-    @property
-    def radius(self) -> Any:
-        """Of the frame [m]."""
-
-    @property
-    def steepness(self) -> Any:
-        """Slope of the film over the deflection [1/m]."""
-
-    @property
-    def volume(self) -> Any:
-        """V [m³]."""
-
-    def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """λ_r from the mounted film and its two derivatives by the deflection."""
-
-    def elastic(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over the flat film's, force [N] and stiffness [N/m] at deflections [m]."""
-
-    def electric(self, deflection: Any) -> tuple[Any, Any, Any]:
-        """The same of the voltage, per V²."""
-
-    def capacitance(self, deflection: Any) -> Any:
-        """At a deflection [m], in F."""
+                             key="viscous", given=f"{self.k1}, {self.eta1}, {self.eta2}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,17 +53,19 @@ class Actuator:
 
     m ÿ = m g − k y − Σ α V φ/λ_r [σ_h − ε₀ε_r E² + k₁(λ_r − 1 − ε₁) + η₂ φ ẏ],
 
-    the same as in the paper because 2π r z sin θ = V φ/λ_r. ``correction`` multiplies the parts of
-    σ_h and of E². Of the rig gravity, the unaccounted mass, the parallel spring and what the supply
-    does to the voltage count.
+    the same as in the paper because 2π r z sin θ = V φ/λ_r. ``stiffness`` and ``permittivity``
+    multiply the parts of σ_h and of E², where a specimen is not what its circles say. Of the rig
+    gravity, the unaccounted mass, the parallel spring and what the supply does to the voltage
+    count.
     """
 
-    circles: CircleKinematics
+    circles: ConeCircle
     weights: Any
     mass: Any
     viscous: Viscous = field(default_factory=Viscous)
     rig: Rig = field(default_factory=Rig)
-    correction: Correction = Correction()
+    stiffness: Any = 1.0
+    permittivity: Any = 1.0
 
     def __post_init__(self) -> None:
         """Refuse what is no mixture, no mass, and what of a rig this model does not have."""
@@ -131,6 +77,9 @@ class Actuator:
         if not np.all((self.moved > 0) & (self.moved <= 100)):
             raise InputError("must be above 0, at most 100 kg: the lumped model needs a mass to "
                              "move", key="mass", given=f"{np.min(self.moved):g} kg")
+        if not (np.all(np.real(self.stiffness) > 0) and np.all(np.real(self.permittivity) >= 0)):
+            raise InputError("stiffness must be positive, permittivity must not be negative",
+                             key="correction", given=f"{self.stiffness}, {self.permittivity}")
         rig = self.rig
         if rig.biases or rig.gas_pressure or rig.plate_pressure or rig.lag_voltage:
             raise InputError("the lumped model has no bias, gas or plate pressure and no lag: only "
@@ -160,7 +109,7 @@ class Actuator:
     def flat(self) -> Any:
         """Deflections of none [m], of the array's shape."""
         return np.zeros(np.broadcast_shapes(np.shape(self.weights)[:-1], np.shape(self.mass),
-                                            np.shape(self.correction.permittivity)))
+                                            np.shape(self.permittivity)))
 
     @property
     def moved(self) -> Any:
@@ -195,13 +144,12 @@ class Actuator:
     def elastic(self, y: Any) -> tuple[Any, Any, Any]:
         """Energy [J], force [N] and stiffness [N/m] of film and spring, with ε₁ = λ_r − 1."""
         k = self.rig.spring
-        energy, force, stiffness = self._mixed(self.circles.elastic(_each(y)),
-                                               self.correction.stiffness)
+        energy, force, stiffness = self._mixed(self.circles.elastic(_each(y)), self.stiffness)
         return energy + k * y * y / 2, force + k * y, stiffness + k + 0 * y
 
     def electric(self, y: Any) -> tuple[Any, Any, Any]:
         """The voltage's, per V² across the film; energy and force are negative."""
-        return self._mixed(self.circles.electric(_each(y)), self.correction.permittivity)
+        return self._mixed(self.circles.electric(_each(y)), self.permittivity)
 
     def balance(self, y: Any, voltage: Any, strains: Any = None) -> tuple[Any, Any]:
         """Force of film and voltage less the weight [N], and its derivative by y [N/m], at rest.
@@ -252,10 +200,6 @@ class Actuator:
         return np.concatenate([_each(speed), _each(acceleration), self._creep(behind)],
                               axis=-1), slopes
 
-    def jacobian(self, state: Any, voltage: Any) -> Any:
-        """Derivative of :meth:`rates` by the state, shape (…, size, size)."""
-        return self.linear(state, voltage)[1]
-
     def by_voltage(self, state: Any, voltage: Any) -> Any:
         """Derivative of :meth:`rates` by the voltage [1/V], shape (…, 2 + circles)."""
         squared = np.imag(self.rig.film_voltage(voltage + _STEP * 1j) ** 2) / _STEP
@@ -293,7 +237,7 @@ class Actuator:
         """Σ α C of the circles [F] at a deflection [m], the correction on its change."""
         flat, deflected = (np.sum(self.weights * self.circles.capacitance(_each(at)), axis=-1)
                            for at in (0.0, y))
-        return flat + self.correction.permittivity * (deflected - flat)
+        return flat + self.permittivity * (deflected - flat)
 
     def _branches(self, y: Any, strains: Any) -> tuple[Any, Any, Any, Any, Any]:
         """φ, φ', λ_r − 1 − ε₁, and α V φ/λ_r with its derivative by y, shape (…, circles) each."""
@@ -331,8 +275,3 @@ def flat_capacitance(specimen: Specimen) -> float:
     surface = area(specimen.frame) - area(specimen.plate.outline)
     return float(epsilon_0 * film.relative_permittivity * surface * film.area_prestretch
                  / film.thickness)
-
-
-def stored_energy(capacitance: float, voltage: float) -> float:
-    """½ C u² [J] of Eq. (1)'s text."""
-    return capacitance * voltage**2 / 2

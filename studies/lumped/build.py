@@ -18,7 +18,7 @@ from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.samples import Samples, equilibria
 from tympan.studies.case import Case, Settings, build_model, failure_reason
 from tympan.studies.circles.cone import ConeCircle
-from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
+from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import curve, pull_in, rest
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.modes import modes
@@ -79,18 +79,11 @@ class BuildSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Statics:
-    """Deflections [m] and capacitances [F] at rest, shape (masses, voltages)."""
-
-    deflection: Array
-    capacitance: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Built:
     """A model, the field model it is built from, and the cones beside it.
 
-    ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest
+    ``field_deflection`` [m] and ``field_capacitance`` [F] are the field model's at rest, shape
+    (masses, voltages). ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest
     voltage under the first mass [Hz]: of the model, and of the field model, nan where that has
     none.
     """
@@ -99,7 +92,8 @@ class Built:
     rig: Rig
     model: LumpedModel
     alpha: AlphaResult
-    field: Statics
+    field_deflection: Array
+    field_capacitance: Array
     frequencies: dict[str, tuple[float, float]]
 
     def actuator(self, kinematics: str, mass: float) -> Actuator:
@@ -110,26 +104,27 @@ class Built:
             return Actuator(cones, self.alpha.by_basis["cone"].alpha, mass, viscous, self.rig)
         if kinematics == "scaled":
             weights = self.alpha.by_basis["cone_scaled"].alpha
-            return Actuator(cones, weights, mass, viscous, self.rig, Correction(scale, scale))
-        corrected = kinematics == "corrected"
-        return (self.model if corrected
-                else replace(self.model, correction=Correction())).actuator(mass, self.rig)
+            return Actuator(cones, weights, mass, viscous, self.rig, scale, scale)
+        model = self.model if kinematics == "corrected" else replace(self.model, stiffness=1.0,
+                                                                     permittivity=1.0)
+        return model.actuator(mass, self.rig)
 
     @cached_property
-    def statics(self) -> dict[str, Statics]:
-        """Of each kinematics; nan where it has pulled in."""
-        statics = {}
-        for name in KINEMATICS:
-            actuators = [self.actuator(name, mass) for mass in self.settings.masses]
-            y = np.array([curve(actuator, np.array(self.settings.voltages))
-                          for actuator in actuators])
-            c = [actuator.capacitance(row) for actuator, row in zip(actuators, y, strict=True)]
-            statics[name] = Statics(y, np.array(c))
-        return statics
+    def deflection(self) -> dict[str, Array]:
+        """Of each kinematics at rest [m], shape (masses, voltages); nan where it has pulled in."""
+        voltages = np.array(self.settings.voltages)
+        return {kind: np.array([curve(self.actuator(kind, mass), voltages)
+                                for mass in self.settings.masses]) for kind in KINEMATICS}
+
+    @cached_property
+    def capacitance(self) -> dict[str, Array]:
+        """The same of the capacitance [F]."""
+        return {kind: np.asarray(self.actuator(kind, 1.0).capacitance(deflection))
+                for kind, deflection in self.deflection.items()}
 
     def errors(self, kinematics: str) -> Array:
         """Deflection over the field model's, minus 1, shape (masses, voltages)."""
-        return np.asarray(self.statics[kinematics].deflection / self.field.deflection - 1)
+        return np.asarray(self.deflection[kinematics] / self.field_deflection - 1)
 
     def worst(self, kinematics: str, *, held_out: bool) -> float | None:
         """Largest error in deflection at loads it was fitted on, or not.
@@ -140,17 +135,13 @@ class Built:
 
     def stroke_error(self, kinematics: str) -> float | None:
         """Largest relative error of the stroke over the voltages; None where it pulls in."""
-        strokes = [statics.deflection[:, -1] - statics.deflection[:, 0]
-                   for statics in (self.statics[kinematics], self.field)]
+        strokes = [deflection[:, -1] - deflection[:, 0]
+                   for deflection in (self.deflection[kinematics], self.field_deflection)]
         return _largest(strokes[0] / strokes[1] - 1)
 
     def capacitance_error(self, kinematics: str) -> float | None:
         """Largest error of the capacitance, relative; None where it pulls in."""
-        return _largest(self.statics[kinematics].capacitance / self.field.capacitance - 1)
-
-    def _pull_in(self, kinematics: str, mass: float) -> float | None:
-        limit = pull_in(self.actuator(kinematics, mass))
-        return None if limit is None else limit[0]
+        return _largest(self.capacitance[kinematics] / self.field_capacitance - 1)
 
     @property
     def membrane_factors(self) -> tuple[float, ...]:
@@ -184,8 +175,8 @@ class Built:
             "circles": [{"radius_m": radius, "alpha": weight, "membrane_factor": factor}
                         for radius, weight, factor in circles],
             "radii": self.alpha.radii,
-            "stiffness": model.correction.stiffness,
-            "permittivity": model.correction.permittivity,
+            "stiffness": model.stiffness,
+            "permittivity": model.permittivity,
             "flat_capacitance_F": model.flat_capacitance,
             "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha),
                      "scale": self.alpha.cone_scale,
@@ -195,9 +186,9 @@ class Built:
                                  for kind in KINEMATICS},
             "stroke_error": {kind: self.stroke_error(kind) for kind in KINEMATICS},
             "capacitance_error": {kind: self.capacitance_error(kind) for kind in KINEMATICS},
-            "pull_in_film_voltage_V": {kind: [self._pull_in(kind, mass)
-                                              for mass in self.settings.masses]
-                                       for kind in ("cone", "corrected")},
+            "pull_in_film_voltage_V": {
+                kind: [(pull_in(self.actuator(kind, mass)) or (None,))[0]
+                       for mass in self.settings.masses] for kind in ("cone", "corrected")},
             "frequency_Hz": {name: [value if np.isfinite(value) else None for value in pair]
                              for name, pair in self.frequencies.items()},
             "warnings": self.warnings,
@@ -225,24 +216,28 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     """
     Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
-    field = _statics(specimen, settings, chosen, rig)
+    deflection, capacitance = _at_rest(specimen, settings, chosen, rig)
     weights = alpha(specimen, settings,
                     AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
                     rig, progress)
     model = build_model(specimen, settings, rig.loading)
-    plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha, Correction(),
+    plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()),
-                        rig.film_voltage(chosen.voltages[-1]), chosen.viscous)
+                        rig.film_voltage(chosen.voltages[-1]),
+                        viscous=chosen.viscous)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
-    lumped = replace(plain, correction=_correction(plain, samples))
+    stiffness, permittivity = _factors(plain, samples)
+    lumped = replace(plain, stiffness=stiffness, permittivity=permittivity)
     ends = (chosen.voltages[0], chosen.voltages[-1])
     progress(f"{specimen.name}: vibrations")
     pairs = [_frequencies(lumped.actuator(chosen.masses[0], rig), u, settings) for u in ends]
-    return Built(chosen, rig, lumped, weights, field,
+    return Built(chosen, rig, lumped, weights, deflection, capacitance,
                  {"lumped": (pairs[0][0], pairs[1][0]), "field": (pairs[0][1], pairs[1][1])})
 
 
-def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig: Rig) -> Statics:
+def _at_rest(specimen: Specimen, settings: Settings, chosen: BuildSettings,
+             rig: Rig) -> tuple[Array, Array]:
+    """Deflections [m] and capacitances [F] of the field model, shape (masses, voltages)."""
     model = build_model(specimen, settings, rig.loading)
     deflection, capacitance = (np.empty((len(chosen.masses), len(chosen.voltages)))
                                for _ in range(2))
@@ -263,17 +258,17 @@ def _statics(specimen: Specimen, settings: Settings, chosen: BuildSettings, rig:
         if deflection[row].min() <= 1e-6 * model.size:
             raise InputError("the plate must sink: the mass is too small to tell a force",
                              key=specimen.name, given=f"{1e3 * mass:g} g")
-    return Statics(deflection, capacitance)
+    return deflection, capacitance
 
 
-def _correction(model: LumpedModel, samples: Samples) -> Correction:
+def _factors(model: LumpedModel, samples: Samples) -> tuple[float, float]:
     """The factors nearest to 1 that give the samples' forces; 1 on a voltage that is none."""
     actuator = Actuator(model.circles, model.weights, 1.0)
     film = actuator.elastic(samples.deflection)[1]
     drawn = samples.voltage**2 * actuator.electric(samples.deflection)[1]
     columns = (np.array([film, drawn]) / samples.force).T
     shift = np.linalg.lstsq(columns, 1 - columns.sum(axis=1), rcond=1e-9)[0]
-    return Correction(float(1 + shift[0]), float(1 + shift[1]))
+    return float(1 + shift[0]), float(1 + shift[1])
 
 
 def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tuple[float, float]:

@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 _DEFLECTIONS = ("field_mm", *(f"{kinematics}_mm" for kinematics in KINEMATICS))
 _CAPACITANCES = ("field_pF", "corrected_pF")
 _COLUMNS: tuple[Column, ...] = (
-    LabelColumn("specimen"), NumberColumn("mass", "g", "mass"), NumberColumn("voltage", "kV", "voltage"),
-    NumberColumn("fitted"), *(NumberColumn(name, required=False, absent="nan")
-                        for name in (*_DEFLECTIONS, *_CAPACITANCES)))
+    LabelColumn("specimen"), NumberColumn("mass", "g", "mass"),
+    NumberColumn("voltage", "kV", "voltage"), NumberColumn("fitted"),
+    *(NumberColumn(name, required=False, absent="nan") for name in (*_DEFLECTIONS, *_CAPACITANCES)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +59,20 @@ class BuildResult:
     @classmethod
     def of(cls, models: Sequence[Built]) -> BuildResult:
         """Of models built with the same settings."""
-        chosen = models[0].settings
+        chosen, statics = models[0].settings, []
         numbers = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
                    "fitted_masses_kg": list(chosen.fit.masses),
                    "fitted_voltages_V": list(chosen.fit.voltages),
                    "built": [built.json() for built in models]}
-        return cls(numbers, tuple(built.model for built in models),
-                   tuple(_statics(built) for built in models))
+        for built in models:
+            deflections = [built.field_deflection, *built.deflection.values()]
+            capacitances = [built.field_capacitance, built.capacitance["corrected"]]
+            statics.append(ModelStatics(
+                built.model.specimen.name, np.array(chosen.masses), np.array(chosen.voltages),
+                chosen.fitted,
+                dict(zip(_DEFLECTIONS, 1e3 * np.array(deflections), strict=True)),
+                dict(zip(_CAPACITANCES, 1e12 * np.array(capacitances), strict=True))))
+        return cls(numbers, tuple(built.model for built in models), tuple(statics))
 
     def json(self) -> dict[str, Any]:
         """The object of ``lumped build --json``."""
@@ -120,16 +127,3 @@ class BuildResult:
                                         {key: columns[key] for key in _DEFLECTIONS},
                                         {key: columns[key] for key in _CAPACITANCES}))
         return cls(numbers, tuple(models), tuple(statics))
-
-
-def _statics(built: Built) -> ModelStatics:
-    chosen = built.settings
-    deflections = [built.field, *(built.statics[kinematics] for kinematics in KINEMATICS)]
-    return ModelStatics(
-        built.model.specimen.name, np.array(chosen.masses), np.array(chosen.voltages),
-        chosen.fitted,
-        {name: 1e3 * statics.deflection
-         for name, statics in zip(_DEFLECTIONS, deflections, strict=True)},
-        {name: 1e12 * statics.capacitance
-         for name, statics in zip(_CAPACITANCES, (built.field, built.statics["corrected"]),
-                                  strict=True)})

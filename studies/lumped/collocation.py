@@ -103,18 +103,17 @@ class CollocationSolver:
     def _solved(self, mesh: _Mesh, guess: Array | None, start: Array) -> tuple[Array, Array]:
         """Stages and last state of a mesh, by halves where Newton's method does not get there."""
         steps = len(mesh.width)
-        first = np.broadcast_to(start, (steps, 3, len(start))) if guess is None else guess
-        solution = self._newton(mesh, first, start)
+        begun = np.broadcast_to(start, (steps, 3, len(start))) if guess is None else guess
+        solution = self._newton(mesh, begun, start)
         if solution is not None:
             return solution
         if steps == 1:
             raise DrawnIn(mesh.actuator, float(mesh.time[0]))
         half = steps // 2
-        left, middle = self._solved(mesh.part(0, half), None if guess is None else guess[:half],
-                                    start)
-        right, end = self._solved(mesh.part(half, steps), None if guess is None else guess[half:],
-                                  middle)
-        return np.concatenate([left, right]), end
+        guesses = (None, None) if guess is None else (guess[:half], guess[half:])
+        before, middle = self._solved(mesh.part(0, half), guesses[0], start)
+        after, end = self._solved(mesh.part(half, steps), guesses[1], middle)
+        return np.concatenate([before, after]), end
 
     def _newton(self, mesh: _Mesh, stages: Array, start: Array) -> tuple[Array, Array] | None:
         before = np.inf
@@ -140,10 +139,10 @@ class CollocationSolver:
         inside = breaks[(breaks > motion.time[0]) & (breaks < motion.time[-1])]
         edges = [0, *np.searchsorted(motion.time, inside).tolist(), len(width)]
         pieces = []
-        for left, right in pairwise(edges):
-            count = max(int(np.ceil(place[right] - place[left])), 1)
-            even = np.linspace(place[left], place[right], count + 1)
-            pieces.append(np.interp(even, place[left:right + 1], motion.time[left:right + 1])[:-1])
+        for low, high in pairwise(edges):
+            count = max(int(np.ceil(place[high] - place[low])), 1)
+            even = np.linspace(place[low], place[high], count + 1)
+            pieces.append(np.interp(even, place[low:high + 1], motion.time[low:high + 1])[:-1])
         return np.concatenate([*pieces, motion.time[-1:]])
 
 
@@ -153,12 +152,12 @@ def first_mesh(actuator: Actuator, start: Array, signal: Signal) -> Array:
     As its motion dies the steps grow, for their error goes as its height and the sixth power.
     """
     breaks = signal.breaks
-    poles = np.linalg.eigvals(actuator.jacobian(start, signal.first))
+    poles = np.linalg.eigvals(actuator.linear(start, signal.first)[1])
     fastest = complex(max(poles, key=abs))
     first = max(0.5 / abs(fastest), float(np.ptp(breaks)) / _STEPS)
     least = _LEAST if len(breaks) < 100 else 1
-    return np.concatenate([*(left + _graded(right - left, first, abs(fastest.real), least)[:-1]
-                             for left, right in pairwise(breaks)), breaks[-1:]])
+    return np.concatenate([*(begin + _graded(end - begin, first, abs(fastest.real), least)[:-1]
+                             for begin, end in pairwise(breaks)), breaks[-1:]])
 
 
 def _graded(length: float, first: float, decay: float, least: int) -> Array:

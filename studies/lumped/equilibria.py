@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -22,48 +21,36 @@ _TOUCHING = 1e-9  # of the weight: a minimum of |balance| below it is a root the
 _ROUNDS = 60
 
 
-@dataclass(frozen=True)
-class Root:
-    """A deflection at rest [m] and the stiffness there [N/m]."""
+def roots(actuator: Actuator, voltage: float) -> tuple[Array, Array]:
+    """All deflections at rest [m] from flat to its reach, ascending, and the stiffness there [N/m].
 
-    deflection: float
-    stiffness: float
-
-    @property
-    def stable(self) -> bool:
-        """Whether it is a minimum of the energy: a small push comes back."""
-        return self.stiffness > 0
-
-
-def roots(actuator: Actuator, voltage: float, low: float = 0.0,
-          high: float | None = None) -> tuple[Root, ...]:
-    """All deflections at rest between two [m], ascending.
-
-    By default from flat to :attr:`Actuator.reach`. Sign changes on a grid of 4001 points and,
-    between them, extrema of the balance refined, so that two roots closer than the grid and one
-    where the curve only touches are found too.
+    A rest of positive stiffness is stable. Sign changes on a grid of 4001 points and, between
+    them, extrema of the balance refined, so that two roots closer than the grid and one where the
+    curve only touches are seen too.
     """
-    y = np.linspace(low, actuator.reach if high is None else high, _GRID)
+    y = np.linspace(0.0, actuator.reach, _GRID)
 
     def balance(at: float) -> float:
         return float(actuator.balance(at, voltage)[0])
 
+    def stiffness(at: float) -> float:
+        return float(actuator.balance(at, voltage)[1])
+
     values, slopes = actuator.balance(y, voltage)
-    knots = {float(y[0]), float(y[-1])} | {float(at) for at in y[np.flatnonzero(values == 0)]}
-    knots |= {float(at) for at in y[:-1][values[:-1] * values[1:] < 0]}
-    knots |= {float(at) for at in y[1:][values[:-1] * values[1:] < 0]}
-    knots |= {_extremum(actuator, voltage, y[i], y[i + 1])
-              for i in np.flatnonzero(slopes[:-1] * slopes[1:] < 0)}
-    places = sorted(knots)
+    turning = np.flatnonzero(slopes[:-1] * slopes[1:] < 0)
+    crossing = values[:-1] * values[1:] < 0
+    places = np.unique([
+        y[0], y[-1], *y[values == 0], *y[:-1][crossing], *y[1:][crossing],
+        *(brentq(stiffness, y[i], y[i + 1], xtol=1e-15) for i in turning)]).tolist()
     zeros = [at for at in places if abs(balance(at)) <= _TOUCHING * actuator.load]
-    for left, right in pairwise(places):
-        if balance(left) * balance(right) < 0:
-            zeros.append(float(brentq(balance, left, right, xtol=1e-14, rtol=1e-13)))
+    for low, high in pairwise(places):
+        if balance(low) * balance(high) < 0:
+            zeros.append(float(brentq(balance, low, high, xtol=1e-14, rtol=1e-13)))
     distinct: list[float] = []
     for at in sorted(zeros):
         if not distinct or at - distinct[-1] > 1e-6 * (y[1] - y[0]):
             distinct.append(at)
-    return tuple(Root(at, float(actuator.balance(at, voltage)[1])) for at in distinct)
+    return np.array(distinct), np.array([stiffness(at) for at in distinct])
 
 
 def settle(balance: Balance, start: Any = 0.0, farthest: Any = None) -> Any:
@@ -93,12 +80,12 @@ def curve(actuator: Actuator, voltages: Any) -> Array:
     start, limit = _start(actuator), pull_in(actuator)
     if start is None:
         return np.full(squared.shape, np.nan)
-    y = np.linspace(start.deflection, actuator.reach if limit is None else limit[1], _GRID)
-    held = np.append(0.0, _squared(actuator, y[1:]))
-    left = np.searchsorted(held, squared, "right") - 1
-    inside = squared <= (held[-1] if limit is None else limit[0] ** 2)
+    y = np.linspace(start, actuator.reach if limit is None else limit[1], _GRID)
+    holding = np.append(0.0, _squared(actuator, y[1:]))
+    below = np.searchsorted(holding, squared, "right") - 1
+    inside = squared <= (holding[-1] if limit is None else limit[0] ** 2)
     # Below the rest and near it, from where Newton's method climbs to it.
-    rests = settle(lambda at: actuator.balance(at, voltages), y[np.clip(left, 0, len(y) - 2)])
+    rests = settle(lambda at: actuator.balance(at, voltages), y[np.clip(below, 0, len(y) - 2)])
     return np.where(inside, rests, np.nan)
 
 
@@ -117,9 +104,10 @@ def rest(actuator: Actuator, voltage: float) -> float:
     return y
 
 
-def _start(actuator: Actuator) -> Root | None:
-    """The first stable rest without voltage."""
-    return next((root for root in roots(actuator, 0.0) if root.stable), None)
+def _start(actuator: Actuator) -> float | None:
+    """The first stable rest without voltage [m]."""
+    rests, stiffness = roots(actuator, 0.0)
+    return next(iter(rests[stiffness > 0].tolist()), None)
 
 
 @lru_cache(maxsize=32)
@@ -132,7 +120,7 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
     start = _start(actuator)
     if start is None:
         return None
-    y = np.linspace(start.deflection, actuator.reach, _GRID)
+    y = np.linspace(start, actuator.reach, _GRID)
     turning = np.flatnonzero(np.diff(_squared(actuator, y)) < 0)
     if not len(turning):
         return None
@@ -163,8 +151,3 @@ def limit_words(actuator: Actuator) -> str:
 def _squared(actuator: Actuator, y: Array | float) -> Array:
     """Square of the film voltage that holds deflections [V²]."""
     return np.asarray((actuator.elastic(y)[1] - actuator.load) / -actuator.electric(y)[1])
-
-
-def _extremum(actuator: Actuator, voltage: float, left: float, right: float) -> float:
-    return float(brentq(lambda at: float(actuator.balance(at, voltage)[1]), left, right,
-                        xtol=1e-15))

@@ -70,5 +70,5 @@ def linearise(actuator: Actuator, voltage: float, deflection: float | None = Non
     state = actuator.rest(at)
     seen = np.zeros((1, len(state)))
     seen[0, 0] = 1.0
-    return Linear(actuator.jacobian(state, voltage), actuator.by_voltage(state, voltage)[:, None],
+    return Linear(actuator.linear(state, voltage)[1], actuator.by_voltage(state, voltage)[:, None],
                   seen, np.zeros((1, 1)), at, voltage)

@@ -14,10 +14,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, PlainTable, Rule, Table
 from tympan.geometry.toml_writer import toml
-from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.circles.membrane import MembraneCircle
 from tympan.studies.files import write_text
-from tympan.studies.lumped.actuator import Actuator, Correction, Viscous
+from tympan.studies.lumped.actuator import Actuator, Viscous
 
 _HEAD = """\
 # The lumped model of an actuator, built by tympan from its field model. SI; keys name the units.
@@ -57,16 +56,17 @@ class LumpedModel:
     specimen: Specimen
     radii: tuple[float, ...]
     weights: tuple[float, ...]
-    correction: Correction
     flat_capacitance: float
     highest_voltage: float
+    stiffness: float = 1.0
+    permittivity: float = 1.0
     viscous: Viscous = field(default_factory=Viscous)
 
     @property
     def circles(self) -> MembraneCircle:
         """The circles, ready to be moved."""
-        cones = ConeCircle(self.specimen, np.array(self.radii))
-        return MembraneCircle(cones, self.flat_capacitance)
+        return MembraneCircle(self.specimen, np.array(self.radii),
+                              flat_capacitance=self.flat_capacitance)
 
     def check(self, voltage: float) -> None:
         """Refuse a voltage across the film [V] beyond those it is for.
@@ -84,32 +84,28 @@ class LumpedModel:
 
     def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:
         """It under a mass [kg]."""
-        return Actuator(self.circles, self.weights, mass, self.viscous, rig, self.correction)
+        return Actuator(self.circles, self.weights, mass, self.viscous, rig,
+                        self.stiffness, self.permittivity)
 
 
-def model_to_toml(model: LumpedModel) -> str:
-    """The file's text.
+def write_model(file: Path, model: LumpedModel) -> None:
+    """Write a model's file.
 
     Raises
     ------
     InputError
         When the specimen's material cannot be written.
     """
-    viscous, correction = model.viscous, model.correction
+    viscous = model.viscous
     content = {
-        "stiffness": correction.stiffness, "permittivity": correction.permittivity,
+        "stiffness": model.stiffness, "permittivity": model.permittivity,
         "flat_capacitance_F": model.flat_capacitance, "highest_voltage_V": model.highest_voltage,
         "viscous": {"k1_Pa": viscous.k1, "eta1_Pa_s": viscous.eta1, "eta2_Pa_s": viscous.eta2},
         "circle": [{"radius_m": radius, "alpha": weight}
                    for radius, weight in zip(model.radii, model.weights, strict=True)],
         "specimen": specimen_content(model.specimen, plain=True),
     }
-    return _HEAD + toml(content)
-
-
-def write_model(file: Path, model: LumpedModel) -> None:
-    """Write it."""
-    write_text(file, model_to_toml(model))
+    write_text(file, _HEAD + toml(content))
 
 
 def read_model(file: Path | str) -> LumpedModel:
@@ -125,23 +121,22 @@ def read_model(file: Path | str) -> LumpedModel:
     circles = table.tables("circle")
     if not circles:
         raise table.error("circle", "must be at least one circle")
-    pairs = [(one.number("radius_m", rule=POSITIVE), one.number("alpha", rule=_WEIGHT))
-             for one in circles]
+    radii = tuple(circle.number("radius_m", rule=POSITIVE) for circle in circles)
+    weights = tuple(circle.number("alpha", rule=_WEIGHT) for circle in circles)
     inside = sum(specimen.plate.outline.semi_axes) / 2
-    if min(pairs)[0] <= inside:
+    if min(radii) <= inside:
         raise table.error("circle", f"radii must be larger than the plate's, {inside:g} m",
-                          min(pairs)[0])
+                          min(radii))
     viscous = table.table("viscous")
-    branch = Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE),
-                     viscous.number("eta1_Pa_s", rule=POSITIVE),
-                     viscous.number("eta2_Pa_s", rule=NON_NEGATIVE))
-    correction = Correction(table.number("stiffness", rule=POSITIVE),
-                            table.number("permittivity", rule=NON_NEGATIVE))
-    flat = table.number("flat_capacitance_F", rule=NON_NEGATIVE)
-    highest = table.number("highest_voltage_V", rule=POSITIVE)
-    for one in (*circles, viscous, table):
-        one.done()
-    radii, weights = zip(*pairs, strict=True)
+    model = LumpedModel(
+        specimen, radii, weights, table.number("flat_capacitance_F", rule=NON_NEGATIVE),
+        table.number("highest_voltage_V", rule=POSITIVE), table.number("stiffness", rule=POSITIVE),
+        table.number("permittivity", rule=NON_NEGATIVE),
+        Viscous(viscous.number("k1_Pa", rule=NON_NEGATIVE),
+                viscous.number("eta1_Pa_s", rule=POSITIVE),
+                viscous.number("eta2_Pa_s", rule=NON_NEGATIVE)))
+    for part in (*circles, viscous, table):
+        part.done()
     if abs(sum(weights) - 1) > 1e-9:
         raise table.error("circle", "alpha of all circles must add up to 1", sum(weights))
-    return LumpedModel(specimen, radii, weights, correction, flat, highest, branch)
+    return model

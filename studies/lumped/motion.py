@@ -49,9 +49,9 @@ class Motion:
         h = np.diff(self.time)[step][:, None]
         s = (at - self.time[step])[:, None] / h
         r = 1 - s
-        left, right = self.nodes[step, 2:], self.nodes[step + 1, 2:]
-        branches = (r**2 * ((1 + 2 * s) * left + h * s * self.creep[step])
-                    + s**2 * ((1 + 2 * r) * right - h * r * self.creep[step + 1]))
+        before, after = self.nodes[step, 2:], self.nodes[step + 1, 2:]
+        branches = (r**2 * ((1 + 2 * s) * before + h * s * self.creep[step])
+                    + s**2 * ((1 + 2 * r) * after - h * r * self.creep[step + 1]))
         return np.column_stack([y, speed, branches])
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import LabelColumn, NumberColumn, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
-from tympan.studies.lumped.actuator import flat_capacitance, stored_energy
+from tympan.studies.lumped.actuator import flat_capacitance
 from tympan.studies.lumped.equilibria import pull_in
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.simulate import Loop, Response, last_loop, settling_time
@@ -106,7 +106,7 @@ def sample(response: Response, interval: float, period: float | None = None,
         "hysteresis_area_V_m": None if loop is None else loop.area,
         "pull_in_film_voltage_V": None if limit is None else limit[0],
         "flat_capacitance_F": flat,
-        "flat_stored_energy_J": stored_energy(flat, float(np.abs(voltage).max())),
+        "flat_stored_energy_J": flat * float(np.abs(voltage).max()) ** 2 / 2,
         "linear": linearise(actuator, response.signal.first).json(),
         "evaluations": response.evaluations,
         "warnings": warnings,

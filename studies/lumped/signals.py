@@ -1,11 +1,16 @@
-"""Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file."""
+"""Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file.
+
+A signal runs from time 0 to its ``end`` [s], smooth between ``breaks`` [s], both included; it
+begins from rest at ``first`` [V], and ``within(piece, time)`` is its voltage [V] at times of pieces
+between two breaks (by number), their ends included.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,29 +22,6 @@ Array = NDArray[np.float64]
 _HIGHEST = 1e6
 
 
-class Signal(Protocol):
-    """A voltage [V] from time 0 to ``end`` [s], smooth between ``breaks`` [s], both included."""
-
-    @property
-    def end(self) -> float:
-        """When it is over [s]."""
-
-    @property
-    def breaks(self) -> Array:
-        """Times of jumps and kinks, ascending, from 0 to the end [s]."""
-
-    @property
-    def peak(self) -> float:
-        """Largest magnitude [V]."""
-
-    @property
-    def first(self) -> float:
-        """Voltage before it begins [V], to begin from rest at."""
-
-    def within(self, piece: Any, time: Any) -> Any:
-        """Voltage at times of pieces between two breaks (by number), their ends included."""
-
-
 @dataclass(frozen=True, eq=False)
 class Pieces:
     """Straight lines between points of ``time`` [s] and ``voltage`` [V]; a time twice is a jump."""
@@ -48,10 +30,7 @@ class Pieces:
     voltage: Array
 
     def __post_init__(self) -> None:
-        """Refuse what is no signal."""
-        time, voltage = np.asarray(self.time, float), np.asarray(self.voltage, float)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "voltage", voltage)
+        time, voltage = self.time, self.voltage
         if len(time) < 2 or time.shape != voltage.shape:
             raise InputError("must have at least two points, each a time and a voltage",
                              key="signal")
@@ -84,14 +63,14 @@ class Pieces:
         return float(self.voltage[0])
 
     @cached_property
-    def _lefts(self) -> NDArray[np.int64]:
+    def _begins(self) -> NDArray[np.int64]:
         """The first point of each piece."""
         return np.flatnonzero(np.diff(self.time) > 0)
 
     def within(self, piece: Any, time: Any) -> Any:
-        left = self._lefts[piece]
-        share = (time - self.time[left]) / (self.time[left + 1] - self.time[left])
-        return self.voltage[left] * (1 - share) + self.voltage[left + 1] * share
+        at = self._begins[piece]
+        share = (time - self.time[at]) / (self.time[at + 1] - self.time[at])
+        return self.voltage[at] * (1 - share) + self.voltage[at + 1] * share
 
 
 @dataclass(frozen=True)
@@ -104,11 +83,9 @@ class Sine:
     cycles: float = 3.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no sine."""
         if not (0 < self.period < np.inf and 0 < self.cycles <= 1e4):
             raise InputError("needs a positive period and more than 0, at most 10000 cycles",
-                             key="signal",
-                             given=f"period {self.period:g} s, {self.cycles:g} cycles")
+                             key="signal", given=f"period {self.period:g} s, {self.cycles:g} cycles")
         if not self.peak <= _HIGHEST:
             raise InputError("must stay within 1000 kV", key="signal",
                              given=f"{self.peak / 1e3:g} kV")
@@ -138,6 +115,9 @@ class Sine:
         return self.offset + self.amplitude * np.sin(2 * np.pi * time / self.period)
 
 
+Signal = Pieces | Sine
+
+
 def step(low: float, high: float, at: float, end: float) -> Pieces:
     """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``.
 
@@ -161,8 +141,7 @@ def random_steps(low: float, high: float, every: float, count: int, seed: int) -
     """
     if not (every > 0 and 1 <= count <= 100_000):
         raise InputError("needs a positive time between switches and 1 to 100000 of them",
-                         key="signal",
-                         given=f"{every:g} s, {count}")
+                         key="signal", given=f"{every:g} s, {count}")
     levels: Array = np.random.default_rng(seed).uniform(low, high, count)
     times: Array = every * np.repeat(np.arange(count + 1.0), 2)[1:-1]
     return Pieces(times, np.repeat(levels, 2))
@@ -179,7 +158,8 @@ def read_signal(file: Path | str) -> Pieces:
     """
     sheet = read_sheet(file,
                        (NumberColumn("t", "s", "time"),
-                         NumberColumn("voltage", "kV", "voltage", _VOLTAGE)))
+                        NumberColumn("voltage", "kV", "voltage",
+                                     (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV"))))
     time, voltage = sheet["t"], sheet["voltage"]
     for row in np.flatnonzero(np.diff(time) <= 0):
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")
@@ -189,6 +169,3 @@ def read_signal(file: Path | str) -> Pieces:
     slope = np.diff(voltage) / np.diff(time)
     keep[1:-1] = np.abs(np.diff(slope)) > 1e-9 * max(float(np.abs(slope).max()), 1e-300)
     return Pieces(time[keep] - time[0], voltage[keep])
-
-
-_VOLTAGE = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")

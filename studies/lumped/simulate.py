@@ -99,21 +99,21 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
                               window[:whole + 1])
             mesh, steps = np.concatenate([finer, mesh[whole + 1:]]), _FINER * whole
             continue
-        drawn_in = _gone(motion, actuator.reach)
+        drawn_in = _leaves(motion, actuator.reach)
         mesh, steps, state = mesh[len(window) - 1:], _WINDOW, motion.nodes[-1]
         ends.append(float(window[-1]) if drawn_in is None else drawn_in)
         motions.append(motion)
     return Response(actuator, signal, np.array(ends), tuple(motions), solver.evaluations, drawn_in)
 
 
-def _gone(motion: Motion, reach: float) -> float | None:
+def _leaves(motion: Motion, reach: float) -> float | None:
     """When a motion first leaves the model's reach [s]."""
     beyond = np.flatnonzero(np.abs(motion.nodes[:, 0]) >= reach)
     if not len(beyond):
         return None
-    left, right = motion.time[max(int(beyond[0]) - 1, 0)], motion.time[beyond[0]]
+    ends = motion.time[max(int(beyond[0]) - 1, 0)], motion.time[beyond[0]]
     return float(brentq(lambda t: reach - abs(float(motion.deflection(np.array([t]))[0][0])),
-                        left, right))
+                        *ends))
 
 
 def creep(actuator: Actuator, signal: Signal) -> Array:
@@ -130,7 +130,7 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
     def settled(voltage: float, start: Array, strains: Array) -> Array:
         return np.asarray(settle(lambda y: actuator.balance(y, voltage, strains), start))
 
-    for piece, (left, right) in enumerate(pairwise(signal.breaks)):
+    for piece, (begin, end) in enumerate(pairwise(signal.breaks)):
         def rates(time: float, flat: Array, piece: int = piece) -> Array:
             nonlocal y
             at = flat.reshape(shape)
@@ -138,10 +138,10 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
             behind = actuator.circles.stretch(y[..., None])[0] - 1 - at
             return np.asarray(np.nan_to_num(rate * behind).ravel())
 
-        done = solve_ivp(rates, (left, right), np.nan_to_num(strains).ravel(), "DOP853",
+        done = solve_ivp(rates, (begin, end), np.nan_to_num(strains).ravel(), "DOP853",
                          rtol=1e-8, atol=1e-11)
         strains = done.y[:, -1].reshape(shape)
-        y = settled(signal.within(piece, right), y, strains)
+        y = settled(signal.within(piece, end), y, strains)
         deflections.append(y)
     return np.array(deflections)
 

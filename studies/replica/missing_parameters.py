@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
 from tympan.studies.circles.cone import ConeCircle, radii_of
-from tympan.studies.lumped.actuator import Actuator, Correction
+from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
 from tympan.studies.paper.table1 import paper_actuators
@@ -33,7 +33,7 @@ def actuators(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -
     short = np.concatenate([0 * short[..., :1] + 1, short], axis=-1)
     return Actuator(ConeCircle(circle, np.array(radii)), np.stack([short, 1 - short], axis=-1),
                     np.array(masses)[:, None],
-                    correction=Correction(permittivity=np.asarray(permittivity)[..., None, None]))
+                    permittivity=np.asarray(permittivity)[..., None, None])
 
 
 def deflections(permittivity: Any, alpha: Any, voltage: Any,

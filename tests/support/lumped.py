@@ -12,7 +12,7 @@ from tympan.fem.film.laws import Gent, Separable
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.actuator import Actuator, Correction
+from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.model_file import LumpedModel
 from tympan.studies.paper.table1 import paper_actuators
@@ -26,8 +26,7 @@ MODELS = {
     "membrane profile": Actuator.of(OVAL, 17.9e-3, (0.7, 0.3), profile=1.0),
     "permittivity that falls": Actuator.of(circular(Gent(18e3, 110.0), permittivity_exponent=0.4),
                                            17.9e-3),
-    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), Correction(1.03, 0.8), 2e-9,
-                                    5e3
+    "membrane circles": LumpedModel(OVAL, (45e-3, 75e-3), (0.6, 0.4), 2e-9, 5e3, 1.03, 0.8
                                     ).actuator(17.9e-3, RIG),
 }
 

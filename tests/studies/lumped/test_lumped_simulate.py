@@ -107,7 +107,7 @@ def test_a_step_overshoots_into_pull_in_where_a_slow_ramp_would_still_hold() -> 
     actuator = Actuator.of(paper_actuators(8.5)[0], 17.9e-3, viscous=Viscous(0.0, 1.0, 0.0))
     limit, turning = pull_in(actuator) or (np.nan, np.nan)
     for share, passes in ((0.995, True), (0.5, False)):
-        barrier = roots(actuator, share * limit)[1].deflection if passes else turning
+        barrier = roots(actuator, share * limit)[0][1] if passes else turning
         moved = simulate(actuator,
                          step(0.0, share * limit, 0.0, 0.5)).deflection(np.linspace(0, 0.5, 501))
         assert (moved.max() > barrier) == passes
