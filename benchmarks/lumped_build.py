@@ -159,10 +159,11 @@ def _capacitances(others: Sequence[tuple[str, Built]]) -> list[str]:
 
 
 def _other(words: str, built: Built, circle: Built) -> str:
-    carried = replace(built, model=replace(built.model, correction=circle.model.correction))
+    carried = replace(built, model=replace(built.model, stiffness=circle.model.stiffness,
+                                           permittivity=circle.model.permittivity))
     values = [*(built.worst(kind, held_out=True) for kind in ("scaled", "membrane")),
               carried.worst("corrected", held_out=True), built.worst("corrected", held_out=True)]
-    found = built.model.correction
+    found = built.model
     return f"| {words} | {found.stiffness:.4f}, {found.permittivity:.4f} | " + " | ".join(map(_percent, values)) + " |"
 
 

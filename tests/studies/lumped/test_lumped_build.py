@@ -206,8 +206,9 @@ def test_factors_carry_what_circles_do_not_know(name: str) -> None:
 def test_shapes_that_nothing_but_alpha_was_fitted_on(shape: str) -> None:
     """With the factors of the circle."""
     built = build(replace(elliptical(75e-3, TAPE), frame=_frame(shape)), Settings(), FEW)
-    other = replace(built,
-                    model=replace(built.model, correction=of_paper("circular").model.correction))
+    circle = of_paper("circular").model
+    other = replace(built, model=replace(built.model, stiffness=circle.stiffness,
+                                         permittivity=circle.permittivity))
     worst = other.worst("corrected", held_out=True)
     assert worst is not None
     assert worst < 1e-3
@@ -318,5 +319,5 @@ def test_the_command_writes_what_it_prints(tmp_path: Path,
     assert main(["report", str(tmp_path)]) == 0
     assert (tmp_path / "build.svg").read_bytes() == drawn
     read = read_model(tmp_path / "circular.lumped.toml")
-    assert read.correction.stiffness == told["built"][0]["stiffness"]
+    assert read.stiffness == told["built"][0]["stiffness"]
     assert read.viscous == Viscous(1e6, 2e6, 3e3)
