@@ -1,22 +1,22 @@
-"""How large a field a film withstands.
-
-Laws, cited constants by name, and which film each was measured on.
-"""
+"""How large a field a film withstands: laws, cited constants by name, and for which films."""
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.geometry.fields import Key
+from tympan.geometry.fields import Key, read
 from tympan.geometry.specimen import STRENGTHS, Strength
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.toml_reader import PlainTable, Rule, Table
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
 _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be from 0.1 um to 10 cm")
+
 
 @STRENGTHS.register
 @dataclass(frozen=True)
@@ -63,43 +63,19 @@ class PowerStrength:
 
 @dataclass(frozen=True)
 class LibraryStrength:
-    """A strength of the library.
+    """A strength of the library; the default of materials whose name starts with ``film``."""
 
-    Where it comes from, what to beware of, and the library materials it holds for.
+    strength: Annotated[Strength, Key("the law with its constants", kinds=STRENGTHS)]
+    source: Annotated[str, Key("where the constants come from")]
+    caveat: Annotated[str, Key("what to beware of")]
+    film: Annotated[str, Key("how the names of its materials start")] = ""
 
-    It is the default of materials whose name starts with ``film``; of none if that is empty.
-    """
 
-    strength: Strength
-    source: str
-    caveat: str
-    film: str = ""
-
+_FILE = Path(__file__).with_name("strengths.toml")
 
 STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
-    "vhb-4910": LibraryStrength(
-        PowerStrength(30.6e6, 1.13),
-        "Koh, Li, Zhou, Zhao, Hong, Zhu, Suo, J. Polym. Sci. B 49, 504 (2011): E_b = 30.6 MV/m "
-        "λ^1.13, after "
-        "measurements of Kofod, Sommer-Larsen, Kornbluh, Pelrine, J. Intell. Mater. Syst. Struct. "
-        "14, 787 (2003)",
-        "prestretched films in equibiaxial stretch λ; breakdown scatters by tens of per cent and "
-        "falls with time, area "
-        "and flaws. The exponent is that of Huang et al. (2012) at one virgin thickness, 0.63 + "
-        "2·0.25. "
-        "Constants as quoted from the source, not read in it again",
-        film="vhb-49",
-    ),
-    "vhb-4910-embedded": LibraryStrength(
-        PowerStrength(51e6, 0.63, 0.25, 1e-3),
-        "Huang, Shian, Diebold, Suo, Clarke, Appl. Phys. Lett. 101, 122905 (2012): E_b = 51 "
-        "h^−0.25 λ^0.63, between "
-        "crossed wires embedded in a stiff polymer, without thinning",
-        "little area, few flaws and no thinning, so stronger than an actuator's film. Formula read "
-        "in the "
-        "abstract, which gives no units: h in mm and E_b in MV/m are an inference",
-    ),
-}
+    name: read(LibraryStrength, PlainTable(_FILE, entry))
+    for name, entry in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()}
 
 
 def read_strength(table: Table, key: str) -> Strength | None:
