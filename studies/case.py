@@ -337,7 +337,7 @@ def state_warnings(model: Model, state: State) -> list[str]:
 def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
     warnings = [*_tension_warnings(fields, lost), *_breakdown_warnings(fields)]
-    warnings += map(str, failures(material, fields.position, fields.stretch_1, fields.stretch_2))
+    warnings += failures(material, fields.position, fields.stretch_1, fields.stretch_2)
     return warnings
 
 

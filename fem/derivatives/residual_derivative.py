@@ -11,7 +11,7 @@ film does not depend on what the virgin film was.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.derivatives.stiffness import Stiffness, spread, strains
-from tympan.fem.film.density import Part, Stretching, plane_stress
+from tympan.fem.film.density import Part, plane_stress, virtual_work
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import State
 
@@ -73,8 +73,8 @@ class ResidualDerivative:
 
     def _virtual_work(self, part: Part) -> Any:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N]."""
-        if part.prestretch == self._stretching.prestretch:
-            return self._stretching.virtual_work(part.material)
+        if part.prestretch == self.at.model.specimen.membrane.prestretch:
+            return self._stretching(part.material)
         # Where stretches are all but equal, directions have no derivative by another prestretch;
         # the stress has.
         stress = plane_stress((part.material,), self.at.c, part.prestretch, tangent=False).stress
@@ -140,11 +140,11 @@ class ResidualDerivative:
                          for row in self._nodal])
 
     @cached_property
-    def _stretching(self) -> Stretching:
+    def _stretching(self) -> Callable[[Any], Any]:
         by, model = np.moveaxis(self._strains, -1, 0), self.at.model
         changes = 2 * by[0], 2 * by[1], by[2]
-        return Stretching.of(self.at.c, changes, model.specimen.membrane.prestretch,
-                             model.discretisation.weights)
+        return virtual_work(self.at.c, changes, model.specimen.membrane.prestretch,
+                            model.discretisation.weights)
 
 
 def _matrix(triple: Array) -> Array:

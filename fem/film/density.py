@@ -8,6 +8,7 @@ I)/2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.film.laws import Ogden
-from tympan.fem.film.tension_field import Rescaled, TensionField, Weighted
-from tympan.geometry.specimen import Film, Material, Specimen
+from tympan.fem.film.tension_field import Coat, TensionField, total
+from tympan.geometry.specimen import Specimen
 
 #: Below this relative distance of the squared stretches the divided difference of the stress
 #: becomes its limit. Both are then wrong by less than 1e-10, and only in the tangent: the stress
 #: multiplies it by that distance.
 _EQUAL = 1e-5
 
-#: Tension a wrinkled film keeps across its wrinkles, as a share of the material's small-strain
-#: shear modulus. The film elsewhere does not feel it.
+#: Second Piola–Kirchhoff tension a film keeps across its wrinkles, as a share of the material's
+#: small-strain shear modulus. The film elsewhere does not feel it.
 _RESIDUAL = 1e-3
 
 
@@ -69,38 +70,6 @@ class Part:
     key: Any
 
 
-@dataclass(frozen=True, eq=False)
-class Stretching:
-    """Principal stretches from a virgin state, and weighted changes of them, (k, points) each."""
-
-    prestretch: tuple[Any, Any]
-    stretches: tuple[Any, Any]
-    changes: tuple[Any, Any]
-
-    @classmethod
-    def of(cls, c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any], prestretch: tuple[Any, Any],
-           weights: Any
-           ) -> Stretching:
-        """At C of the mounted film, shape s, with k changes of it, (k, *s), ``weights`` of shape s.
-
-        Where the stretches are equal, their difference has no derivative; a stress that is equal
-        too does not ask.
-        """
-        _, half, shear, radius = circle = _circle(c, prestretch)
-        mean, by_half, by_shear, _ = _circle(changes, prestretch)
-        l1, l2 = np.sqrt(circle[0] + radius), np.sqrt(circle[0] - radius)
-        by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
-        first, second = weights * (mean + by_radius) / (2 * l1), weights * (mean
-                                                                            - by_radius) / (2 * l2)
-        return cls(prestretch, (l1, l2),
-                   (first.reshape(len(first), -1), second.reshape(len(second), -1)))
-
-    def virtual_work(self, material: Any) -> Any:
-        """Weighted sums of a material's W₁δλ₁ + W₂δλ₂ over the points, shape (k,)."""
-        _, w1, w2, *_ = material.derivatives(*self.stretches)
-        return self.changes[0] @ np.ravel(w1) + self.changes[1] @ np.ravel(w2)
-
-
 @dataclass(frozen=True)
 class FilmDensity:
     """The film's energy at a voltage: elastic, and electrostatic and electrode where covered.
@@ -126,7 +95,8 @@ class FilmDensity:
         film = self.specimen.membrane
         materials = tuple(part.material for part in self._simple.values()
                           if part.prestretch == film.prestretch)
-        return TensionField(materials, residual_tension(film) if self.wrinkles else -np.inf)
+        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
+        return TensionField(materials, _RESIDUAL * modulus if self.wrinkles else -np.inf)
 
     @property
     def parts(self) -> dict[str, Part]:
@@ -145,13 +115,12 @@ class FilmDensity:
         electric = maxwell(self.specimen, self.voltage_squared)
         result = {"elastic": Part(film.material, film.prestretch, film.material),
                   "electric": Part(self.maxwell, film.prestretch, electric)}
-        if grease and _equal(film):
-            material = Weighted(Rescaled(_grease(grease), film.prestretch[0]), self.covered)
-            result["grease"] = Part(material, film.prestretch, grease)
-        elif grease:
-            # Stress-free at a state that is stretched unequally, the grease has principal axes of
-            # its own.
-            result["grease"] = Part(Weighted(_grease(grease), self.covered), (1.0, 1.0), grease)
+        if grease:
+            # Stress-free at a state that is stretched unequally, it has principal axes of its own.
+            first, second = film.prestretch
+            scale, prestretch = (first, film.prestretch) if first == second else (1.0, (1.0, 1.0))
+            coat = Coat(Ogden((grease,), (2.0,)), self.covered, scale)
+            result["grease"] = Part(coat, prestretch, grease)
         return result
 
     def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
@@ -173,19 +142,6 @@ class FilmDensity:
         return *natural, tense
 
 
-def residual_tension(film: Film) -> Any:
-    """Second Piola–Kirchhoff tension a film keeps where it wrinkles [Pa]."""
-    return _RESIDUAL * film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
-
-
-def _equal(film: Film) -> bool:
-    return film.prestretch[0] == film.prestretch[1]
-
-
-def _grease(stiffness: float) -> Ogden:
-    return Ogden((stiffness,), (2.0,))
-
-
 def maxwell(specimen: Specimen, voltage_squared: Any) -> Maxwell:
     """The electrostatic energy of the film at U² (scalar or per point) [V²]."""
     from scipy.constants import epsilon_0
@@ -203,7 +159,7 @@ def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
 
-def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any, Any, Any],
+def plane_stress(materials: tuple[Any, ...], c: tuple[Any, Any, Any],
                  prestretch: tuple[float, float], *, tangent: bool = True) -> Density:
     """Sum of isotropic energies W(λ₁, λ₂) and its derivatives by C of the mounted film.
 
@@ -214,8 +170,7 @@ def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any
     mean, half, shear, radius = _circle(c, prestretch)
     x1, x2 = mean + radius, mean - radius
     l1, l2 = np.sqrt(x1), np.sqrt(x2)
-    w, w1, w2, w11, w12, w22 = (
-        sum(parts) for parts in zip(*(m.derivatives(l1, l2) for m in materials), strict=True))
+    w, w1, w2, w11, w12, w22 = total(materials, l1, l2)
     g1, g2 = w1 / (2 * l1), w2 / (2 * l2)
     g11, g22 = (w11 - w1 / l1) / (4 * x1), (w22 - w2 / l2) / (4 * x2)
     g12 = w12 / (4 * l1 * l2)
@@ -239,6 +194,28 @@ def plane_stress(materials: tuple[Material, ...] | tuple[Any, ...], c: tuple[Any
     d[..., 0, 2] = d[..., 2, 0] = ms + ds
     d[..., 1, 2] = d[..., 2, 1] = ms - ds
     return Density(w, stress, d * np.outer(scale, scale))
+
+
+def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
+                 prestretch: tuple[Any, Any], weights: Any) -> Callable[[Any], Any]:
+    """Of a material, the weighted sums of W₁δλ₁ + W₂δλ₂ over the points for k changes, (k,).
+
+    At C of the mounted film, shape s, with k changes of it, (k, *s), ``weights`` of shape s. Where
+    the stretches are equal, their difference has no derivative; a stress that is equal too does not
+    ask.
+    """
+    centre, half, shear, radius = _circle(c, prestretch)
+    mean, by_half, by_shear, _ = _circle(changes, prestretch)
+    l1, l2 = np.sqrt(centre + radius), np.sqrt(centre - radius)
+    by_radius = (half * by_half + shear * by_shear) / np.where(radius == 0, 1.0, radius)
+    first = (weights * (mean + by_radius) / (2 * l1)).reshape(len(mean), -1)
+    second = (weights * (mean - by_radius) / (2 * l2)).reshape(len(mean), -1)
+
+    def of_material(material: Any) -> Any:
+        _, w1, w2, *_ = material.derivatives(l1, l2)
+        return first @ np.ravel(w1) + second @ np.ravel(w2)
+
+    return of_material
 
 
 def _circle(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any, Any]:

@@ -41,33 +41,26 @@ def tension_state(stress_1: Array, stress_2: Array, tense: Array
 
 
 @dataclass(frozen=True)
-class Weighted:
-    """A share of a material at each point: 1 where it is, 0 where it is not."""
+class Coat:
+    """A material on a share of every point, 1 where it is and 0 where it is not.
+
+    Its own virgin state is the film's at the stretch ``scale`` along both axes.
+    """
 
     material: Any
     weight: Any
+    scale: float = 1.0
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """The material's W and its derivatives times the weight."""
-        return tuple(self.weight * value for value in self.material.derivatives(l1, l2))
+        """The share's W and its derivatives by the film's stretches."""
+        s, share = self.scale, self.weight
+        w, w1, w2, w11, w12, w22 = self.material.derivatives(l1 / s, l2 / s)
+        return (share * w, share * (w1 / s), share * (w2 / s),
+                share * (w11 / s**2), share * (w12 / s**2), share * (w22 / s**2))
 
-    def at(self, shape: tuple[int, ...], points: Array) -> Weighted:
-        """The same for some of the points."""
+    def at(self, shape: tuple[int, ...], points: Array) -> Coat:
+        """The coat at some of the points."""
         return replace(self, weight=np.broadcast_to(self.weight, shape)[points])
-
-
-@dataclass(frozen=True)
-class Rescaled:
-    """A material whose own virgin state is the film's at the stretch ``scale`` along both axes."""
-
-    material: Any
-    scale: float
-
-    def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and its derivatives by the film's stretches."""
-        w, w1, w2, w11, w12, w22 = self.material.derivatives(l1 / self.scale, l2 / self.scale)
-        s = self.scale
-        return w, w1 / s, w2 / s, w11 / s**2, w12 / s**2, w22 / s**2
 
 
 @dataclass(frozen=True)

@@ -7,37 +7,23 @@ has what was measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any
 
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from tympan.fem.linear_solver.superlu import SuperLU
+from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
+from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors
 
 Array = NDArray[Any]
 
+#: What all symmetric matrices with one sparsity have in common; a factorised one of them.
+Analysis = SuperLU | Pardiso
+Factorisation = SuperLUFactors | PardisoFactors
+
 #: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
 PARDISO_PAYS = 20_000
-
-
-class Factorisation(Protocol):
-    """A factorised symmetric matrix."""
-
-    def solve(self, right: Array) -> Array:
-        """Solution for right-hand sides of shape (n,) or (n, k)."""
-
-    @property
-    def negative(self) -> int:
-        """Number of negative eigenvalues, by Sylvester's law of inertia from the pivots."""
-
-
-class Analysis(Protocol):
-    """What is known of all symmetric matrices with one sparsity."""
-
-    def factorise(self, matrix: csc_matrix) -> Factorisation:
-        """Factorise a matrix of that sparsity; raises RuntimeError if it is singular."""
 
 
 def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analysis:
@@ -50,17 +36,9 @@ def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analys
     order
         Unknowns in an order of elimination that fills in little; by default minimum degree.
     """
-    chosen = list(analyses(indices, indptr, order))
-    return chosen[-1] if len(indptr) - 1 >= PARDISO_PAYS else chosen[0]
-
-
-def analyses(indices: Array, indptr: Array, order: Array | None = None) -> Iterator[Analysis]:
-    """One analysis for each solver installed, SciPy's first."""
-    yield SuperLU(indices, indptr, order)
-    if find_spec("pypardiso") is not None:
-        from tympan.fem.linear_solver.pardiso import Pardiso
-
-        yield Pardiso(indices, indptr)
+    if len(indptr) - 1 >= PARDISO_PAYS and find_spec("pypardiso") is not None:
+        return Pardiso(indices, indptr)
+    return SuperLU(indices, indptr, order)
 
 
 def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisation:

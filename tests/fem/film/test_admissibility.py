@@ -3,6 +3,7 @@ solutions visit."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -150,9 +151,10 @@ def test_visited_failure_is_found_at_its_place() -> None:
     threshold = _first_on_path(weak, fields)
     assert fields.stretch_1.min() < threshold < fields.stretch_1.max()
     [failure, *_] = failures(weak, fields.position, fields.stretch_1, fields.stretch_2)
-    assert np.hypot(*failure.position) == pytest.approx(10e-3, rel=0.02)
-    assert failure.stretches[0] == pytest.approx(fields.stretch_1.max(), rel=1e-3)
-    assert failure.share == pytest.approx((fields.stretch_1 > threshold).mean(), abs=0.02)
+    share, *place, first, _ = map(float, re.findall(r"(?<![\w.])-?\d+\.?\d*", failure))
+    assert np.hypot(*place) == pytest.approx(10, rel=0.02)
+    assert first == pytest.approx(fields.stretch_1.max(), rel=1e-3)
+    assert share == pytest.approx(100 * (fields.stretch_1 > threshold).mean(), abs=2)
     [words] = [item for item in field_warnings(fields, lost_tension(model, outcome.state), weak)
                if "Hill" in item]
     assert "mm, where the stretches are" in words
