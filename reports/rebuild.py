@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 
 from tympan.geometry.errors import InputError
 
@@ -13,112 +13,52 @@ from tympan.geometry.errors import InputError
 class FolderKind:
     """What one command leaves behind.
 
-    ``marker`` is a pattern of the file that the command writes last; ``draw`` takes that file and
-    answers what a person looks at first: the page where there is one, otherwise the figures.
+    ``marker`` is a pattern of the file that the command writes last; ``draw`` names what draws the
+    folder, a page where there is one; or the ``result`` stored in it.
     """
 
     command: str
     marker: str
-    draw: Callable[[Path], list[Path]]
+    draw: str
+    result: str = ""
 
-
-def _study(marker: Path) -> list[Path]:
-    from tympan.reports.study.page import build_study_page
-
-    return [build_study_page(marker.parent)]
-
-
-def _diagnosis(marker: Path) -> list[Path]:
-    from tympan.reports.diagnosis.page import build_diagnosis_page
-
-    return [build_diagnosis_page(marker.parent)]
-
-
-def _paper(marker: Path) -> list[Path]:
-    from tympan.reports.paper.page import build_paper_page
-
-    return [build_paper_page(marker.parent)]
-
-
-def _modes(marker: Path) -> list[Path]:
-    from tympan.reports.figures.modes import draw_modes
-    from tympan.studies.modes import ModesResult
-
-    return draw_modes(ModesResult.load(marker.parent, marker.stem.removesuffix("-modes")),
-                      marker.parent)
-
-
-def _path(marker: Path) -> list[Path]:
-    from tympan.reports.figures.path import draw_path
-    from tympan.studies.path import PathResult
-
-    return draw_path(PathResult.load(marker.parent, marker.stem.removesuffix("-path")),
-                     marker.parent)
-
-
-def _outlines(marker: Path) -> list[Path]:
-    from tympan.reports.figures.outlines import draw_outlines
-    from tympan.studies.alpha.table import OutlineTable
-
-    return draw_outlines(OutlineTable.load(marker.parent), marker.parent)
-
-
-def _map(marker: Path) -> list[Path]:
-    from tympan.reports.figures.map import draw_map
-    from tympan.studies.alpha.map import AlphaMap
-
-    return draw_map(AlphaMap.load(marker.parent), marker.parent)
-
-
-def _optimum(marker: Path) -> list[Path]:
-    from tympan.reports.figures.optimum import draw_optimum
-    from tympan.studies.optimise.result import OptimiseResult
-
-    return draw_optimum(OptimiseResult.load(marker.parent), marker.parent)
-
-
-def _simulate(marker: Path) -> list[Path]:
-    from tympan.reports.figures.response import draw_simulated
-    from tympan.studies.lumped.response import SimulationResult
-
-    return draw_simulated(SimulationResult.load(marker.parent), marker.parent)
-
-
-def _build(marker: Path) -> list[Path]:
-    from tympan.reports.figures.lumped_model import draw_built
-    from tympan.studies.lumped.build_result import BuildResult
-
-    return draw_built(BuildResult.load(marker.parent), marker.parent)
-
-
-def _identify(marker: Path) -> list[Path]:
-    from tympan.reports.figures.identification import draw_identified
-    from tympan.studies.identify.result import IdentifyResult
-
-    return draw_identified(IdentifyResult.load(marker.parent), marker.parent)
-
-
-def _material_fit(marker: Path) -> list[Path]:
-    from tympan.reports.figures.coupon import draw_fit
-    from tympan.studies.material.result import MaterialFitResult
-
-    return draw_fit(MaterialFitResult.load(marker.parent), marker.parent)
+    def rebuild(self, marker: Path) -> list[Path]:
+        """Draw again; answers what a person looks at first: the page, otherwise the figures."""
+        draw = resolve_name(f"tympan.reports.{self.draw}")
+        if not self.result:
+            return [draw(marker.parent)]
+        # Where a folder holds the results of several specimens, the marker says of which.
+        names = [marker.name.removesuffix(self.marker[1:])] if self.marker[0] == "*" else []
+        load = resolve_name(f"tympan.studies.{self.result}").load
+        return list(draw(load(marker.parent, *names), marker.parent))
 
 
 KINDS = (
-    FolderKind("study", "study.json", _study),
-    FolderKind("modes", "*-modes.json", _modes),
-    FolderKind("path", "*-path.json", _path),
-    FolderKind("outlines", "outlines.json", _outlines),
-    FolderKind("map", "alpha-map.json", _map),
-    FolderKind("optimise", "optimum.json", _optimum),
-    FolderKind("material fit", "fit.json", _material_fit),
-    FolderKind("diagnose", "diagnosis.json", _diagnosis),
-    FolderKind("lumped paper", "paper.json", _paper),
-    FolderKind("lumped simulate", "simulate.json", _simulate),
-    FolderKind("lumped identify", "identify.json", _identify),
-    FolderKind("lumped build", "build.json", _build),
+    FolderKind("study", "study.json", "study.page:build_study_page"),
+    FolderKind("modes", "*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
+    FolderKind("path", "*-path.json", "figures.path:draw_path", "path:PathResult"),
+    FolderKind("outlines", "outlines.json", "figures.outlines:draw_outlines",
+               "alpha.table:OutlineTable"),
+    FolderKind("map", "alpha-map.json", "figures.map:draw_map", "alpha.map:AlphaMap"),
+    FolderKind("optimise", "optimum.json", "figures.optimum:draw_optimum",
+               "optimise.result:OptimiseResult"),
+    FolderKind("material fit", "fit.json", "figures.coupon:draw_fit",
+               "material.result:MaterialFitResult"),
+    FolderKind("diagnose", "diagnosis.json", "diagnosis.page:build_diagnosis_page"),
+    FolderKind("lumped paper", "paper.json", "paper.page:build_paper_page"),
+    FolderKind("lumped simulate", "simulate.json", "figures.response:draw_simulated",
+               "lumped.response:SimulationResult"),
+    FolderKind("lumped identify", "identify.json", "figures.identification:draw_identified",
+               "identify.result:IdentifyResult"),
+    FolderKind("lumped build", "build.json", "figures.lumped_model:draw_built",
+               "lumped.build_result:BuildResult"),
 )
+
+
+def draw_stored(command: str, folder: Path) -> list[Path]:
+    """Draw what a command, such as "lumped build", stored in a folder; answers what to look at."""
+    return [file for kind in KINDS if kind.command == command
+            for marker in sorted(folder.glob(kind.marker)) for file in kind.rebuild(marker)]
 
 
 def rebuild(folder: Path) -> list[Path]:
@@ -135,4 +75,4 @@ def rebuild(folder: Path) -> list[Path]:
         commands = ", ".join(f"tympan {kind.command}" for kind in KINDS)
         raise InputError(f"holds none of {markers}: only what these wrote is rebuilt: {commands}",
                          file=folder)
-    return [file for kind, marker in stored for file in kind.draw(marker)]
+    return [file for kind, marker in stored for file in kind.rebuild(marker)]

@@ -7,15 +7,14 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from tympan.commands import COMMANDS
+from tympan.commands import COMMANDS, GROUPS
+from tympan.geometry.errors import InputError
+from tympan.geometry.system import MissingLibrary
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
     options = _parser().parse_args(arguments)
-    from tympan.geometry.errors import InputError
-    from tympan.geometry.system import MissingLibrary
-
     try:
         options.run(options)
     except InputError as error:
@@ -39,8 +38,15 @@ def _parser() -> argparse.ArgumentParser:
         epilog='Quantities carry their unit: --mass "17.9 g" --voltage "3.5 kV".')
     parser.add_argument("--version", action=_Version)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in COMMANDS:
-        add(commands)
+    groups = {"": commands}
+    for command in COMMANDS:
+        group = command.name.rpartition(" ")[0]
+        if group not in groups:
+            words = GROUPS[group]
+            groups[group] = commands.add_parser(
+                group, help=words, description=f"{words[0].upper()}{words[1:]}.",
+            ).add_subparsers(title="commands", required=True, metavar="COMMAND")
+        command.add(groups[group])
     return parser
 
 

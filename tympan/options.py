@@ -5,86 +5,92 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.units import quantity
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
     from tympan.studies.case import Case, Settings
 
-#: Where a command adds its parser.
-Subcommands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+#: Adds one argument, or several of which one may be given, to a command's parser.
+Argument: TypeAlias = Callable[[argparse._ActionsContainer], object]
 
 
-def command(commands: Subcommands, name: str, run: Callable[[argparse.Namespace], None],
-            help_text: str, more: str = "") -> argparse.ArgumentParser:
-    """A subcommand and what runs it; ``more`` stands below the help text in its own help."""
-    parser = commands.add_parser(name, help=help_text,
-                                 description=_sentence(help_text) + (f" {more}" if more else ""))
-    parser.set_defaults(run=run)
-    return parser
+@dataclass(frozen=True)
+class Command:
+    """A command: ``name`` of one word, or of two where it is one of a group; what it does; how."""
+
+    name: str
+    run: Callable[[argparse.Namespace], None]
+    arguments: tuple[Argument, ...]
+
+    def add(self, commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Add its parser, with the function's docstring as help."""
+        words = " ".join((self.run.__doc__ or "").split())
+        summary = words.split(". ")[0].rstrip(".")
+        parser = commands.add_parser(self.name.split()[-1], description=words,
+                                     help=f"{summary[:1].lower()}{summary[1:]}")
+        parser.set_defaults(run=self.run, command=self.name)
+        for argument in self.arguments:
+            argument(parser)
 
 
-def command_group(commands: Subcommands, name: str, help_text: str) -> Subcommands:
-    """A command that has subcommands, and where these are added."""
-    parser = commands.add_parser(name, help=help_text, description=_sentence(help_text))
-    return parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+def command(name: str, *arguments: Argument) -> Callable[[Callable[[argparse.Namespace], None]],
+                                                         Command]:
+    """Make a function a command of these arguments; its docstring is what ``--help`` says."""
+    return lambda run: Command(name, run, arguments)
 
 
-def _sentence(help_text: str) -> str:
-    return f"{help_text[0].upper()}{help_text[1:]}."
+def argument(*names: str, **settings: Any) -> Argument:
+    """An argument as of ``ArgumentParser.add_argument``; its help says its default."""
+    words = settings.get("help") or ""
+    if settings.get("default") not in (None, "", []) and "%(" not in words:
+        settings["help"] = f"{words} (default: %(default)s)".strip()
+    return lambda parser: parser.add_argument(*names, **settings)
 
 
-def specimen_argument(parser: argparse.ArgumentParser) -> None:
-    """The specimen's file, ``options.specimen``."""
-    parser.add_argument("specimen", type=Path, metavar="SPECIMEN.toml")
+def either(*arguments: Argument) -> Argument:
+    """Arguments of which only one may be given."""
+    def add(parser: argparse._ActionsContainer) -> None:
+        group = parser.add_mutually_exclusive_group()
+        for choice in arguments:
+            choice(group)
+
+    return add
 
 
-def case_arguments(parser: argparse.ArgumentParser, *, mass: str = "on the plate",
-                   voltage: str = "across the film") -> None:
-    """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
-    specimen_argument(parser)
-    parser.add_argument("--mass", required=True, help=f'{mass}, such as "17.9 g"')
-    parser.add_argument("--voltage", default="0 kV",
-                        help=f'{voltage}, such as "3.5 kV" (default: %(default)s)')
-    rig_argument(parser)
-    mesh_argument(parser)
-
-
-def rig_argument(parser: argparse.ArgumentParser) -> None:
-    """The rig's file, read by :func:`read_rig`."""
-    parser.add_argument("--rig", type=Path, metavar="RIG.toml",
-                        help="gravity, springs, pressure, amplifier, sensor and what else acts")
-
-
-def mesh_argument(parser: argparse.ArgumentParser) -> None:
-    """How fine to mesh, read by :func:`read_settings`."""
-    parser.add_argument("--refine", type=float, default=1.0, metavar="X",
-                        help="divide every element size by X (default: %(default)s)")
-
-
-def workers_argument(parser: argparse.ArgumentParser) -> None:
-    """How many processes, ``options.workers``."""
-    parser.add_argument("--workers", type=int, default=2, metavar="N",
-                        help="processes (default: %(default)s)")
-
-
-def output_argument(parser: argparse.ArgumentParser, help_text: str | None = None, *,
-                    required: bool = False, default: Path | None = None) -> None:
+def output(help_text: str | None = None, **settings: Any) -> Argument:
     """The folder for results, ``options.output``."""
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help=help_text,
-                        required=required, default=default)
+    return argument("-o", "--output", type=Path, metavar="DIR", help=help_text, **settings)
 
 
-def json_argument(parser: argparse.ArgumentParser,
-                  help_text: str = "print one JSON object") -> None:
+def json_argument(help_text: str = "print one JSON object") -> Argument:
     """Whether to print for programs, ``options.json``."""
-    parser.add_argument("--json", action="store_true", help=help_text)
+    return argument("--json", action="store_true", help=help_text)
+
+
+JSON = json_argument()
+SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
+RIG = argument("--rig", type=Path, metavar="RIG.toml",
+               help="gravity, springs, pressure, amplifier, sensor and what else acts")
+MESH = argument("--refine", type=float, default=1.0, metavar="X",
+                help="divide every element size by X")
+WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes")
+
+
+def case_arguments(*, mass: str = "on the plate",
+                   voltage: str = "across the film") -> tuple[Argument, ...]:
+    """Specimen, load, voltage, rig and mesh, for :func:`read_case` and :func:`read_settings`."""
+    return (SPECIMEN, argument("--mass", required=True, help=f'{mass}, such as "17.9 g"'),
+            argument("--voltage", default="0 kV", help=f'{voltage}, such as "3.5 kV"'), RIG, MESH)
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
     """Settings of the options that :func:`mesh_argument` adds."""
-    from tympan.geometry.errors import InputError
     from tympan.geometry.mesher import MeshSettings
     from tympan.studies.case import Settings
 
@@ -113,9 +119,6 @@ def read_rig(file: Path | None) -> Rig:
 
 def parse_quantity(text: str, dimension: str, option: str) -> float:
     """A quantity given to an option [SI]."""
-    from tympan.geometry.errors import InputError
-    from tympan.geometry.units import quantity
-
     try:
         return quantity(text, dimension)
     except InputError as error:
@@ -124,8 +127,6 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
 
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
     """Numbers given to an option with commas between them; None where it was not given."""
-    from tympan.geometry.errors import InputError
-
     if text is None:
         return None
     try:
@@ -137,8 +138,6 @@ def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
 
 def check_distinct(names: Sequence[str]) -> None:
     """Refuse specimens of the same name: their results would overwrite each other."""
-    from tympan.geometry.errors import InputError
-
     if len(set(names)) < len(names):
         raise InputError("specimens must have different names", key="name", given=", ".join(names))
 
@@ -148,7 +147,22 @@ def print_json(value: dict[str, Any]) -> None:
     print(json.dumps(value, ensure_ascii=False, allow_nan=False))
 
 
-def show(result: dict[str, Any], as_json: bool) -> None:
+def finish(options: argparse.Namespace, result: Any,
+           show_record: Callable[[dict[str, Any]], None]) -> None:
+    """Save and draw a result where a folder is given; print it, for programs or as shown."""
+    if options.output is not None:
+        from tympan.reports.rebuild import draw_stored
+
+        result.save(options.output)
+        draw_stored(options.command, options.output)
+    record = result.json()
+    if options.json:
+        print_json(record)
+    else:
+        show_record(record)
+
+
+def show(result: dict[str, Any], as_json: bool = False) -> None:
     """One JSON object, or one line per entry."""
     if as_json:
         print_json(result)

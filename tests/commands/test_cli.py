@@ -244,7 +244,7 @@ def test_interrupt_is_a_message_and_status_1(monkeypatch, capsys) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tympan.studies.case, "find", interrupted)
+    monkeypatch.setattr(tympan.studies.case, "equilibrate", interrupted)
     assert main(["solve", str(ACTUATORS["circular"]), "--mass", "1 g"]) == 1
     assert capsys.readouterr().err == "tympan: interrupted\n"
 

@@ -15,11 +15,15 @@ from tympan.commands import (
     sweep,
 )
 from tympan.commands.data import data, diagnose, effects, material, materials
-from tympan.commands.lumped import group as lumped
+from tympan.commands.lumped import build, identify, paper, simulate
 
-#: What adds each command to the parser.
+#: Every command; those of a group stand together.
 COMMANDS = (
-    study.add, solve.add, alpha.add, outlines.add, map.add, modes.add, sensitivity.add,
-    optimise.add, path.add, sweep.add, data.add, lumped.add, diagnose.add, report.add, export.add,
-    materials.add, material.add, effects.add,
+    study.run, solve.run, alpha.run, outlines.run, map.run, modes.run, sensitivity.run,
+    optimise.run, path.run, sweep.run, data.run, simulate.run, identify.run, build.run, paper.run,
+    diagnose.run, report.run, export.run, materials.run, material.show_material,
+    material.fit_material, effects.run,
 )
+#: What the groups are for.
+GROUPS = {"lumped": "the paper's lumped model: a mass on circles of film",
+          "material": "look at a material, or fit one to coupon tests"}

@@ -4,44 +4,34 @@ from __future__ import annotations
 
 import argparse
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
-    Subcommands,
+    JSON,
+    MESH,
+    RIG,
+    SPECIMEN,
+    argument,
     command,
-    json_argument,
-    mesh_argument,
     read_rig,
     read_settings,
-    rig_argument,
     show,
-    specimen_argument,
 )
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "alpha", _run,
-                     "weights of the circular actuators that stand for a shape")
-    specimen_argument(parser)
-    parser.add_argument("--circles", type=int, default=2, metavar="N",
-                        help="how many (default: %(default)s)")
-    parser.add_argument("--radii", default="semi_axes", metavar="CHOICE",
-                        help="of the circles: semi_axes (the frame's half extents and between "
-                             "them), sectors (the frame's distance in as many parts of the full "
-                             "angle) or fit (default: %(default)s)")
-    parser.add_argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
-                        help="circles solved as membranes, as the paper's cones, or as cones "
-                             "scaled to the membrane")
-    parser.add_argument("--uncertainty", action="store_true",
-                        help="also how far α changes with the mesh, the material and the range of "
-                             "loads")
-    rig_argument(parser)
-    json_argument(parser)
-    mesh_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("alpha", SPECIMEN,
+         argument("--circles", type=int, default=2, metavar="N", help="how many"),
+         argument("--radii", default="semi_axes", metavar="CHOICE",
+                  help="of the circles: semi_axes (the frame's half extents and between them), "
+                       "sectors (the frame's distance in as many parts of the full angle) or fit"),
+         argument("--basis", choices=("membrane", "cone", "cone_scaled"), default="membrane",
+                  help="circles solved as membranes, as the paper's cones, or as cones scaled to "
+                       "the membrane"),
+         argument("--uncertainty", action="store_true",
+                  help="also how far α changes with the mesh, the material and the range of "
+                       "loads"), RIG, JSON, MESH)
+def run(options: argparse.Namespace) -> None:
+    """Weights of the circular actuators that stand for a shape."""
     from tympan.fem.film.library import load_specimen
-    from tympan.geometry.errors import InputError
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
 

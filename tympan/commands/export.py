@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.options import (
-    Subcommands,
-    command,
-    mesh_argument,
-    output_argument,
-    parse_quantity,
-    read_settings,
-    specimen_argument,
-)
+from tympan.geometry.errors import InputError
+from tympan.options import MESH, SPECIMEN, argument, command, output, parse_quantity, read_settings
 
 #: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, what it is.
 SIZES = {
@@ -25,22 +18,17 @@ SIZES = {
 }
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "export", _run,
-                     "frame, clamp, plate and film as STEP, DXF and SVG; the mesh")
-    specimen_argument(parser)
-    output_argument(parser, required=True)
-    for name, (default, words) in SIZES.items():
-        parser.add_argument(_option(name), default=default, metavar="LENGTH",
-                            help=f"{words} (default: %(default)s)")
-    mesh_argument(parser)
+def _option(name: str) -> str:
+    return "--" + name.replace("_", "-")
 
 
-def _run(options: argparse.Namespace) -> None:
+@command("export", SPECIMEN, output(required=True),
+         *(argument(_option(name), default=default, metavar="LENGTH", help=words)
+           for name, (default, words) in SIZES.items()), MESH)
+def run(options: argparse.Namespace) -> None:
+    """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh."""
     from tympan.fem.film.library import load_specimen
     from tympan.geometry.cad.parts import PartOptions
-    from tympan.geometry.errors import InputError
     from tympan.studies.export import export
 
     specimen, settings = load_specimen(options.specimen), read_settings(options)
@@ -53,7 +41,3 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError(error.allowed, key=_option(name), given=getattr(options, name)) from None
     for file in export(specimen, settings.mesh, options.output, chosen):
         print(file)
-
-
-def _option(name: str) -> str:
-    return "--" + name.replace("_", "-")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
-    Subcommands,
+    JSON,
+    argument,
     case_arguments,
     command,
-    json_argument,
-    output_argument,
+    output,
     parse_quantity,
     read_case,
     read_settings,
@@ -21,22 +22,15 @@ if TYPE_CHECKING:
     from tympan.studies.modes import ModesResult
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "modes", _run,
-                     "natural frequencies and shapes under one load and voltage")
-    case_arguments(parser, mass="of the plate with its weight", voltage="held across the film")
-    parser.add_argument("--point-mass", default="0 g", metavar="MASS",
-                        help="part of the mass that sits in the plate's centre; the rest is "
-                             "spread evenly over the plate (default: %(default)s)")
-    parser.add_argument("--count", type=int, default=6, metavar="N",
-                        help="how many (default: %(default)s)")
-    output_argument(parser, "also store shapes (VTU), a picture (PNG, SVG) and the numbers")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
-    from tympan.geometry.errors import InputError
+@command("modes",
+         *case_arguments(mass="of the plate with its weight", voltage="held across the film"),
+         argument("--point-mass", default="0 g", metavar="MASS",
+                  help="part of the mass that sits in the plate's centre; the rest is spread "
+                       "evenly over the plate"),
+         argument("--count", type=int, default=6, metavar="N", help="how many"),
+         output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Natural frequencies and shapes under one load and voltage."""
     from tympan.studies.modes import modes
 
     if not 1 <= options.count <= 100:

@@ -6,31 +6,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    mesh_argument,
-    output_argument,
-    read_settings,
-    show,
-)
+from tympan.options import JSON, MESH, argument, command, output, read_settings, show
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "optimise", _run,
-                     "lengths of frame and plate with the largest stroke under limits")
-    parser.add_argument("file", type=Path, nargs="?", metavar="OPTIMISE.toml",
-                        help="the problem; left out: the paper's large ellipse at equal frame area "
-                             "and perimeter")
-    output_argument(parser, "for optimum*.toml, optimum.json, path.csv, optimum.png and .svg "
-                            "(default: %(default)s)", default=Path("optimum"))
-    json_argument(parser)
-    mesh_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("optimise",
+         argument("file", type=Path, nargs="?", metavar="OPTIMISE.toml",
+                  help="the problem; left out: the paper's large ellipse at equal frame area and "
+                       "perimeter"),
+         output("for optimum*.toml, optimum.json, path.csv, optimum.png and .svg",
+                default=Path("optimum")), JSON, MESH)
+def run(options: argparse.Namespace) -> None:
+    """Lengths of frame and plate with the largest stroke under limits."""
     from tympan.progress import bar
     from tympan.studies.optimise.problem import default_problem, read_problem
     from tympan.studies.optimise.result import OptimiseResult, optimise

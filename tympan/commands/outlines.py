@@ -5,43 +5,28 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    mesh_argument,
-    output_argument,
-    print_json,
-    read_settings,
-)
+from tympan.options import JSON, MESH, command, finish, output, read_settings
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "outlines", _run,
-                     "α of every registered outline with its held-out error")
-    output_argument(parser, required=True)
-    json_argument(parser)
-    mesh_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("outlines", output(required=True), JSON, MESH)
+def run(options: argparse.Namespace) -> None:
+    """α of every registered outline with its held-out error."""
     from tympan.geometry.outlines import examples
     from tympan.progress import bar
-    from tympan.reports.figures.outlines import draw_outlines
-    from tympan.studies.alpha.table import HEADER, OutlineTable, outline_table
+    from tympan.studies.alpha.table import outline_table
 
     with bar(len(examples())) as progress:
         result = outline_table(read_settings(options), progress=progress)
-    result.save(options.output)
-    draw_outlines(OutlineTable.load(options.output), options.output)
-    table = result.json()["outlines"]
-    if options.json:
-        print_json(result.json())
-        return
+    finish(options, result, _show)
+
+
+def _show(record: dict[str, Any]) -> None:
+    from tympan.studies.alpha.table import HEADER
+
     names = HEADER[:-1]
     widths = [max(9 if number else 17, len(name)) for number, name in enumerate(names)]
-    for cells in ([*names], *([_cell_text(line[name]) for name in names] for line in table)):
+    rows = [[_cell_text(row[name]) for name in names] for row in record["outlines"]]
+    for cells in (names, *rows):
         print("  ".join(f"{cell:<{width}}"
                         for cell, width in zip(cells, widths, strict=True)).rstrip())
 

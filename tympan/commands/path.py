@@ -5,33 +5,26 @@ from __future__ import annotations
 import argparse
 
 from tympan.options import (
-    Subcommands,
+    JSON,
+    argument,
     case_arguments,
     command,
-    json_argument,
-    output_argument,
+    output,
     read_case,
     read_settings,
     show,
 )
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "path", _run,
-                     "equilibria through limit points, stable or not, by arc length")
-    case_arguments(parser, mass="on the plate at the start",
-                   voltage="across the film at the start")
-    parser.add_argument("--along", choices=("voltage", "charge", "mass", "pressure"),
-                        default="voltage",
-                        help="what grows; gas pressure acts below film and plate "
-                             "(default: %(default)s)")
-    output_argument(parser, "also store the stations (CSV), a picture (PNG, SVG), the numbers, "
-                            "fields and critical mode at each limit point (VTU)")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("path",
+         *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
+         argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
+                  help="what grows; gas pressure acts below film and plate"),
+         output(
+                "also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
+                "critical mode at each limit point (VTU)"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Equilibria through limit points, stable or not, by arc length."""
     from tympan.progress import bar
     from tympan.studies.path import path
 

@@ -5,17 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tympan.options import Subcommands, command
+from tympan.options import argument, command
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "report", _run,
-                     "rebuild a run's figures and report from what it stored")
-    parser.add_argument("folder", type=Path, metavar="DIR")
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("report", argument("folder", type=Path, metavar="DIR"))
+def run(options: argparse.Namespace) -> None:
+    """Rebuild a run's figures and report from what it stored."""
     from tympan.reports.rebuild import rebuild
 
     for file in rebuild(options.folder):

@@ -5,30 +5,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from tympan.options import (
-    Subcommands,
-    case_arguments,
-    command,
-    json_argument,
-    read_case,
-    read_settings,
-    show,
-)
+from tympan.options import JSON, argument, case_arguments, command, read_case, read_settings, show
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "sensitivity", _run,
-                     "exact derivatives of results by every number that enters them")
-    case_arguments(parser)
-    parser.add_argument("--of", default="heave", metavar="NAMES",
-                        help="results, with commas between: heave, tilt, reaction, capacitance, "
-                             "energy, max_stretch, max_true_stress, max_field "
-                             "(default: %(default)s); past pull-in, the pull-in load")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("sensitivity", *case_arguments(),
+         argument("--of", default="heave", metavar="NAMES",
+                  help="results, with commas between: heave, tilt, reaction, capacitance, "
+                       "energy, max_stretch, max_true_stress, max_field (default: %(default)s); "
+                       "past pull-in, the pull-in load"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Exact derivatives of results by every number that enters them."""
     from tympan.studies.sensitivity import sensitivity
 
     names = tuple(name.strip() for name in options.of.split(","))

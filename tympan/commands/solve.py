@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 
 from tympan.options import (
-    Subcommands,
+    JSON,
+    argument,
     case_arguments,
     command,
-    json_argument,
-    output_argument,
+    output,
     parse_quantity,
     read_case,
     read_settings,
@@ -17,22 +17,18 @@ from tympan.options import (
 )
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "solve", _run, "one specimen under one load and voltage",
-                     more="Deflection is positive downwards, along the load.")
-    case_arguments(parser)
-    parser.add_argument("--elapsed", default="0 s", metavar="TIME",
-                        help="since the run began, for a rig whose readings drift "
-                             "(default: %(default)s)")
-    parser.add_argument("--direction", choices=("up", "down"), default="",
-                        help="which way the voltage was reached, for a film that lags behind it "
-                             "(default: not known)")
-    output_argument(parser, "also store the fields (VTU) and the numbers")
-    json_argument(parser)
+@command("solve", *case_arguments(),
+         argument("--elapsed", default="0 s", metavar="TIME",
+                  help="since the run began, for a rig whose readings drift"),
+         argument("--direction", choices=("up", "down"), default="",
+                  help="which way the voltage was reached, for a film that lags behind it "
+                       "(default: not known)"),
+         output("also store the fields (VTU) and the numbers"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """One specimen under one load and voltage.
 
-
-def _run(options: argparse.Namespace) -> None:
+    Deflection is positive downwards, along the load.
+    """
     from dataclasses import replace
 
     from tympan.fem.rig import DIRECTIONS

@@ -5,19 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tympan.options import Subcommands, command, output_argument
+from tympan.options import argument, command, output
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "study", _run, "solve specimens, draw their stress, derive α, "
-                     "write a report; by default of the paper's three")
-    parser.add_argument("file", nargs="?", type=Path, metavar="STUDY.toml",
-                        help="which specimens and loads")
-    output_argument(parser, "default: %(default)s", default=Path("out"))
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("study",
+         argument("file", nargs="?", type=Path, metavar="STUDY.toml",
+                  help="which specimens and loads"),
+         output(default=Path("out")))
+def run(options: argparse.Namespace) -> None:
+    """Solve specimens, draw their stress, derive α, write a report; default: the paper's three."""
     from tympan.progress import bar
     from tympan.studies.study import default_study, read_study, run_study
 

@@ -7,36 +7,21 @@ import os
 from functools import partial
 from pathlib import Path
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    mesh_argument,
-    output_argument,
-    read_settings,
-    show,
-)
+from tympan.geometry.errors import InputError
+from tympan.options import JSON, MESH, argument, command, either, output, read_settings, show
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "sweep", _run,
-                     "solve grids, lists or samples of specimens; goes on where it was ended")
-    parser.add_argument("file", type=Path, metavar="SWEEP.toml",
-                        help="which specimens, masses and voltages")
-    output_argument(parser, "tables as netCDF, Parquet and CSV; finished cases, which are not "
-                            "solved again", required=True)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N",
-                       help="processes on this machine (default: its processors)")
-    where.add_argument("--scheduler", metavar="ADDRESS",
-                       help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')
-    json_argument(parser)
-    mesh_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
-    from tympan.geometry.errors import InputError
+@command("sweep",
+         argument("file", type=Path, metavar="SWEEP.toml",
+                  help="which specimens, masses and voltages"),
+         output("tables as netCDF, Parquet and CSV; finished cases, which are not solved again",
+                required=True),
+         either(argument("--workers", type=int, metavar="N",
+                         help="processes on this machine (default: its processors)"),
+                argument("--scheduler", metavar="ADDRESS",
+                         help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')), JSON, MESH)
+def run(options: argparse.Namespace) -> None:
+    """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.progress import cases
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster

@@ -6,20 +6,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from tympan.options import Subcommands, command, json_argument, print_json
+from tympan.options import JSON, argument, command, print_json
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "data", _run,
-                     "check a dataset of measurements and say what is in it")
-    parser.add_argument("dataset", type=Path, metavar="DATASET",
-                        help="folder with dataset.toml and static.csv, range.csv, transient.csv "
-                             "or coupon.csv")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("data",
+         argument("dataset", type=Path, metavar="DATASET",
+                  help="folder with dataset.toml and static.csv, range.csv, transient.csv or "
+                       "coupon.csv"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Check a dataset of measurements and say what is in it."""
     from tympan.studies.data.checks import summary
     from tympan.studies.data.dataset import read_dataset
 

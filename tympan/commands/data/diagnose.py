@@ -6,37 +6,23 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    output_argument,
-    print_json,
-    workers_argument,
-)
+from tympan.options import JSON, WORKERS, argument, command, output, print_json
 from tympan.progress import shares
 
 if TYPE_CHECKING:
     from tympan.studies.data.dataset import Dataset
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "diagnose", _run,
-                     "say what the simulation gets wrong about measured data, and why")
-    parser.add_argument("dataset", type=Path, metavar="DATASET",
-                        help="folder with dataset.toml and static.csv or range.csv")
-    output_argument(parser, "folder for the report and the extended model")
-    workers_argument(parser)
-    parser.add_argument("--seed", type=int, default=0,
-                        help="of random draws (default: %(default)s)")
-    parser.add_argument("--plan", action="store_true",
-                        help="say what such readings can tell; what is read may be missing from "
-                             "the files")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("diagnose",
+         argument("dataset", type=Path, metavar="DATASET",
+                  help="folder with dataset.toml and static.csv or range.csv"),
+         output("folder for the report and the extended model"), WORKERS,
+         argument("--seed", type=int, default=0, help="of random draws"),
+         argument("--plan", action="store_true",
+                  help="say what such readings can tell; what is read may be missing from the "
+                       "files"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.diagnosis.diagnose import diagnose
 
@@ -55,16 +41,11 @@ def _run(options: argparse.Namespace) -> None:
     if options.json:
         print_json(content)
         return
-    from tympan.reports.diagnosis.page import (
-        cause_label,
-        headline,
-        probability_text,
-        verdict_words,
-    )
+    from tympan.reports.diagnosis import page as words
 
-    print(f"{headline(content['verdict'])} {verdict_words(content)}")
+    print(f"{words.headline(content['verdict'])} {words.verdict_words(content)}")
     for cause in content["causes"]:
-        print(f"  {probability_text(cause['probability']):>10}  {cause_label(cause)}")
+        print(f"  {words.probability_text(cause['probability']):>10}  {words.cause_label(cause)}")
     for warning in content["warnings"]:
         print(f"warning: {warning}")
     if options.output is not None:

@@ -3,43 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import (
-    Subcommands,
-    command,
-    command_group,
-    json_argument,
-    output_argument,
-    parse_quantity,
-    print_json,
-)
+from tympan.geometry.errors import InputError
+from tympan.options import JSON, argument, command, finish, output, parse_quantity, print_json
 
 if TYPE_CHECKING:
     from tympan.studies.material.fit import Comparison, LawFit
 
 
-def add(commands: Subcommands) -> None:
-    """The command and its two subcommands."""
-    kinds = command_group(commands, "material", "look at a material, or fit one to coupon tests")
-    _show(kinds)
-    _fit(kinds)
-
-
-def _show(kinds: Subcommands) -> None:
-    parser = command(kinds, "show", _run_show,
-                     "true stress against stretch, and where the law fails")
-    parser.add_argument("material", metavar="NAME|SPECIMEN.toml",
-                        help="of the library, also a refused one; or the material of a specimen "
-                             "file")
-    parser.add_argument("--held", type=float, metavar="X",
-                        help="stretch held across in the second column (default: as mounted, "
-                             "else 1)")
-    json_argument(parser)
-
-
-def _run_show(options: argparse.Namespace) -> None:
+@command("material show",
+         argument("material", metavar="NAME|SPECIMEN.toml",
+                  help="of the library, also a refused one; or the material of a specimen file"),
+         argument("--held", type=float, metavar="X",
+                  help="stretch held across in the second column (default: as mounted, else 1)"),
+         JSON)
+def show_material(options: argparse.Namespace) -> None:
+    """True stress against stretch, and where the law fails."""
     from tympan.fem.film.law_report import examine, subject
 
     shown = examine(*subject(options.material, options.held))
@@ -49,26 +31,21 @@ def _run_show(options: argparse.Namespace) -> None:
     print(shown)
 
 
-def _fit(kinds: Subcommands) -> None:
-    parser = command(kinds, "fit", _run_fit,
-                     "fit laws to uniaxial, equibiaxial and pure-shear tests")
-    parser.add_argument("coupons", type=Path, metavar="COUPON.csv",
-                        help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run")
-    parser.add_argument("--law", action="append", metavar="NAME",
-                        help="may be given several times; all (default) compares every law")
-    parser.add_argument("--noise", metavar="STRESS",
-                        help='standard deviation of one reading, such as "2 kPa"; '
-                             "without it, estimated from the residuals")
-    output_argument(parser, "also store the fits (JSON), their curves (CSV), a figure, and the "
-                            "best law for specimen files (TOML)")
-    json_argument(parser)
-
-
-def _run_fit(options: argparse.Namespace) -> None:
-    from tympan.geometry.errors import InputError
+@command("material fit",
+         argument("coupons", type=Path, metavar="COUPON.csv",
+                  help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run"),
+         argument("--law", action="append", metavar="NAME",
+                  help="may be given several times; all (default) compares every law"),
+         argument("--noise", metavar="STRESS",
+                  help='standard deviation of one reading, such as "2 kPa"; without it, estimated '
+                       "from the residuals"),
+         output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
+                "specimen files (TOML)"), JSON)
+def fit_material(options: argparse.Namespace) -> None:
+    """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
     from tympan.studies.data.coupon import read_coupons
     from tympan.studies.material.fit import FitSettings, compare
-    from tympan.studies.material.result import MaterialFitResult, material_fit_result
+    from tympan.studies.material.result import material_fit_result
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 0 < noise < float("inf"):
@@ -79,16 +56,8 @@ def _run_fit(options: argparse.Namespace) -> None:
         comparison = compare(coupons, names, FitSettings(noise))
     except InputError as error:
         raise error.located(file=options.coupons) from None
-    result = material_fit_result(comparison, options.coupons)
-    if options.output is not None:
-        from tympan.reports.figures.coupon import draw_fit
-
-        result.save(options.output)
-        draw_fit(MaterialFitResult.load(options.output), options.output)
-    if options.json:
-        print_json(result.json())
-    else:
-        _show_fits(comparison, result.json())
+    finish(options, material_fit_result(comparison, options.coupons),
+           partial(_show_fits, comparison))
 
 
 def _show_fits(comparison: Comparison, result: dict[str, Any]) -> None:

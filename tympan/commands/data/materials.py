@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.options import Subcommands, command, json_argument, print_json
+from tympan.options import JSON, command, print_json
 
 
-def add(commands: Subcommands) -> None:
-    """The command's options."""
-    parser = command(commands, "materials", _run, "list the material library with sources")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("materials", JSON)
+def run(options: argparse.Namespace) -> None:
+    """List the material library with sources."""
     from dataclasses import asdict
 
     from tympan.fem.film.breakdown import STRENGTH_LIBRARY

@@ -6,18 +6,19 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
-    Subcommands,
+    JSON,
+    MESH,
+    RIG,
+    argument,
     check_distinct,
     command,
-    json_argument,
-    mesh_argument,
-    output_argument,
+    finish,
+    output,
     parse_quantity,
-    print_json,
     read_rig,
     read_settings,
-    rig_argument,
 )
 
 if TYPE_CHECKING:
@@ -26,36 +27,23 @@ if TYPE_CHECKING:
 _MOST = 200
 
 
-def add(kinds: Subcommands) -> None:
-    """The command's options."""
-    parser = command(kinds, "build", _run,
-                     "the lumped model of specimens from their field model alone")
-    parser.add_argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml")
-    parser.add_argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
-                        help="on the plate; the first one is fitted, the others are tested "
-                             "(default: %(default)s)")
-    parser.add_argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
-                        help="the lowest, the middle and the highest are fitted, the others "
-                             "tested (default: %(default)s)")
-    parser.add_argument("--count", type=int, default=11, metavar="N",
-                        help="of voltages (default: %(default)s)")
-    parser.add_argument("--circles", type=int, default=2, metavar="N",
-                        help="how many (default: %(default)s)")
-    parser.add_argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
-                        help="of the circles, as for `tympan alpha` (default: %(default)s)")
-    parser.add_argument("--viscous", metavar="K1,ETA1,ETA2",
-                        help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 '
-                             'kPa s" (default: these, the paper\'s)')
-    rig_argument(parser)
-    output_argument(parser,
-                    "write NAME.lumped.toml for each, build.json, statics.csv and a figure")
-    json_argument(parser)
-    mesh_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
+         argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
+                  help="on the plate; the first one is fitted, the others are tested"),
+         argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
+                  help="the lowest, the middle and the highest are fitted, the others tested"),
+         argument("--count", type=int, default=11, metavar="N", help="of voltages"),
+         argument("--circles", type=int, default=2, metavar="N", help="how many"),
+         argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
+                  help="of the circles, as for `tympan alpha`"),
+         argument("--viscous", metavar="K1,ETA1,ETA2",
+                  help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" '
+                       "(default: these, the paper's)"), RIG,
+         output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
+         MESH)
+def run(options: argparse.Namespace) -> None:
+    """The lumped model of specimens from their field model alone."""
     from tympan.fem.film.library import load_specimen
-    from tympan.geometry.errors import InputError
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings
     from tympan.studies.lumped.build import BuildSettings, build
@@ -73,26 +61,14 @@ def _run(options: argparse.Namespace) -> None:
     check_distinct([specimen.name for specimen in specimens])
     with bar(4 * len(specimens)) as progress:
         models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
-    result = BuildResult.of(models)
-    if options.output is not None:
-        from tympan.reports.figures.lumped_model import draw_built
-
-        result.save(options.output)
-        draw_built(BuildResult.load(options.output), options.output)
-    if options.json:
-        print_json(result.json())
-    else:
-        _show(result.json())
+    finish(options, BuildResult.of(models), _show)
 
 
 def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
-    from tympan.geometry.errors import InputError
-
     ends = options.voltages.split("..")
     if len(ends) != 2:
         raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
-                         key="--voltages",
-                         given=options.voltages)
+                         key="--voltages", given=options.voltages)
     low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
     if not 2 <= options.count <= _MOST:
         raise InputError(f"must be from 2 to {_MOST}", key="--count", given=options.count)
@@ -103,7 +79,6 @@ def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
 
 
 def _viscous(text: str | None) -> Viscous:
-    from tympan.geometry.errors import InputError
     from tympan.studies.lumped.actuator import Viscous
 
     if text is None:

@@ -6,14 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    output_argument,
-    parse_numbers,
-    print_json,
-)
+from tympan.geometry.errors import InputError
+from tympan.options import JSON, argument, command, finish, output, parse_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,35 +19,28 @@ if TYPE_CHECKING:
     Progress = Callable[[str], None]
 
 
-def add(kinds: Subcommands) -> None:
-    """The command's options."""
-    parser = command(kinds, "identify", _run, "the constants behind a dataset's readings")
-    parser.add_argument("dataset", type=Path, metavar="DATASET",
-                        help="folder with dataset.toml and static.csv, transient.csv or both")
-    parser.add_argument("--dynamic", action="store_true",
-                        help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); "
-                             "the static constants are those of static.csv or, where there is "
-                             "none, the films' own")
-    parser.add_argument("--law", choices=("eq8", "film"), default="eq8",
-                        help="the paper's Eq. (8), or one factor on the films' own material "
-                             "(default: %(default)s)")
-    parser.add_argument("--alpha", choices=("each", "shared"), default="each",
-                        help="an α of the circle with the short semi-axis for each shape, or one "
-                             "for all as in Eq. (11) (default: %(default)s)")
-    parser.add_argument("--weights", metavar="A,B",
-                        help="both α of all shapes, for --dynamic without static.csv "
-                             "(default: equal)")
-    parser.add_argument("--objective", choices=("deflection", "force", "printed"),
-                        default="deflection",
-                        help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), "
-                             "or as printed (default: %(default)s)")
-    parser.add_argument("--nelder-mead", action="store_true",
-                        help="also the paper's simplex, to compare")
-    output_argument(parser, "write identify.json and figures")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("lumped identify",
+         argument("dataset", type=Path, metavar="DATASET",
+                  help="folder with dataset.toml and static.csv, transient.csv or both"),
+         argument("--dynamic", action="store_true",
+                  help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); "
+                       "the static constants are those of static.csv or, where there is none, "
+                       "the films' own"),
+         argument("--law", choices=("eq8", "film"), default="eq8",
+                  help="the paper's Eq. (8), or one factor on the films' own material"),
+         argument("--alpha", choices=("each", "shared"), default="each",
+                  help="an α of the circle with the short semi-axis for each shape, or one for "
+                       "all as in Eq. (11)"),
+         argument("--weights", metavar="A,B",
+                  help="both α of all shapes, for --dynamic without static.csv (default: equal)"),
+         argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
+                  help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or "
+                       "as printed"),
+         argument("--nelder-mead", action="store_true",
+                  help="also the paper's simplex, to compare"),
+         output("write identify.json and figures"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """The constants behind a dataset's readings."""
     from tympan.progress import bar
     from tympan.studies.data.dataset import read_dataset
     from tympan.studies.identify.result import IdentifyResult
@@ -64,31 +51,25 @@ def _run(options: argparse.Namespace) -> None:
         static = _fit_static(dataset, options, result, progress)
         dynamic = _fit_dynamic(dataset, static, options, result,
                                progress) if options.dynamic else None
-    if options.output is not None:
-        from tympan.reports.figures.identification import draw_identified
+    finish(options, IdentifyResult.of(result, static, dynamic), _show)
 
-        IdentifyResult.of(result, static, dynamic).save(options.output)
-        draw_identified(IdentifyResult.load(options.output), options.output)
-    if options.json:
-        print_json(result)
-        return
+
+def _show(record: dict[str, Any]) -> None:
     for kind in ("static", "dynamic"):
-        if kind in result:
-            _show_fit(f"{dataset.name}, {kind}", result[kind], result.get(f"nelder_mead_{kind}"))
+        if kind in record:
+            _show_fit(f"{record['dataset']}, {kind}", record[kind],
+                      record.get(f"nelder_mead_{kind}"))
 
 
 def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str, Any],
-                progress: Progress
-                ) -> StaticFit | None:
-    from tympan.geometry.errors import InputError
+                progress: Progress) -> StaticFit | None:
     from tympan.studies.identify.static import StaticProblem, identify_static, nelder_mead
 
     if options.dynamic and dataset.static is None:
         return None
     if options.weights is not None:
         raise InputError("is for --dynamic without static.csv, whose readings tell α",
-                         key="--weights",
-                         given=options.weights)
+                         key="--weights", given=options.weights)
     problem = StaticProblem.of(dataset, options.law, options.alpha)
     progress("readings at rest")
     fit = identify_static(problem, options.objective)
@@ -100,8 +81,7 @@ def _fit_static(dataset: Dataset, options: argparse.Namespace, result: dict[str,
 
 
 def _fit_dynamic(dataset: Dataset, static: StaticFit | None, options: argparse.Namespace,
-                 result: dict[str, Any],
-                 progress: Progress) -> DynamicFit:
+                 result: dict[str, Any], progress: Progress) -> DynamicFit:
     from tympan.studies.identify.dynamic import (
         DynamicProblem,
         Exact,

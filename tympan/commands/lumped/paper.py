@@ -5,38 +5,26 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from tympan.options import (
-    Subcommands,
-    command,
-    json_argument,
-    output_argument,
-    parse_quantity,
-    print_json,
-)
+from tympan.options import argument, command, json_argument, output, parse_quantity, print_json
 
 
-def add(kinds: Subcommands) -> None:
-    """The command's options."""
-    parser = command(kinds, "paper", _run,
-                     "the paper's figures 7 to 14 and tables, its numbers beside ours")
-    output_argument(parser, "paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
-                    required=True)
-    parser.add_argument("--levels", type=int, default=20, metavar="N",
-                        help="of figure 14, which the paper does not give (default: %(default)s)")
-    parser.add_argument("--seed", type=int,
-                        help="of these levels (default: the first one whose levels come within "
-                             "100 V of 0 and of 7 kV)")
-    parser.add_argument("--reading", choices=("rest", "levels"),
-                        help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at "
-                             "rest, or at the ends of figure 14's levels (default: whichever fits "
-                             "it better)")
-    parser.add_argument("--period",
-                        help="of figure 13's sines, which the paper does not give (default: that "
-                             "at which the circle lags most)")
-    json_argument(parser, "print one JSON object, which paper.json holds too")
-
-
-def _run(options: argparse.Namespace) -> None:
+@command("lumped paper",
+         output("paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
+                required=True),
+         argument("--levels", type=int, default=20, metavar="N",
+                  help="of figure 14, which the paper does not give"),
+         argument("--seed", type=int,
+                  help="of these levels (default: the first one whose levels come within 100 V "
+                       "of 0 and of 7 kV)"),
+         argument("--reading", choices=("rest", "levels"),
+                  help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, "
+                       "or at the ends of figure 14's levels (default: whichever fits it better)"),
+         argument("--period",
+                  help="of figure 13's sines, which the paper does not give (default: that at "
+                       "which the circle lags most)"),
+         json_argument("print one JSON object, which paper.json holds too"))
+def run(options: argparse.Namespace) -> None:
+    """The paper's figures 7 to 14 and tables, its numbers beside ours."""
     import time
 
     from tympan.progress import bar

@@ -6,17 +6,18 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tympan.geometry.errors import InputError
 from tympan.options import (
-    Subcommands,
+    JSON,
+    RIG,
+    argument,
     check_distinct,
     command,
-    json_argument,
-    output_argument,
+    finish,
+    output,
     parse_numbers,
     parse_quantity,
-    print_json,
     read_rig,
-    rig_argument,
 )
 
 if TYPE_CHECKING:
@@ -24,44 +25,31 @@ if TYPE_CHECKING:
     from tympan.studies.lumped.signals import Signal
 
 
-def add(kinds: Subcommands) -> None:
-    """The command's options."""
-    parser = command(kinds, "simulate", _run,
-                     "response to a step, ramp, sine, random steps or a CSV file")
-    parser.add_argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml")
-    parser.add_argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
-                        help="models that `tympan lumped build` made, instead of specimens or "
-                             "beside them")
-    parser.add_argument("--signal", default="step", metavar="KIND",
-                        help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
-                             "voltage_kV (default: %(default)s)")
-    parser.add_argument("--low", default="0 kV",
-                        help="before the step; lower end of the others (default: %(default)s)")
-    parser.add_argument("--high", default="3.5 kV",
-                        help="after the step; upper end (default: %(default)s)")
-    parser.add_argument("--duration", default="30 s",
-                        help="of step and ramp; of each random level; period of a sine "
-                             "(default: %(default)s)")
-    parser.add_argument("--count", type=int, metavar="N",
-                        help="random levels (default: 20); cycles of a sine (3)")
-    parser.add_argument("--seed", type=int, default=0,
-                        help="of the random levels (default: %(default)s)")
-    parser.add_argument("--interval", default="1 ms",
-                        help="between samples written (default: %(default)s)")
-    parser.add_argument("--mass", default="17.9 g", help="on the plate (default: %(default)s)")
-    parser.add_argument("--alpha", metavar="A,B",
-                        help="weights of the circles with the short and the long semi-axis, "
-                             "as `tympan alpha` finds them (default: equal)")
-    parser.add_argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
-                        help="the paper's Eq. (8) with Table 1's constants instead of the films' "
-                             "material; its ε_r, lost in the paper, must be given")
-    rig_argument(parser)
-    output_argument(parser, "write transient.csv, simulate.json and figures")
-    json_argument(parser)
-
-
-def _run(options: argparse.Namespace) -> None:
-    from tympan.geometry.errors import InputError
+@command("lumped simulate", argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml"),
+         argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
+                  help="models that `tympan lumped build` made, instead of specimens or beside "
+                       "them"),
+         argument("--signal", default="step", metavar="KIND",
+                  help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
+                       "voltage_kV"),
+         argument("--low", default="0 kV", help="before the step; lower end of the others"),
+         argument("--high", default="3.5 kV", help="after the step; upper end"),
+         argument("--duration", default="30 s",
+                  help="of step and ramp; of each random level; period of a sine"),
+         argument("--count", type=int, metavar="N",
+                  help="random levels (default: 20); cycles of a sine (3)"),
+         argument("--seed", type=int, default=0, help="of the random levels"),
+         argument("--interval", default="1 ms", help="between samples written"),
+         argument("--mass", default="17.9 g", help="on the plate"),
+         argument("--alpha", metavar="A,B",
+                  help="weights of the circles with the short and the long semi-axis, as `tympan "
+                       "alpha` finds them (default: equal)"),
+         argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
+                  help="the paper's Eq. (8) with Table 1's constants instead of the films' "
+                       "material; its ε_r, lost in the paper, must be given"), RIG,
+         output("write transient.csv, simulate.json and figures"), JSON)
+def run(options: argparse.Namespace) -> None:
+    """Response to a step, ramp, sine, random steps or a CSV file."""
     from tympan.progress import bar
     from tympan.studies.lumped.actuator import Actuator
     from tympan.studies.lumped.model_file import read_model
@@ -88,16 +76,7 @@ def _run(options: argparse.Namespace) -> None:
             equal = weights is None and number < len(actuators) - len(models)
             responses.append(sample(simulate(actuator, signal), interval, period,
                                     options.signal == "step", equal))
-    result = SimulationResult(tuple(responses))
-    if options.output is not None:
-        from tympan.reports.figures.response import draw_simulated
-
-        result.save(options.output)
-        draw_simulated(SimulationResult.load(options.output), options.output)
-    if options.json:
-        print_json(result.json())
-    else:
-        _show(result.json())
+    finish(options, SimulationResult(tuple(responses)), _show)
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -113,7 +92,6 @@ def _show(result: dict[str, Any]) -> None:
 
 def _specimens(options: argparse.Namespace) -> list[Specimen]:
     from tympan.fem.film.library import load_specimen
-    from tympan.geometry.errors import InputError
     from tympan.studies.paper.table1 import eq8
 
     specimens = [load_specimen(file) for file in options.specimens]
@@ -127,7 +105,6 @@ def _specimens(options: argparse.Namespace) -> list[Specimen]:
 
 def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
     """The signal, and the period if it has one [s]."""
-    from tympan.geometry.errors import InputError
     from tympan.studies.lumped import signals
 
     low = parse_quantity(options.low, "voltage", "--low")
@@ -146,14 +123,11 @@ def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
                             options.count or 3), duration
     if not options.signal.endswith(".csv"):
         raise InputError("must be step, ramp, sine, random or the name of a .csv file",
-                         key="--signal",
-                         given=options.signal)
+                         key="--signal", given=options.signal)
     return signals.read_signal(options.signal), None
 
 
 def _positive(text: str, option: str) -> float:
-    from tympan.geometry.errors import InputError
-
     value = parse_quantity(text, "time", option)
     if not 0 < value < 1e9:
         raise InputError("must be positive", key=option, given=text)
