@@ -98,11 +98,11 @@ def _(result: PathResult, axes: Axes) -> None:
 def _(result: SensitivityResult, axes: Axes) -> None:
     if not result.quantities:
         raise InputError(f"there is nothing to draw: {'; '.join(result.warnings)}")
-    first = result.quantities[0]
-    bars = sorted(((answer.elasticity, answer.parameter) for answer in first.answers
+    quantity, first = next(iter(result.quantities.items()))
+    bars = sorted(((answer.elasticity, parameter) for parameter, answer in first.by.items()
                    if answer.elasticity), key=lambda bar: abs(bar[0]))[-_SHOWN:]
     axes.barh([name for _, name in bars], [size for size, _ in bars], color=look.PALETTE[0])
-    axes.set(xlabel=f"change of {first.quantity} [%] by 1 % more", title=result.specimen)
+    axes.set(xlabel=f"change of {quantity} [%] by 1 % more", title=result.specimen)
 
 
 @draw.register

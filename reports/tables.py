@@ -49,8 +49,11 @@ def _(result: ModesResult) -> Any:
 
 @table.register
 def _(result: SensitivityResult) -> Any:
-    return _frame([{"quantity": answers.quantity, **asdict(answer)}
-                   for answers in result.quantities for answer in answers.answers])
+    return _frame([{"quantity": quantity, "parameter": parameter, "unit": answer.unit,
+                    "value": answer.value, "derivative": answer.derivative,
+                    "elasticity": answer.elasticity}
+                   for quantity, answers in result.quantities.items()
+                   for parameter, answer in answers.by.items()])
 
 
 @table.register

@@ -1,7 +1,4 @@
-"""How results of a case answer to every number of specimen, rig and load.
-
-Derivatives, elasticities.
-"""
+"""Derivatives and elasticities of a case's results by every number of specimen, rig and load."""
 
 from __future__ import annotations
 
@@ -14,23 +11,22 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.derivatives.parameters import ModelParameter, film_names, parameters, shape_names
-from tympan.fem.derivatives.quantities import Quantity, named_quantity
+from tympan.fem.derivatives.quantities import named_quantity
 from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
 from tympan.fem.derivatives.shape import velocities
-from tympan.fem.equilibrium.ramp import Outcome, Status
+from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at, symbol
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
-from tympan.studies.files import from_json, read_json, stored_file, write_json
+from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
-         "max_stretch": "1",
-         "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V", "pull_in_force": "N",
-         "pull_in_pressure": "Pa"}
+         "max_stretch": "1", "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V",
+         "pull_in_force": "N", "pull_in_pressure": "Pa"}
 
 #: What of a case makes each load; at the load's own limit they have no say.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
@@ -45,32 +41,19 @@ class Answer:
     ``elasticity``: per cent per per cent, None where one is 0. ``unit``: of the parameter.
     """
 
-    parameter: str
-    unit: str
     value: float
+    unit: str
     derivative: float
     elasticity: float | None
 
 
 @dataclass(frozen=True)
 class Answers:
-    """A quantity and its answers to all parameters."""
+    """A quantity and its answers ``by`` all parameters."""
 
-    quantity: str
     value: float
-    answers: tuple[Answer, ...]
-
-    @property
-    def unit(self) -> str:
-        """Of the quantity."""
-        return UNITS.get(self.quantity, "SI")
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        by = {answer.parameter: {"value": answer.value, "unit": answer.unit,
-                                 "derivative": answer.derivative, "elasticity": answer.elasticity}
-              for answer in self.answers}
-        return {"value": self.value, "unit": self.unit, "by": by}
+    unit: str
+    by: dict[str, Answer]
 
 
 @dataclass(frozen=True)
@@ -81,14 +64,13 @@ class SensitivityResult:
     mass_kg: float
     voltage_V: float
     status: Status
-    quantities: tuple[Answers, ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    quantities: dict[str, Answers] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
-        quantities = {item.quantity: item.json() for item in self.quantities}
-        return {"specimen": self.specimen, "mass_kg": self.mass_kg, "voltage_V": self.voltage_V,
-                "status": self.status, "quantities": quantities, "warnings": list(self.warnings)}
+        record: dict[str, Any] = to_json(self)
+        return record
 
     def save(self, folder: Path) -> None:
         """Write ``NAME-sensitivity.json``; NAME is the specimen's."""
@@ -98,18 +80,8 @@ class SensitivityResult:
     def load(cls, folder: Path, name: str | None = None) -> SensitivityResult:
         """What was saved, of the specimen of a ``name`` or of the only one."""
         file = stored_file(folder, "*-sensitivity.json", name, "tympan sensitivity")
-        record = from_json(dict[str, Any], read_json(file), file)
-        stored = from_json(dict[str, dict[str, Any]], record.get("quantities"), file, "quantities")
-        quantities = []
-        for quantity, entry in stored.items():
-            key = f"quantities.{quantity}"
-            by = from_json(dict[str, dict[str, Any]], entry.get("by"), file, f"{key}.by")
-            answers = tuple(from_json(Answer, {**values, "parameter": parameter}, file, key)
-                            for parameter, values in by.items())
-            value = from_json(float, entry.get("value"), file, f"{key}.value")
-            quantities.append(Answers(quantity, value, answers))
-        return replace(from_json(cls, {**record, "quantities": []}, file),
-                       quantities=tuple(quantities))
+        return from_json(cls, read_json(file), file)
+
 
 def sensitivity(case: Case, settings: Settings,
                 names: Sequence[str] = ("heave",)) -> SensitivityResult:
@@ -128,12 +100,24 @@ def sensitivity(case: Case, settings: Settings,
     result = SensitivityResult(case.specimen.name, case.mass, case.voltage, outcome.status)
     left_out = tuple(_immovable(model))
     if outcome.status == "equilibrium":
-        return replace(result, quantities=_at_equilibrium(case, model, outcome, wanted),
-                       warnings=(*state_warnings(model, outcome.state), *left_out))
-    if outcome.critical is None or outcome.limited is None:
+        by, state = case_parameters(case, model), outcome.state
+        slopes = gradient_many(model, outcome, wanted, by)
+        return replace(result, warnings=(*state_warnings(model, state), *left_out), quantities={
+            name: _answers(name, float(quantity.value(model, state)), slopes[name], case,
+                           {key: parameter.value(model, state) for key, parameter in by.items()})
+            for name, quantity in wanted.items()})
+    critical, load = outcome.critical, outcome.limited
+    if critical is None or load is None:
         return replace(result, warnings=(failure_reason(outcome),))
-    return replace(result, quantities=(_at_limit(case, model, outcome),),
-                   warnings=(failure_reason(outcome), *left_out))
+    by, state = case_parameters(case, model, load), critical.state
+    by_load, value = limit_gradient(model, critical, load, by), state.load(load)
+    if load == "voltage":  # both are of U²
+        value = float(np.sqrt(value))
+        by_load = {name: slope / (2 * value) for name, slope in by_load.items()}
+    name = f"pull_in_{load}"
+    return replace(result, warnings=(failure_reason(outcome), *left_out), quantities={
+        name: _answers(name, value, by_load, case, {
+            key: parameter.value(model, state) for key, parameter in by.items()})})
 
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None
@@ -191,34 +175,11 @@ def _immovable(model: Model) -> list[str]:
     return []
 
 
-def _at_equilibrium(case: Case, model: Model, outcome: Outcome,
-                    wanted: dict[str, Quantity]) -> tuple[Answers, ...]:
-    by = case_parameters(case, model)
-    slopes = gradient_many(model, outcome, wanted, by)
-    state = outcome.state
-    return tuple(_answers(name, float(quantity.value(model, state)), slopes[name], by, case, model,
-                          state) for name, quantity in wanted.items())
-
-
-def _at_limit(case: Case, model: Model, outcome: Outcome) -> Answers:
-    assert outcome.critical is not None
-    assert outcome.limited is not None
-    load, critical = outcome.limited, outcome.critical
-    by = case_parameters(case, model, load)
-    slopes, value = limit_gradient(model, critical, load, by), critical.state.load(load)
-    if load == "voltage":
-        value = float(np.sqrt(value))
-        slopes = {name: slope / (2 * value) for name, slope in slopes.items()}
-    return _answers(f"pull_in_{load}", value, slopes, by, case, model, critical.state)
-
-
-def _answers(name: str, value: float, slopes: dict[str, float], by: dict[str, ModelParameter],
-             case: Case, model: Model, state: State) -> Answers:
-    answers = []
-    for parameter, slope in slopes.items():
-        path = tuple(parameter.split("."))
-        field = field_at(case, path) or field_at(case.specimen, path)
-        number = by[parameter].value(model, state)
-        elasticity = slope * number / value if number and value else None
-        answers.append(Answer(parameter, symbol(field), number, slope, elasticity))
-    return Answers(name, value, tuple(answers))
+def _answers(quantity: str, value: float, slopes: dict[str, float], case: Case,
+             numbers: dict[str, float]) -> Answers:
+    by = {}
+    for name, slope in slopes.items():
+        path, number = tuple(name.split(".")), numbers[name]
+        unit = symbol(field_at(case, path) or field_at(case.specimen, path))
+        by[name] = Answer(number, unit, slope, slope * number / value if number and value else None)
+    return Answers(value, UNITS.get(quantity, "SI"), by)

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, log
+from math import inf
 from typing import Any, Literal, get_type_hints
 
 import numpy as np
@@ -64,23 +64,10 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class SizeScale:
-    """How a value becomes a size, in which no effect is 0 and the readings are smooth, and back."""
-
-    words: str
-    size: Callable[[float], float]
-    value: Callable[[float], float]
-
-
-PLAIN = SizeScale("", float, float)
-INVERSE_SQUARE = SizeScale("1/square", lambda value: value**-2.0,
-                           lambda size: inf if size == 0 else size**-0.5)
-
-
-@dataclass(frozen=True)
 class EffectParameter:
     """A number of an effect, in SI inside, with what is known of it before any data.
 
+    ``power`` makes a value its size, in which no effect is 0 and the readings are smooth.
     ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as
     standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
     ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
@@ -94,7 +81,7 @@ class EffectParameter:
     high: float
     sign: Sign
     reason: str
-    scale: SizeScale = PLAIN
+    power: Literal[1, -2] = 1
     least: float = 0.0
     name: str = ""
 
@@ -110,11 +97,11 @@ class EffectParameter:
 
     def size(self, value: float) -> float:
         """The size of a value: 0 where there is no effect."""
-        return self.scale.size(value)
+        return float(value**self.power)
 
     def value(self, size: float) -> float:
         """The value of a size."""
-        return self.scale.value(size)
+        return inf if self.power < 0 and size == 0 else float(size ** (1 / self.power))
 
     def shown(self, value: float) -> float:
         """A value in the unit to show."""
@@ -133,45 +120,28 @@ class EffectParameter:
 
     def log_prior(self, size: float) -> float:
         """Logarithm of the prior's density by the size; −∞ beyond the limits."""
-        low, high = self.limits
-        if not low <= size <= high:
-            return -inf
-        mass = _below(high / self.deviation) - _below(low / self.deviation)
-        return -0.5 * (size / self.deviation) ** 2 - log(self.deviation * (2 * np.pi) ** 0.5 * mass)
+        from scipy.stats import truncnorm
+
+        low, high = np.array(self.limits) / self.deviation
+        return float(truncnorm.logpdf(size, low, high, scale=self.deviation))
 
     def draw(self, generator: np.random.Generator, count: int) -> np.ndarray:
         """Sizes drawn from the prior, shape (count,)."""
-        from scipy.special import ndtri
+        from scipy.special import ndtr, ndtri
 
-        low, high = (_below(limit / self.deviation) for limit in self.limits)
+        low, high = ndtr(np.array(self.limits) / self.deviation)
         return np.asarray(self.deviation * ndtri(low + (high - low) * generator.random(count)))
-
-
-def _below(z: float) -> float:
-    """Share of a standard normal distribution below z."""
-    from scipy.special import ndtr
-
-    return float(ndtr(z))
 
 
 @dataclass(frozen=True)
 class Effect:
     """A pure edit of a :class:`Setup` by some parameters.
 
-    Parameters
-    ----------
-    edit
-        ``edit(setup, *values)``, for an effect on one specimen ``edit(setup, *values,
-        which=name)``. It returns a new setup; values of size 0 must change no number of the
-        solution.
-    explanation
-        One sentence for someone in the laboratory.
-    on_one
-        Whether it happens to one specimen, which must be named, rather than to all or to the rig.
-    columns
-        Columns of static.csv without which it cannot be seen.
-    lumped
-        Whether it is one of the lumped model's actuators, not of films and rigs as they are.
+    ``edit(setup, *values)`` returns a new setup; values of size 0 must change no number of the
+    solution. ``on_one``: it happens to one specimen, which must be named, ``edit(setup, *values,
+    which=name)``, rather than to all or to the rig. ``explanation`` is one sentence for someone in
+    the laboratory; ``columns`` are those of static.csv without which it cannot be seen; ``lumped``:
+    it is one of the lumped model's actuators, not of films and rigs as they are.
     """
 
     name: str
@@ -189,14 +159,7 @@ class Effect:
         return tuple(specimen.name for specimen in setup.specimens) if self.on_one else (None,)
 
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
-        """The setup with this effect.
-
-        Parameters
-        ----------
-        values
-            One per parameter, in SI.
-        which
-            The specimen it happens to, for an effect on one.
+        """The setup with this effect: ``values`` in SI, ``which`` for an effect on one specimen.
 
         Raises
         ------
@@ -210,9 +173,8 @@ class Effect:
                                  key=f"{self.name}.{parameter.name}", given=value)
         if (which is not None) != self.on_one:
             raise InputError("needs the specimen it happens to" if self.on_one
-                             else "happens to no single specimen",
-                             key=self.name, given=which)
-        return self.edit(setup, *values, which=which) if self.on_one else self.edit(setup, *values)
+                             else "happens to no single specimen", key=self.name, given=which)
+        return self.edit(setup, *values, **{"which": which} if self.on_one else {})
 
     def at(self, setup: Setup, sizes: Sequence[float], which: str | None = None) -> Setup:
         """The setup with this effect at given sizes of its parameters."""

@@ -35,8 +35,7 @@ def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
         "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-1.0, high=1.0, sign="signed", reason=(
             "VHB 4910: ε_r 4.7 unstretched and 2.6 at a stretch of 5 (Wissler, Mazza, Sens. "
             "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
-            "ln(4.7/2.6)/ln(25) "
-            "= 0.18; others find no dependence"))]) -> Setup:
+            "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"))]) -> Setup:
     """Every film's exponent raised by n."""
     return setup.with_films(
         lambda film: replace(film, permittivity_exponent=film.permittivity_exponent + n))

@@ -18,10 +18,17 @@ be seen on a specimen that is its own mirror image. Where a reason says "no sour
 judgement: a diagnosis must say whether its verdict moves with it.
 """
 
+#: What the size of a value is where its power is not 1.
+_INVERSE = "1/square of "
+
 
 def listing() -> dict[str, Any]:
     """Every effect as a JSON object by its name; limits that are infinite are None."""
-    return {effect.name: _effect(effect) for effect in EFFECTS.values()}
+    return {effect.name: {
+        "explanation": effect.explanation, "on_one_specimen": effect.on_one,
+        "needs_columns": list(effect.columns), "lumped_model_only": effect.lumped,
+        "parameters": {item.name: _parameter(item) for item in effect.parameters}}
+        for effect in EFFECTS.values()}
 
 
 def text() -> str:
@@ -35,38 +42,25 @@ def markdown() -> str:
                       *(line for effect in EFFECTS.values() for line in _section(effect))])
 
 
-def _effect(effect: Effect) -> dict[str, Any]:
-    return {"explanation": effect.explanation, "on_one_specimen": effect.on_one,
-            "needs_columns": list(effect.columns),
-            "lumped_model_only": effect.lumped,
-            "parameters": {item.name: _parameter(item) for item in effect.parameters}}
-
-
 def _parameter(item: EffectParameter) -> dict[str, Any]:
-    low, high, width, least = (_rounded(item.shown(value))
+    low, high, width, least = (None if isinf(value) else float(f"{item.shown(value):.9g}")
                                for value in (item.low, item.high, item.width, item.least))
-    prior = {"distribution": "normal" if item.limits[0] < 0 else "half-normal", "of": _of(item),
-             "width": width,
-             "low": low, "high": high, "reason": item.reason}
     return {"meaning": item.meaning, "unit": item.unit, "sign": item.sign, "least": least,
-            "prior": prior}
+            "prior": {"distribution": _distribution(item), "of": _INVERSE * (item.power < 0)
+                      + item.name, "width": width, "low": low, "high": high,
+                      "reason": item.reason}}
 
 
-def _of(item: EffectParameter) -> str:
-    """What the prior is a distribution of."""
-    return f"{item.scale.words} of {item.name}" if item.scale.words else item.name
-
-
-def _rounded(value: float) -> float | None:
-    return None if isinf(value) else float(f"{value:.9g}")
+def _distribution(item: EffectParameter) -> str:
+    return "normal" if item.limits[0] < 0 else "half-normal"
 
 
 def _lines(effect: Effect) -> Iterator[str]:
-    where = "of one specimen" if effect.on_one else ""
-    needs = f"needs {', '.join(effect.columns)}" if effect.columns else ""
+    notes = ["of one specimen" if effect.on_one else "",
+             f"needs {', '.join(effect.columns)}" if effect.columns else "",
+             "of the lumped model only" if effect.lumped else ""]
     yield f"{effect.name}\n  {effect.explanation}"
-    model = "of the lumped model only" if effect.lumped else ""
-    yield from (f"  {note}" for note in (where, needs, model) if note)
+    yield from (f"  {note}" for note in notes if note)
     for item in effect.parameters:
         yield f"  {named(item)}: {item.meaning}; {item.sign}"
         yield f"    prior: {_prior(item)}\n    why: {item.reason}"
@@ -90,8 +84,7 @@ def named(item: EffectParameter) -> str:
 
 
 def _prior(item: EffectParameter) -> str:
-    kind = "normal" if item.limits[0] < 0 else "half-normal"
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
-    of = f" in {_of(item)}" if item.scale.words else ""
+    of = f" in {_INVERSE}{item.name}" if item.power < 0 else ""
     unit = f" {item.unit}" if item.unit else ""
-    return f"{kind}{of}, width {width}{unit}, from {low} to {high}{unit}"
+    return f"{_distribution(item)}{of}, width {width}{unit}, from {low} to {high}{unit}"

@@ -18,8 +18,7 @@ def cone_kinematics(setup: Setup, c: Annotated[float, EffectParameter(
         width=1.0, low=0.0, high=1.5, sign="positive", reason=(
             "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: "
             "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict "
-            "both; "
-            "no source"))]) -> Setup:
+            "both; no source"))]) -> Setup:
     """Every film's profile moved by c towards the membrane's."""
     def change(specimen: Specimen) -> Specimen:
         if not isinstance(specimen, Lumped):

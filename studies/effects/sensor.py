@@ -8,13 +8,11 @@ from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
 
 @effect("The displacement sensor shows a constant fraction too much or too little, as when its "
-        "axis "
-        "is tilted.")
+        "axis is tilted.")
 def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) y", "", width=0.01, low=-0.2, high=0.2, sign="signed", reason=(
             "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
-            "is "
-            "better than that"))]) -> Setup:
+            "is better than that"))]) -> Setup:
     """Readings of a deflection are (1+k) times as large; the sensor's zero stays."""
     before = setup.rig.sensor_gain
     return setup.with_rig(sensor_gain=before + k + before * k)
@@ -35,7 +33,6 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
         high=1e-6 / 60, sign="signed", reason=(
             "temperature drift of laser sensors: 0.03 %/°C of a range of 20 mm is 6 µm/°C (example "
             "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
-            "an "
-            "hour"))]) -> Setup:
+            "an hour"))]) -> Setup:
     """The rig's rate raised."""
     return setup.with_rig(drift=setup.rig.drift + rate)

@@ -54,8 +54,8 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
     known = case_parameters(case, model)
     names = ["mass", "voltage", "plate.outline.radius",
              *(name for name in known if name.startswith("rig"))]
-    found = {answer.parameter: answer.derivative
-             for answer in sensitivity(case, COARSE).quantities[0].answers}
+    found = {name: answer.derivative
+             for name, answer in sensitivity(case, COARSE).quantities["heave"].by.items()}
     assert {"rig.gravity", "rig.sag_voltage", "rig.weight_offset.1",
             "rig.biases.0.gap"} < set(names)
     assert "rig.sensor_gain" not in names
@@ -103,14 +103,15 @@ def test_past_pull_in_it_is_the_pull_in_voltage() -> None:
     """Voltages scale as T sqrt(mu/eps), loads as mu: the elasticities of pull-in must say so."""
     result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), mass=17.9e-3, voltage=7e3), Settings())
     assert result.status == "no_equilibrium"
-    found = {answer.parameter: answer.elasticity for answer in result.quantities[0].answers}
-    assert result.quantities[0].quantity == "pull_in_voltage"
-    assert result.quantities[0].value == pytest.approx(6829, abs=2)
+    (quantity, answers), = result.quantities.items()
+    found = {name: answer.elasticity for name, answer in answers.by.items()}
+    assert quantity == "pull_in_voltage"
+    assert answers.value == pytest.approx(6829, abs=2)
     assert found["membrane.relative_permittivity"] == pytest.approx(-0.5, abs=1e-6)
     assert found["membrane.material.mu.0"] == pytest.approx(0.5 - found["mass"], abs=1e-4)
     assert found["membrane.thickness"] == pytest.approx(1 - found["mass"], abs=1e-4)
     assert "voltage" not in found
-    assert np.isfinite([answer.derivative for answer in result.quantities[0].answers]).all()
+    assert np.isfinite([answer.derivative for answer in answers.by.values()]).all()
 
 
 def test_what_cannot_be_said_ends_with_status_two(specimen: str,

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING
 
 from tympan.options import JSON, argument, case_arguments, command, read_case, read_settings, show
+
+if TYPE_CHECKING:
+    from tympan.studies.sensitivity import Answers
 
 
 @command("sensitivity", *case_arguments(),
@@ -23,21 +26,21 @@ def run(options: argparse.Namespace) -> None:
         show(result.json(), True)
         return
     show({key: value for key, value in result.json().items() if key != "quantities"}, False)
-    for quantity in result.quantities:
-        _show_quantity(quantity)
+    for quantity, answers in result.quantities.items():
+        _show_quantity(quantity, answers)
 
 
-def _show_quantity(quantity: Any) -> None:
+def _show_quantity(quantity: str, answers: Answers) -> None:
     """What changes it most, first; what is zero has no per cent of itself, and comes last."""
-    answers = sorted(quantity.answers, key=lambda answer: -abs(answer.elasticity or 0.0))
-    width = max(len(answer.parameter) for answer in answers)
-    print(f"\n{quantity.quantity}  {quantity.value:.6g} {quantity.unit}\n"
+    ordered = sorted(answers.by.items(), key=lambda item: -abs(item[1].elasticity or 0.0))
+    width = max(map(len, answers.by))
+    print(f"\n{quantity}  {answers.value:.6g} {answers.unit}\n"
           f"{'if this grows by 1 %':<{width}}  {'from':<18}  {'it changes by':<14}  derivative")
-    for answer in answers:
+    for parameter, answer in ordered:
         share = "" if answer.elasticity is None else f"{answer.elasticity:+.4f} %"
         start = f"{answer.value:.6g} {_unit_text(answer.unit)}"
-        print(f"{answer.parameter:<{width}}  {start:<18}  {share:<14}  "
-              f"{answer.derivative:+.6g} {_unit_text(quantity.unit)} per {answer.unit}")
+        print(f"{parameter:<{width}}  {start:<18}  {share:<14}  "
+              f"{answer.derivative:+.6g} {_unit_text(answers.unit)} per {answer.unit}")
 
 
 def _unit_text(unit: str) -> str:
