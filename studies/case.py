@@ -242,85 +242,71 @@ def solve_grid(model: Model, masses: Iterable[float], voltages: Sequence[float],
 
 def solve(case: Case, settings: Settings, film: bool = False) -> CaseResult:
     """Solve one case; ``film``: with its fields on a surface."""
-    began = time.perf_counter()
-    model, outcome = equilibrate(case, settings)
-    (result, _), = summaries(model, [(case, outcome)])
-    result = replace(result, wall_s=time.perf_counter() - began)
+    model, outcome, result = solved(case, settings)
     if not film or outcome.status != "equilibrium":
         return result
     return replace(result, film=film_surface(model, outcome.state))
 
 
-def summaries(model: Model, solved: Iterable[tuple[Case, Outcome]]
+def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
+    """The model of a case, its equilibrium or why there is none, and the numbers of both."""
+    began = time.perf_counter()
+    model, outcome = equilibrate(case, settings)
+    (result, _), = summaries(model, [(case, outcome)])
+    return model, outcome, replace(result, wall_s=time.perf_counter() - began)
+
+
+def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
               ) -> Iterator[tuple[CaseResult, Outcome]]:
     """The numbers of cases of one model, without the time they took, beside their outcomes.
 
     Several are computed at once.
     """
-    pairs = iter(solved)
+    pairs = iter(cases)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()
     while batch := list(islice(pairs, max(1, _TOGETHER // model.discretisation.mesh.nelements))):
-        summarised = iter(_state_summaries(model, [outcome.state for _, outcome in batch
-                                                   if outcome.status == "equilibrium"]))
+        numbers = iter(_state_numbers(model, [outcome.state for _, outcome in batch
+                                              if outcome.status == "equilibrium"]))
         for case, outcome in batch:
             result = CaseResult(
                 specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
                 status=outcome.status, dofs=model.unknowns, wall_s=0.0, warnings=())
             if outcome.status == "equilibrium":
-                yield _of_equilibrium(result, case, outcome.state, next(summarised)), outcome
+                reading = case.rig.reading(outcome.state.plate.deflection, case.elapsed)
+                yield replace(result, reading_m=reading, **next(numbers)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
                 last, excuse = outcome, (failure_reason(outcome), *_last_state(model, outcome))
             yield replace(result, warnings=excuse), outcome
 
 
-@dataclass(frozen=True)
-class _StateSummary:
-    """What a state is summarised from."""
-
-    fields: Fields
-    lost: LostTension
-    reaction: float
-    capacitance: float
-    energy: float
-    warnings: tuple[str, ...]
-
-
-def _state_summaries(model: Model, states: Sequence[State]) -> list[_StateSummary]:
+def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:
+    """What a :class:`CaseResult` says of each equilibrium alone."""
     if not states:
-        return []
+        return
     sums = film_integrals(model, states)
     fields_of = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
     lost_of = lost_tension_of(model, states)
-    material = model.specimen.membrane.material
-    return [_StateSummary(fields, lost, float(sums.reaction[number]),
-                          float(sums.capacitance[number]), float(sums.energy[number]),
-                          tuple(field_warnings(fields, lost, material)))
-            for number, (fields, lost) in enumerate(zip(fields_of, lost_of, strict=True))]
-
-
-def _of_equilibrium(result: CaseResult, case: Case, state: State, summary: _StateSummary
-                    ) -> CaseResult:
-    fields, lost, weakest = summary.fields, summary.lost, _weakest(summary.fields)
-    return replace(
-        result,
-        deflection_m=state.plate.deflection,
-        reading_m=case.rig.reading(state.plate.deflection, case.elapsed),
-        reaction_N=summary.reaction,
-        capacitance_F=summary.capacitance,
-        max_stretch=float(fields.stretch_1.max()),
-        max_true_stress_Pa=float(fields.stress_1.max()),
-        max_field_V_per_m=float(fields.electric_field.max()),
-        breakdown_margin=None if weakest is None else float(1 / fields.breakdown_share[weakest]),
-        breakdown_x_m=None if weakest is None else float(fields.position[weakest, 0]),
-        breakdown_y_m=None if weakest is None else float(fields.position[weakest, 1]),
-        slack_area_m2=lost.wrinkled + lost.slack,
-        slack_share=lost.share,
-        tilt_rad=state.plate.tilt,
-        energy_J=summary.energy,
-        warnings=summary.warnings,
-    )
+    for number, (state, fields, lost) in enumerate(zip(states, fields_of, lost_of, strict=True)):
+        weakest = _weakest(fields)
+        breakdown = {} if weakest is None else {
+            "breakdown_margin": float(1 / fields.breakdown_share[weakest]),
+            "breakdown_x_m": float(fields.position[weakest, 0]),
+            "breakdown_y_m": float(fields.position[weakest, 1])}
+        yield {
+            "deflection_m": state.plate.deflection,
+            "reaction_N": float(sums.reaction[number]),
+            "capacitance_F": float(sums.capacitance[number]),
+            "max_stretch": float(fields.stretch_1.max()),
+            "max_true_stress_Pa": float(fields.stress_1.max()),
+            "max_field_V_per_m": float(fields.electric_field.max()),
+            **breakdown,
+            "slack_area_m2": lost.wrinkled + lost.slack,
+            "slack_share": lost.share,
+            "tilt_rad": state.plate.tilt,
+            "energy_J": float(sums.energy[number]),
+            "warnings": tuple(field_warnings(fields, lost, model.specimen.membrane.material))}
 
 
 def node_fields(model: Model, state: State) -> Fields:
@@ -372,11 +358,10 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:
     """Warnings about the limit point, or the last state before the failure, said to be that."""
+    when, state = "at the last equilibrium before that", outcome.state
     if outcome.critical is not None:
-        return [f"before it gets there, {words}"
-                for words in state_warnings(model, outcome.critical.state)]
-    return [f"at the last equilibrium before that, {words}"
-            for words in state_warnings(model, outcome.state)]
+        when, state = "before it gets there", outcome.critical.state
+    return [f"{when}, {words}" for words in state_warnings(model, state)]
 
 
 def failure_reason(outcome: Outcome) -> str:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import platform
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -28,12 +27,11 @@ from tympan.studies.case import (
     CaseResult,
     Settings,
     build_model,
-    equilibrate,
     solve_grid,
-    summaries,
+    solved,
 )
 from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
-from tympan.studies.files import from_json, read_json, remove, write_json
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.paper.actuators import FILES, actuators
 
@@ -102,7 +100,8 @@ class SpecimenResult:
     """One specimen of a study: under the picture's load with its film, along lines, and curves.
 
     ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
-    columns of :data:`LINES` and ``curves`` those of :data:`CURVES`, in SI.
+    columns of :data:`LINES` and ``curves`` those of :data:`CURVES`, in SI; they and the film stand
+    in files of their own.
     """
 
     name: str
@@ -110,13 +109,26 @@ class SpecimenResult:
     material: str
     semi_axes_m: tuple[float, ...]
     result: CaseResult
-    lines: TableOfColumns = field(default_factory=dict)
-    curves: TableOfColumns = field(default_factory=dict)
+    lines: TableOfColumns = field(default_factory=dict, compare=False)
+    curves: TableOfColumns = field(default_factory=dict, compare=False)
 
-    def json(self) -> dict[str, Any]:
-        """As a JSON object, without the film, the lines and the curves."""
-        return {"name": self.name, "source": self.source, "material": self.material,
-                "semi_axes_m": list(self.semi_axes_m), "result": self.result.json()}
+    def save(self, folder: Path) -> None:
+        """Write ``fields/NAME.vtu``, ``lines/NAME.csv`` and ``curves/NAME.csv``."""
+        assert self.result.film is not None
+        self.result.film.save(folder / "fields" / f"{self.name}.vtu")
+        write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
+        write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves)
+
+    def with_files(self, folder: Path, key: str) -> SpecimenResult:
+        """With what :meth:`save` wrote; ``key`` is its own in study.json."""
+        name = self.name
+        if Path(name).name != name:
+            raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
+                             given=name)
+        film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
+        return replace(self, result=replace(self.result, film=film),
+                       lines=read_own_sheet(folder / "lines" / f"{name}.csv", LINES),
+                       curves=read_own_sheet(folder / "curves" / f"{name}.csv", CURVES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,28 +150,21 @@ class StudyResult:
     settings: dict[str, Any]
     alpha_settings: dict[str, Any]
     specimens: tuple[SpecimenResult, ...]
-    alphas: tuple[AlphaResult, ...] = ()
+    alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
     def json(self) -> dict[str, Any]:
         """As a JSON object, without α."""
-        names = ("name", "version", "libraries", "python", "finished", "mass_kg", "voltage_V",
-                 "rig", "settings", "alpha_settings")
-        return {**{name: getattr(self, name) for name in names},
-                "specimens": [specimen.json() for specimen in self.specimens]}
+        record: dict[str, Any] = to_json(self)
+        return record
 
     def save(self, folder: Path) -> None:
-        """Write what a report needs.
+        """Write what a report needs: the specimens' files, ``alpha.json`` and ``study.json``.
 
-        ``fields/NAME.vtu``, ``lines/NAME.csv``, ``curves/NAME.csv``, ``alpha.json`` and
-        ``study.json``; the last one is written last, so its presence means the rest is complete.
+        The last one is written last, so its presence means the rest is complete.
         """
-        remove(folder, "study.json", "alpha.json", "report.html", *(
-            f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
+        discard_report(folder)
         for specimen in self.specimens:
-            assert specimen.result.film is not None
-            specimen.result.film.save(folder / "fields" / f"{specimen.name}.vtu")
-            write_sheet(folder / "lines" / f"{specimen.name}.csv", LINES, specimen.lines)
-            write_sheet(folder / "curves" / f"{specimen.name}.csv", CURVES, specimen.curves)
+            specimen.save(folder)
         write_json(folder / "alpha.json", [result.record() for result in self.alphas])
         write_json(folder / "study.json", self.json())
 
@@ -179,22 +184,16 @@ class StudyResult:
             raise InputError("must not be empty", file=file, key="specimens")
         alphas = from_json(tuple[Any, ...], read_json(weights), weights)
         return replace(
-            stored, specimens=tuple(_with_tables(specimen, folder, f"specimens[{number}]")
+            stored, specimens=tuple(specimen.with_files(folder, f"specimens[{number}]")
                                     for number, specimen in enumerate(stored.specimens)),
             alphas=tuple(AlphaResult.of_record(record, weights, f"[{number}]")
                          for number, record in enumerate(alphas)))
 
 
-def _with_tables(specimen: SpecimenResult, folder: Path, key: str) -> SpecimenResult:
-    """A stored specimen with its film, lines and curves."""
-    name = specimen.name
-    if Path(name).name != name:
-        raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
-                         given=name)
-    film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
-    return replace(specimen, result=replace(specimen.result, film=film),
-                   lines=read_own_sheet(folder / "lines" / f"{name}.csv", LINES),
-                   curves=read_own_sheet(folder / "curves" / f"{name}.csv", CURVES))
+def discard_report(folder: Path) -> None:
+    """Remove what says that a study in the folder is complete."""
+    remove(folder, "study.json", "alpha.json", "report.html", *(
+        f"{stem}.{suffix}" for stem in ("fig4", "curves") for suffix in ("png", "pdf", "svg")))
 
 
 def default_study() -> Study:
@@ -233,16 +232,22 @@ def read_study(file: Path) -> Study:
     return study
 
 
-def run_study(study: Study, progress: Progress = lambda _: None) -> StudyResult:
-    """Run a study.
+def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | None = None
+              ) -> StudyResult:
+    """Run a study; with a ``folder``, each specimen is kept there as soon as it is finished.
 
     Raises
     ------
     InputError
         When a specimen has no equilibrium under the picture's load.
     """
-    specimens = tuple(_solved(study, specimen, source, progress)
-                      for specimen, source in zip(study.specimens, study.sources, strict=True))
+    if folder is not None:
+        discard_report(folder)
+    specimens = []
+    for specimen, source in zip(study.specimens, study.sources, strict=True):
+        specimens.append(_solved(study, specimen, source, progress))
+        if folder is not None:
+            specimens[-1].save(folder)
     alphas = []
     for specimen in study.specimens:
         progress(f"{specimen.name}: α")
@@ -252,8 +257,8 @@ def run_study(study: Study, progress: Progress = lambda _: None) -> StudyResult:
         study.name, metadata.version("tympan"),
         {name: metadata.version(name) for name in libraries}, platform.python_version(),
         time.strftime("%Y-%m-%d %H:%M:%S %z"), study.mass, study.voltage,
-        plain_json(study.rig.record()), plain_json(asdict(study.settings)),
-        plain_json(asdict(study.alpha)), specimens, tuple(alphas))
+        to_json(study.rig.record()), to_json(study.settings), to_json(study.alpha),
+        tuple(specimens), tuple(alphas))
 
 
 def plate_profile(model: Model, state: State) -> Fields:
@@ -272,19 +277,10 @@ def axis_profile(model: Model, state: State, axis: str) -> Fields:
     return fields[np.argsort(fields.position[:, coordinate], kind="stable")]
 
 
-def plain_json(value: Any) -> Any:
-    """Tuples as lists and infinities as text, for JSON."""
-    return json.loads(json.dumps(value, default=str).replace("Infinity", '"inf"'))
-
-
 def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -> SpecimenResult:
-    """One specimen solved for the picture and along the curves."""
     progress(f"{specimen.name}: mesh and equilibrium")
-    began = time.perf_counter()
     case = Case(specimen, mass=study.mass, voltage=study.voltage, rig=study.rig)
-    model, outcome = equilibrate(case, study.settings)
-    (result, _), = summaries(model, [(case, outcome)])
-    result = replace(result, wall_s=time.perf_counter() - began)
+    model, outcome, result = solved(case, study.settings)
     if outcome.status != "equilibrium":
         raise InputError(f"has no picture at {study.mass * 1e3:g} g and "
                          f"{study.voltage / 1e3:g} kV: {result.warnings[0]}", key="specimens",
@@ -298,22 +294,17 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
 
 
 def _lines(model: Model, state: State) -> TableOfColumns:
-    parts = []
+    profiles = {}
     for axis, (_, coordinate) in _AXES.items():
         fields = axis_profile(model, state, axis)
-        parts.append(_line(axis, (fields.position - model.centre)[:, coordinate], fields))
+        profiles[axis] = (fields.position - model.centre)[:, coordinate], fields
     fields = plate_profile(model, state)
     steps = np.linalg.norm(np.diff(fields.position, axis=0), axis=1)
-    parts.append(_line("plate", np.concatenate([[0.0], np.cumsum(steps)]), fields))
+    profiles["plate"] = np.concatenate([[0.0], np.cumsum(steps)]), fields
+    parts = [{**vars(fields), "line": np.full(len(distance), line), "distance": distance,
+              "deflection": fields.displacement[:, 2], "field": fields.electric_field}
+             for line, (distance, fields) in profiles.items()]
     return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
-
-
-def _line(name: str, distance: NDArray[np.float64], fields: Fields) -> TableOfColumns:
-    same = ("stress_1", "stress_2", "stress_radial", "stress_circumferential", "stretch_1",
-            "stretch_2", "thickness")
-    return {"line": np.full(len(distance), name), "distance": distance,
-            "deflection": fields.displacement[:, 2], "field": fields.electric_field,
-            **{column: getattr(fields, column) for column in same}}
 
 
 def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
@@ -321,11 +312,11 @@ def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
     loads = study.curves
     results = [result for result, _ in solve_grid(model, loads.masses, loads.voltages, study.rig,
                                                   study.settings.path)]
-    rows = [(result.mass_kg, result.voltage_V, result.status, result.deflection_m,
-             result.slack_share, result.breakdown_margin) for result in results]
-    return {column.name: np.array(values) if isinstance(column, LabelColumn)
-            else np.array(values, float)
-            for column, values in zip(CURVES, zip(*rows, strict=True), strict=True)}
+    attributes = ("mass_kg", "voltage_V", "status", "deflection_m", "slack_share",
+                  "breakdown_margin")
+    return {column.name: np.array([getattr(result, name) for result in results],
+                                  str if isinstance(column, LabelColumn) else float)
+            for column, name in zip(CURVES, attributes, strict=True)}
 
 
 def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:

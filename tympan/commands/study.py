@@ -19,7 +19,7 @@ def run(options: argparse.Namespace) -> None:
 
     study = read_study(options.file) if options.file else default_study()
     with bar(study.steps + 1) as progress:
-        run_study(study, progress).save(options.output)
+        run_study(study, progress, options.output).save(options.output)
         progress("report")
         from tympan.reports.study.page import build_study_page
 

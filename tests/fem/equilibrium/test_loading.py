@@ -25,7 +25,7 @@ from tympan.geometry.specimen import Plate
 from tympan.geometry.toml_reader import Table
 from tympan.reports.study.page import settings
 from tympan.studies.case import Case, Settings, build_model, solve
-from tympan.studies.study import plain_json
+from tympan.studies.files import to_json
 
 #: Every kind of bias mechanism once, near 4 mm; a new one must be added here.
 SAMPLES = {"spring": Spring(7.0, 1e-3), "magnet": Magnet(0.5, 12e-3, 6e-3, 3.3)}
@@ -333,7 +333,7 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
     file.write_text(example, encoding="utf-8")
     rig = Rig.read(file)
     assert rig.biases == (Spring(5.0, 1e-3), Magnet(0.5, 12e-3, 6e-3, 4.0))
-    record = json.loads(json.dumps(plain_json(rig.record())))
+    record = json.loads(json.dumps(to_json(rig.record())))
     shown = {(line.where, line.name): line.value for line in settings(
         {"rig": record, "settings": {}, "alpha_settings": {}, "libraries": {}, "python": ""})}
     assert shown["Rig", "weight offset"] == "0.002, 0 m"
@@ -342,7 +342,7 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
     assert shown["Rig", "biases, 1, law"] == "spring"
     assert shown["Rig", "biases, 2, gap"] == "0.012 m"
     plain = {(line.where, line.name): line.value for line in settings(
-        {"rig": json.loads(json.dumps(plain_json(Rig().record()))), "settings": {},
+        {"rig": json.loads(json.dumps(to_json(Rig().record()))), "settings": {},
          "alpha_settings": {}, "libraries": {},
          "python": ""})}
     assert plain["Rig", "biases"] == "none"
