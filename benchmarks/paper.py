@@ -15,7 +15,7 @@ from tympan.reports.paper.page import caption, number_text
 from tympan.studies.files import write_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices
-from tympan.studies.replica.missing_from_levels import fit_levels
+from tympan.studies.replica.missing_parameters import fit_levels
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _SEEDS = 6

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,12 +20,12 @@ from tympan.studies.lumped.simulate import Loop, last_loop, simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES
 from tympan.studies.replica import settling
-from tympan.studies.replica.missing_from_levels import fit_levels
 from tympan.studies.replica.missing_parameters import (
     MissingParameters,
     allowed,
     deflections,
-    fit,
+    fit_levels,
+    fit_rests,
     smallest_worst,
     worst_misfit,
 )
@@ -60,7 +60,6 @@ class Choices:
     reading: Reading | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be simulated."""
         if not 2 <= self.levels <= 200:
             raise InputError("must be from 2 to 200", key="--levels", given=self.levels)
         if self.seed is not None and not 0 <= self.seed < 2**63:
@@ -89,34 +88,21 @@ class Choices:
                          key="--levels", given=self.levels)
 
 
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A response to draw: of each span of time its least and largest deflection [m]."""
-
-    time: Array
-    deflection: Array
-    lowest: float
-    highest: float
-
-    @classmethod
-    def of(cls, time: Array, deflection: Array, whole_until: float = 0.0) -> Trace:
-        """Of a sampled response; every sample is kept up to a time [s]."""
-        keep = set(np.flatnonzero(time <= whole_until).tolist())
-        for span in np.array_split(np.arange(len(time)), min(_BUCKETS, len(time))):
-            keep |= {int(span[np.argmin(deflection[span])]), int(span[np.argmax(deflection[span])])}
-        chosen = np.array(sorted(keep | {0, len(time) - 1}))
-        return cls(time[chosen], deflection[chosen], float(deflection.min()),
-                   float(deflection.max()))
-
-    @property
-    def range(self) -> float:
-        """Largest less smallest deflection of all samples [m]."""
-        return self.highest - self.lowest
+def thinned(time: Array, deflection: Array, whole_until: float = 0.0) -> tuple[Array, Array]:
+    """A response to draw: of each span of time its extremes, up to a time [s] every sample."""
+    keep = set(np.flatnonzero(time <= whole_until).tolist())
+    for span in np.array_split(np.arange(len(time)), min(_BUCKETS, len(time))):
+        keep |= {int(span[np.argmin(deflection[span])]), int(span[np.argmax(deflection[span])])}
+    chosen = np.array(sorted(keep | {0, len(time) - 1}))
+    return time[chosen], deflection[chosen]
 
 
 @dataclass(frozen=True, eq=False)
 class Replica:
-    """Figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator."""
+    """Figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator.
+
+    ``steps`` and ``random`` are thinned responses: times [s] and deflections [m].
+    """
 
     reading: Reading
     fits: dict[Reading, MissingParameters]
@@ -126,14 +112,14 @@ class Replica:
     worst: tuple[Array, Array, Array]
     voltages: Array
     static: Array
-    steps: list[list[Trace]]
+    steps: list[list[tuple[Array, Array]]]
     decays: list[list[Decay]]
     poles: NDArray[np.complex128]
     period: float
     loops: list[list[Loop]]
     signal: Pieces
     seed: int
-    random: list[list[Trace]]
+    random: list[list[tuple[Array, Array]]]
     level_ranges: Array
 
     @property
@@ -149,7 +135,7 @@ class Replica:
     @property
     def random_ranges(self) -> Array:
         """Over figure 14's signal [m], shape (masses, actuators)."""
-        return np.array([[one.range for one in row] for row in self.random])
+        return np.array([[np.ptp(deflection) for _, deflection in row] for row in self.random])
 
     @cached_property
     def criteria(self) -> list[Criterion]:
@@ -182,12 +168,13 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     """
     progress("missing parameters from Table 2")
     signal, seed = choices.steps()
-    fits: dict[Reading, MissingParameters] = {"rest": fit(), "levels": fit_levels(signal)}
+    fits: dict[Reading, MissingParameters] = {"rest": fit_rests(), "levels": fit_levels(signal)}
     better: Reading = "levels" if fits["levels"].rms < fits["rest"].rms else "rest"
     reading = choices.reading or better
     missing = fits[reading]
-    others = {"one alpha for each ellipse": fit(shared=False),
-              **{f"{1e3 * mass:g} g alone": fit(rows=(row,)) for row, mass in enumerate(MASSES)}}
+    others = {"one alpha for each ellipse": fit_rests(shared=False),
+              **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
+                 for row, mass in enumerate(MASSES)}}
     permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
     map_ = permittivities, alphas, worst_misfit(permittivities, alphas)
     limits, best = allowed(), smallest_worst()
@@ -197,11 +184,15 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     static = deflections(missing.permittivity, missing.alpha, voltages[:, None, None])
     progress("figures 9 to 12")
     time, steps = _responses(models, step(*published.STEP, 0.0, _STEP_END))
-    traces = [[Trace.of(time, y, ZOOM) for y in row] for row in steps]
+    traces = [[thinned(time, y, ZOOM) for y in row] for row in steps]
     decays = [[Decay.of(time, y) for y in row] for row in steps]
     period = choices.period or period_of(models[0][0])
-    loops = [[_loop(model, Sine(*sine, period), progress) for model in models[0]]
-             for sine in published.SINES]
+    loops: list[list[Loop]] = [[] for _ in published.SINES]
+    for row, sine in zip(loops, published.SINES, strict=True):
+        for model in models[0]:
+            progress(f"figure 13: {model.specimen.name} about {1e-3 * sine[0]:g} kV")
+            response = simulate(model, Sine(*sine, period), precision=_PRECISION)
+            row.append(last_loop(response, period))
     progress("figure 14")
     time, random = _responses(models, signal)
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
@@ -209,7 +200,7 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
                       for row in models])
     return Replica(reading, fits, others, best, limits, map_, voltages,
                    np.moveaxis(static, 0, -1), traces, decays, poles, period, loops, signal, seed,
-                   [[Trace.of(time, y) for y in row] for row in random],
+                   [[thinned(time, y) for y in row] for row in random],
                    np.ptp(random[..., ends], axis=-1))
 
 
@@ -235,37 +226,33 @@ def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Arra
     return time, np.array([[response.deflection(time) for response in row] for row in responses])
 
 
-def _loop(model: Actuator, signal: Sine, progress: Progress) -> Loop:
-    progress(f"figure 13: {model.specimen.name} about {1e-3 * signal.offset:g} kV")
-    return last_loop(simulate(model, signal, precision=_PRECISION), signal.period)
-
-
-def write_curves(found: Replica, folder: Path) -> None:
+def write_curves(replica: Replica, folder: Path) -> None:
     """The curves as CSV files, from which the figures are drawn."""
     names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
-    write_csv(folder / "static.csv", ("mass_g", "specimen", "voltage_kV", "distance_mm"),
-              ((*name, 1e-3 * volts, 1e3 * y)
-               for name, column in zip(names, found.static.reshape(6, -1), strict=True)
-               for volts, y in zip(found.voltages.tolist(), column.tolist(), strict=True)))
-    for stem, traces in (("step", found.steps), ("random", found.random)):
-        write_csv(folder / f"{stem}.csv", ("mass_g", "specimen", "t_s", "distance_mm"),
-                  _rows(names, traces))
-    write_csv(folder / "hysteresis.csv",
-              ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
-              ((1e-3 * sine[0], 1e-3 * sine[1], name, 1e-3 * volts, 1e3 * y)
-               for sine, row in zip(published.SINES, found.loops, strict=True)
-               for name, loop in zip(NAMES, row, strict=True)
-               for volts, y in zip(loop.voltage.tolist(), loop.deflection.tolist(), strict=True)))
-    write_csv(folder / "signal.csv", ("t_s", "voltage_kV"),
-              zip(found.signal.time.tolist(), (1e-3 * found.signal.voltage).tolist(), strict=True))
-    permittivity, alpha, worst = found.worst
-    write_csv(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
-              ((one, other, "" if np.isnan(worst[i, j]) else 1e3 * float(worst[i, j]))
-               for i, one in enumerate(permittivity.tolist())
-               for j, other in enumerate(alpha.tolist())))
+    shapes, distance = ("mass_g", "specimen"), "distance_mm"
+    rests = replica.static.reshape(len(names), -1)
+    _write_curves(folder / "static.csv", (*shapes, "voltage_kV", distance), names,
+                  [(1e-3 * replica.voltages, 1e3 * y) for y in rests])
+    for stem, traces in (("step", replica.steps), ("random", replica.random)):
+        _write_curves(folder / f"{stem}.csv", (*shapes, "t_s", distance), names,
+                      [(time, 1e3 * y) for row in traces for time, y in row])
+    _write_curves(folder / "hysteresis.csv",
+                  ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", distance),
+                  [(1e-3 * offset, 1e-3 * amplitude, name)
+                   for offset, amplitude in published.SINES for name in NAMES],
+                  [(1e-3 * loop.voltage, 1e3 * loop.deflection)
+                   for row in replica.loops for loop in row])
+    _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
+                  [(replica.signal.time, 1e-3 * replica.signal.voltage)])
+    permittivity, alpha, worst = replica.worst
+    _write_curves(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
+                  [(value,) for value in permittivity.tolist()],
+                  [(alpha, 1e3 * row) for row in worst])
 
 
-def _rows(names: list[tuple[str, str]], traces: list[list[Trace]]) -> Iterator[tuple[Any, ...]]:
-    for name, trace in zip(names, (one for row in traces for one in row), strict=True):
-        for t, y in zip(trace.time.tolist(), trace.deflection.tolist(), strict=True):
-            yield (*name, t, 1e3 * y)
+def _write_curves(file: Path, header: Sequence[str], names: Sequence[tuple[Any, ...]],
+                  curves: Sequence[tuple[Array, Array]]) -> None:
+    """Curves one after the other, each behind its name; nan is blank."""
+    write_csv(file, header, ((*name, x, "" if np.isnan(y) else y)
+                             for name, curve in zip(names, curves, strict=True)
+                             for x, y in zip(*(axis.tolist() for axis in curve), strict=True)))

@@ -13,15 +13,21 @@ from scipy.optimize import least_squares, minimize
 from tympan.studies.circles.cone import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import settle
+from tympan.studies.lumped.signals import Signal
+from tympan.studies.lumped.simulate import creep
 from tympan.studies.paper.published import HIGHEST, LOWEST, MASSES, ranges
 from tympan.studies.paper.table1 import paper_actuators
 
 Array = NDArray[np.float64]
-_START = (8.0, 0.5, 0.5)
-_BOUNDS = ((1.0, 15.0), (0.0, 1.0), (0.0, 1.0))
+_START = np.array([8.0, 0.5, 0.5])
+_BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
+_SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])  # (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses
+_LEVELS_START, _LEVELS_BOUNDS = np.array([9.0, 0.5]), ((1.0, 0.0), (11.0, 1.0))
+_STEPS = np.array([1e-2, 1e-2])  # of ε_r and α₁, for derivatives of the ranges over levels
+_DRAWN_IN = 1e-2  # [m], far beyond any range: the search turns back
 
 
-def actuators(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -> Actuator:
+def paper_array(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -> Actuator:
     """The paper's three actuators under masses [kg] with what is missing, as one array.
 
     ``permittivity`` ε_r has any shape, ``alpha``, α₁ of the ellipses' short circles, one axis more;
@@ -39,7 +45,7 @@ def actuators(permittivity: Any, alpha: Any, masses: Sequence[float] = MASSES) -
 def deflections(permittivity: Any, alpha: Any, voltage: Any,
                 masses: Sequence[float] = MASSES) -> Array:
     """Where these rest at a voltage [V], in m, shape (…, masses, 3); nan beyond pull-in."""
-    moved = actuators(permittivity, alpha, masses)
+    moved = paper_array(permittivity, alpha, masses)
     return np.asarray(settle(lambda y: moved.balance(y, voltage), moved.flat))
 
 
@@ -53,7 +59,7 @@ def rest_ranges(permittivity: Any, alpha: Any, high: Any = HIGHEST,
 def ranges_with_slopes(values: Array) -> tuple[Array, Array]:
     """Ranges at rest [m], shape (masses, 3), and their derivatives by (ε_r, α₁, α₁), (…, 3)."""
     steps = values + 1e-30j * np.eye(3)
-    stepped = actuators(steps[:, 0], steps[:, 1:])
+    stepped = paper_array(steps[:, 0], steps[:, 1:])
     slopes = []
     for voltage in (HIGHEST, LOWEST):
         y = deflections(values[0], values[1:], voltage)
@@ -92,7 +98,7 @@ class MissingParameters:
 
     @property
     def rms_mm(self) -> float:
-        """The same [mm]."""
+        """Root mean square of the misfit over the rows used [mm]."""
         return 1e3 * self.rms
 
     @property
@@ -102,7 +108,7 @@ class MissingParameters:
 
     @property
     def worst_mm(self) -> float:
-        """The same [mm]."""
+        """Largest misfit over the rows used [mm]."""
         return 1e3 * self.worst
 
     def weights(self, actuator: int) -> tuple[float, ...]:
@@ -117,58 +123,46 @@ class MissingParameters:
     def json(self) -> dict[str, Any]:
         """As stored."""
         return {"relative_permittivity": self.permittivity, "alpha_1": list(self.alpha),
-                "rms_mm": 1e3 * self.rms,
-                "worst_mm": 1e3 * self.worst, "misfit_mm": (1e3 * self.misfit).tolist(),
+                "rms_mm": self.rms_mm, "worst_mm": self.worst_mm,
+                "misfit_mm": (1e3 * self.misfit).tolist(),
                 "rows_g": [1e3 * MASSES[row] for row in self.rows]}
 
 
-def fit(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParameters:
+def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParameters:
     """ε_r and α₁, one for both ellipses or one each, by least squares on rows of Table 2."""
-    spread, read, kept = _spread(shared), ranges(), list(rows)
+    spread = _SHARED if shared else np.eye(3)
+    count, read, kept = spread.shape[1], ranges(), list(rows)
 
     def residual(free: Array) -> Array:
-        ours = rest_ranges(*_pair(spread @ free))
-        return np.asarray(1e3 * (ours - read)[kept].ravel())
+        values = spread @ free
+        return np.asarray(1e3 * (rest_ranges(values[0], values[1:]) - read)[kept].ravel())
 
     def slopes(free: Array) -> Array:
         return np.asarray(1e3 * ranges_with_slopes(spread @ free)[1][kept].reshape(-1, 3) @ spread)
 
-    low, high = np.array(_bounds(shared)).T
-    done = least_squares(residual, _start(shared), slopes, (low, high), x_scale=high - low,
-                         xtol=1e-12, ftol=1e-12,
-                         gtol=1e-12)
-    values = spread @ done.x
-    return MissingParameters.of(values[0], (values[1], values[2]), tuple(rows))
+    low, high = _BOUNDS[:count].T
+    done = least_squares(residual, _START[:count], slopes, (low, high), x_scale=high - low,
+                         xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    permittivity, *alpha = spread @ done.x
+    return MissingParameters.of(permittivity, alpha, tuple(rows))
 
 
-def smallest_worst(shared: bool = True) -> MissingParameters:
+def smallest_worst() -> MissingParameters:
     """The ε_r and α₁ whose largest misfit over all six ranges is smallest."""
-    spread = _spread(shared)
-    began = fit(shared)
-    start = np.append(_start(shared), 1e3 * began.worst)
-    start[:-1] = np.linalg.lstsq(spread, np.array([began.permittivity, *began.alpha]),
-                                 rcond=None)[0]
-    done = _limited(spread, shared, start, lambda z: z[-1], np.eye(len(start))[-1])
-    values = spread @ done[:-1]
-    return MissingParameters.of(values[0], (values[1], values[2]))
+    began = fit_rests()
+    start = np.array([began.permittivity, began.alpha[0], began.worst_mm])
+    permittivity, alpha, _ = _limited(start, np.eye(3)[2])
+    return MissingParameters.of(permittivity, (alpha, alpha))
 
 
-def allowed(factor: float = 2.0, shared: bool = True) -> dict[str, tuple[float, float]]:
+def allowed(factor: float = 2.0) -> dict[str, tuple[float, float]]:
     """Lowest and highest ε_r and α₁ whose worst misfit is within ``factor`` times the smallest."""
-    spread, best = _spread(shared), smallest_worst(shared)
-    alphas = ("alpha_1",) if shared else ("alpha_small", "alpha_large")
-    names = ("relative_permittivity", *alphas)
-    centre = np.linalg.lstsq(spread, np.array([best.permittivity, *best.alpha]), rcond=None)[0]
-    limits = {}
-    for number, name in enumerate(names):
-        ends = []
-        for sign in (1.0, -1.0):
-            aim = sign * np.eye(len(names) + 1)[number]
-            done = _limited(spread, shared, np.append(centre, 1e3 * best.worst),
-                            lambda z, aim=aim: aim @ z, aim,
-                            most=1e3 * factor * best.worst)
-            ends.append(float(done[number]))
-        limits[name] = (ends[0], ends[1])
+    best, limits = smallest_worst(), {}
+    start = np.array([best.permittivity, best.alpha[0], best.worst_mm])
+    for number, name in enumerate(("relative_permittivity", "alpha_1")):
+        low, high = (float(_limited(start, aim, factor * best.worst_mm)[number])
+                     for aim in (np.eye(3)[number], -np.eye(3)[number]))
+        limits[name] = (low, high)
     return limits
 
 
@@ -179,38 +173,62 @@ def worst_misfit(permittivity: Array, alpha: Array) -> Array:
     return np.asarray(np.abs(misfit).max(axis=(-2, -1)))
 
 
-def _limited(spread: Array, shared: bool, start: Array, cost: Any, slope: Array,
-             most: float | None = None) -> Array:
-    """(constants, t [mm]) with the least cost whose misfits are within ±t, at most ``most``."""
+def _limited(start: Array, aim: Array, most: float | None = None) -> Array:
+    """(ε_r, α₁, t [mm]) with the least ``aim`` @ them whose misfits are within ±t ≤ ``most``."""
     read = ranges()
 
     def room(z: Array) -> Array:
-        misfit = 1e3 * (rest_ranges(*_pair(spread @ z[:-1])) - read).ravel()
+        misfit = 1e3 * (rest_ranges(z[0], z[[1, 1]]) - read).ravel()
         return np.concatenate([z[-1] - misfit, z[-1] + misfit])
 
     def room_slopes(z: Array) -> Array:
-        slopes = 1e3 * ranges_with_slopes(spread @ z[:-1])[1].reshape(-1, 3) @ spread
+        slopes = 1e3 * ranges_with_slopes(_SHARED @ z[:-1])[1].reshape(-1, 3) @ _SHARED
         ones = np.ones((len(slopes), 1))
         return np.block([[-slopes, ones], [slopes, ones]])
 
-    done = minimize(cost, start, jac=lambda z: slope, method="SLSQP",
-                    bounds=[*_bounds(shared), (0.0, most)],
+    done = minimize(lambda z: aim @ z, start, jac=lambda z: aim, method="SLSQP",
+                    bounds=[*_BOUNDS[:2].tolist(), (0.0, most)],
                     constraints={"type": "ineq", "fun": room, "jac": room_slopes},
                     options={"ftol": 1e-12, "maxiter": 300})
     return np.asarray(done.x)
 
 
-def _pair(values: Array) -> tuple[float, Array]:
-    return float(values[0]), values[1:]
+def level_ranges(signal: Signal, values: Array) -> Array:
+    """Ranges [m] at the ends of a signal's levels with pairs of ε_r and α₁.
+
+    Shape (pairs, masses, actuators).
+    """
+    permittivity, alpha = values.T
+    levels = creep(paper_array(permittivity, np.array([alpha, alpha]).T), signal)
+    return np.asarray(np.ptp(levels, axis=0))
 
 
-def _spread(shared: bool) -> Array:
-    return np.array([[1.0, 0], [0, 1], [0, 1]]) if shared else np.eye(3)
+def fit_levels(signal: Signal) -> MissingParameters:
+    """ε_r and α₁, one for both ellipses, by least squares over Table 2's ranges at levels' ends.
 
+    Inertia's overshoot does not count: it is gone within seconds of a switch.
 
-def _start(shared: bool) -> Array:
-    return np.array(_START[:2] if shared else _START)
+    Raises
+    ------
+    InputError
+        When the signal goes beyond pull-in on the way.
+    """
+    read, tried = ranges(), dict[bytes, tuple[Array, Array]]()
 
+    def both(values: Array) -> tuple[Array, Array]:
+        key = np.asarray(values).tobytes()
+        if key not in tried:
+            # Steps towards the middle of what is allowed, so that none leaves it.
+            moves = np.diag(np.where(values > _LEVELS_START, -_STEPS, _STEPS))
+            with np.errstate(all="ignore"):
+                stepped = level_ranges(signal, np.vstack([values, values + moves]))
+            first, *others = np.nan_to_num(stepped, nan=_DRAWN_IN)
+            slopes = (np.array(others) - first).reshape(2, -1) / moves.sum(axis=1)[:, None]
+            tried[key] = first, slopes.T
+        return tried[key]
 
-def _bounds(shared: bool) -> tuple[tuple[float, float], ...]:
-    return _BOUNDS[:2] if shared else _BOUNDS
+    done = least_squares(lambda values: 1e3 * (both(values)[0] - read).ravel(), _LEVELS_START,
+                         lambda values: 1e3 * both(values)[1], _LEVELS_BOUNDS, xtol=1e-5,
+                         ftol=1e-7, max_nfev=12)
+    fitted, (permittivity, alpha) = both(done.x)[0], done.x.tolist()
+    return MissingParameters(permittivity, (alpha, alpha), fitted, fitted - read)

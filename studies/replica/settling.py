@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,8 +45,8 @@ class Decay:
         last = int(large[-1])
         if last + 1 == len(self.height):
             return float(self.time[last])
-        (one, other), (left, right) = self.height[last:last + 2], self.time[last:last + 2]
-        return float(left + (right - left) * np.log(one / threshold) / np.log(one / other))
+        (high, low), (before, after) = self.height[last:last + 2], self.time[last:last + 2]
+        return float(before + (after - before) * np.log(high / threshold) / np.log(high / low))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +62,6 @@ class Criterion:
         """Root mean square of the difference from the paper's [s]."""
         return float(np.sqrt(np.mean((self.times - SETTLING) ** 2)))
 
-    def json(self) -> dict[str, Any]:
-        """As stored."""
-        return {"kind": self.kind, "threshold": self.threshold, "times_s": self.times.tolist(),
-                "rms_s": self.rms}
-
 
 #: Kinds of criteria: what the threshold is a share of; a plain length in metres.
 KINDS: dict[str, Callable[[Decay], float]] = {
@@ -81,14 +75,15 @@ USUAL = (0.05, 0.02, 0.01)
 
 def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Criterion:
     """Settling times by one criterion, for responses by mass and actuator."""
-    times = [[one.settled(threshold * KINDS[kind](one)) for one in row] for row in decays]
+    times = [[decay.settled(threshold * KINDS[kind](decay)) for decay in row] for row in decays]
     return Criterion(kind, threshold, np.array(times))
 
 
 def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
     """The threshold of a kind whose six times are nearest to the paper's, if it gives all six."""
-    largest = min(one.height.max() / KINDS[kind](one) for row in decays for one in row)
-    smallest = max(one.height.min() / KINDS[kind](one) for row in decays for one in row)
+    every = [decay for row in decays for decay in row]
+    largest = min(decay.height.max() / KINDS[kind](decay) for decay in every)
+    smallest = max(decay.height.min() / KINDS[kind](decay) for decay in every)
     thresholds = np.geomspace(largest, smallest, 402)[1:-1]
     return min((settling_times(decays, kind, threshold) for threshold in thresholds),
                key=lambda criterion: criterion.rms)

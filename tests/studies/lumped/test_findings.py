@@ -25,7 +25,7 @@ from tympan.studies.replica.findings.signs import at_rest, sign
 
 @pytest.fixture(scope="module")
 def fitted() -> lost.MissingParameters:
-    return lost.fit()
+    return lost.fit_rests()
 
 
 def test_printed_sign_leaves_twice_the_weight(fitted: lost.MissingParameters) -> None:

@@ -20,9 +20,8 @@ from tympan.studies.lumped.signals import random_steps, step
 from tympan.studies.lumped.simulate import creep, settling_time, simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica import missing_from_levels as lost_steps
 from tympan.studies.replica import missing_parameters as lost
-from tympan.studies.replica.figures import Choices, Trace, period_of
+from tympan.studies.replica.figures import Choices, period_of, thinned
 from tympan.studies.replica.output import loop_gap
 from tympan.studies.replica.settling import Decay
 
@@ -31,7 +30,7 @@ FIGURES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "fig14", 
 
 @pytest.fixture(scope="module")
 def fitted() -> lost.MissingParameters:
-    return lost.fit()
+    return lost.fit_rests()
 
 
 def test_ranges_are_those_of_the_models_own_rests() -> None:
@@ -68,7 +67,7 @@ def test_lost_parameters_against_a_grid(fitted: lost.MissingParameters) -> None:
                for a in alpha[::3]]
     assert min(squares) > np.sum(fitted.misfit**2)
     assert np.sum(fitted.misfit**2) > 0.95 * min(squares[0],
-                                                 np.sum(lost.fit(shared=False).misfit ** 2))
+                                                 np.sum(lost.fit_rests(shared=False).misfit ** 2))
     best, worst = lost.smallest_worst(), lost.worst_misfit(permittivity, alpha)
     assert best.worst <= np.nanmin(worst) < 1.1 * best.worst
     limits, within = lost.allowed(), worst <= 2 * best.worst
@@ -83,14 +82,14 @@ def test_parameters_come_back_from_ranges_they_made(monkeypatch: pytest.MonkeyPa
     truth = np.array([8.9, 0.3, 0.8])
     made = lost.rest_ranges(truth[0], truth[1:])
     monkeypatch.setattr(lost, "ranges", lambda: made)
-    found = lost.fit(shared=False)
+    found = lost.fit_rests(shared=False)
     assert [found.permittivity, *found.alpha] == pytest.approx(truth, rel=1e-7)
     assert found.worst < 1e-12
 
 
 def test_an_array_is_its_actuators(fitted: lost.MissingParameters) -> None:
     """Forces, rates and derivatives of six at once, those of one by one."""
-    array = lost.actuators(fitted.permittivity, fitted.alpha)
+    array = lost.paper_array(fitted.permittivity, fitted.alpha)
     rng = np.random.default_rng(4)
     state = rng.uniform([1e-3, -0.1, 0, 0], [8e-3, 0.1, 0.02, 0.02], (2, 3, 4))
     rates, slopes = array.linear(state, 3e3)
@@ -107,7 +106,7 @@ def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.MissingPa
     """Branches alone, by another integrator, against the whole model; while it creeps η₂ holds it
     back by a little."""
     signal = random_steps(0.0, 7e3, 6.0, 3, 4)
-    levels = creep(lost.actuators(fitted.permittivity, fitted.alpha), signal)[:, 1]
+    levels = creep(lost.paper_array(fitted.permittivity, fitted.alpha), signal)[:, 1]
     ends = np.array([simulate(actuator, signal).deflection(signal.breaks)
                      for actuator in fitted.actuators(22.45e-3)]).T
     assert levels == pytest.approx(ends, abs=3e-7)
@@ -116,9 +115,9 @@ def test_ends_of_levels_without_inertia_are_those_with_it(fitted: lost.MissingPa
 
 def test_parameters_come_back_from_levels_they_made(monkeypatch: pytest.MonkeyPatch) -> None:
     signal, truth = random_steps(0.0, 7e3, 10.0, 3, 6), np.array([[8.7, 0.35]])
-    made = lost_steps.level_ranges(signal, truth)[0]
-    monkeypatch.setattr(lost_steps, "ranges", lambda: made)
-    found = lost_steps.fit_levels(signal)
+    made = lost.level_ranges(signal, truth)[0]
+    monkeypatch.setattr(lost, "ranges", lambda: made)
+    found = lost.fit_levels(signal)
     assert [found.permittivity, found.alpha[0]] == pytest.approx(truth[0], rel=1e-4)
     assert found.worst < 1e-7
 
@@ -128,10 +127,10 @@ def test_table_2_at_the_ends_of_levels() -> None:
     """The ellipses' four ranges within 0.03 mm, the circle's not, and better than at rest, for
     three seeds."""
     for seed in (6, 17, 25):
-        found = lost_steps.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
+        found = lost.fit_levels(random_steps(0.0, 7e3, 30.0, 20, seed))
         assert np.abs(found.misfit[:, 1:]).max() < 0.03e-3
         assert np.abs(found.misfit[:, 0]).min() > 0.05e-3
-        assert found.rms < 0.4 * lost.fit().rms
+        assert found.rms < 0.4 * lost.fit_rests().rms
 
 
 def test_settling_of_a_known_oscillation() -> None:
@@ -180,12 +179,12 @@ def test_gap_of_a_known_loop() -> None:
 def test_thinning_keeps_the_extremes() -> None:
     rng = np.random.default_rng(5)
     time, values = np.arange(50_000) * 1e-3, rng.normal(size=50_000)
-    trace = Trace.of(time, values, 0.1)
-    assert trace.deflection.min() == trace.lowest == values.min()
-    assert trace.deflection.max() == trace.highest == values.max()
-    assert len(trace.time) < 7000
-    assert np.array_equal(trace.time[:101], time[:101])
-    assert np.array_equal(trace.deflection, values[np.searchsorted(time, trace.time)])
+    times, kept = thinned(time, values, 0.1)
+    assert kept.min() == values.min()
+    assert kept.max() == values.max()
+    assert len(times) < 7000
+    assert np.array_equal(times[:101], time[:101])
+    assert np.array_equal(kept, values[np.searchsorted(time, times)])
 
 
 def test_the_seed_is_the_first_that_reaches_both_ends() -> None:
