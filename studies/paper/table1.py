@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import tomllib
+from dataclasses import replace
+from importlib import resources
+from typing import Any
 
 from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import EXAMINED
@@ -10,42 +13,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.paper.actuators import actuators
 
-
-@dataclass(frozen=True)
-class Cell:
-    """A row of Table 1: its name there, its value [SI], None where it is lost, and a note."""
-
-    name: str
-    symbol: str
-    value: float | None
-    unit: str
-    note: str = ""
-
-
-_LOST = "the cell did not survive in the text of the paper; never filled in silently"
-
-#: Rows that hold for all three actuators; their sizes are in the specimen files of ``actuators``.
-TABLE_1: tuple[Cell, ...] = (
-    Cell("inner radius", "r", 1e-2, "m"),
-    Cell("outer radius (short)", "r_1", 4.5e-2, "m"),
-    Cell("membrane initial thickness", "z_ini", 1e-3, "m"),
-    Cell("membrane final thickness", "z_0", 200e-6, "m"),
-    Cell("standard gravity", "g", None, "m/s^2", _LOST),
-    Cell("coefficient", "alpha_1", None, "1", _LOST),
-    Cell("coefficient", "alpha_2", None, "1", _LOST + "; by Eq. (6) it is 1 - alpha_1"),
-    Cell("vacuum permittivity", "epsilon_0", None, "F/m",
-         "the cell is lost too; a constant of nature, CODATA's is used"),
-    Cell("relative permittivity", "epsilon_r", None, "1", _LOST),
-    Cell("coefficient of viscoelastic model", "k_1", 23.5e6, "Pa"),
-    Cell("coefficient of viscoelastic model", "eta_1", 177.2e6, "Pa s"),
-    Cell("damping coefficient", "eta_2", 62.4e3, "Pa s"),
-    Cell("hyperelastic model coefficient", "beta_1", 13.4e3, "Pa"),
-    Cell("hyperelastic model coefficient", "beta_2", 34.8e3, "Pa"),
-    Cell("hyperelastic model coefficient", "beta_3", 35.8e3, "Pa"),
-    Cell("hyperelastic model coefficient", "gamma_1", -0.41e3, "Pa"),
-    Cell("hyperelastic model coefficient", "gamma_2", -113e3, "Pa"),
-    Cell("hyperelastic model coefficient", "gamma_3", -34.2e3, "Pa"),
-)
+#: The cells of ``table-1.toml`` by symbol: name, value [SI] unless lost, unit and note.
+TABLE_1: dict[str, dict[str, Any]] = tomllib.loads(
+    resources.files("tympan.studies.paper").joinpath("table-1.toml").read_text(encoding="utf-8"))
 
 
 def known(symbol: str) -> float:
@@ -61,10 +31,10 @@ def known(symbol: str) -> float:
     >>> known("k_1")
     23500000.0
     """
-    cell = next(cell for cell in TABLE_1 if cell.symbol == symbol)
-    if cell.value is None:
-        raise InputError(f"is lost in Table 1 ({cell.note}): it must be given", key=symbol)
-    return cell.value
+    cell = TABLE_1[symbol]
+    if "value" not in cell:
+        raise InputError(f"is lost in Table 1 ({cell['note']}): it must be given", key=symbol)
+    return float(cell["value"])
 
 
 def eq8(specimen: Specimen, relative_permittivity: float) -> Specimen:

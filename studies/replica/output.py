@@ -56,15 +56,19 @@ def paper_numbers(replica: Replica, choices: Choices, seconds: float) -> dict[st
         "table_2": {"rows": _table_2(replica), "why": _why_ranges(replica)},
         "settling": {"rows": [_settling(criterion) for criterion in replica.criteria],
                      "why": _why_settling(replica)},
-        "hysteresis": {"rows": _hysteresis(replica), "period_s": replica.period,
-                       "why": _why_hysteresis(replica)},
+        "hysteresis": {
+            "rows": [{"offset_kV": 1e-3 * offset, "amplitude_kV": 1e-3 * amplitude,
+                      "specimen": name, "range_um": 1e6 * float(np.ptp(loop.deflection)),
+                      "gap_percent": 100 * loop_gap(loop.deflection)}
+                     for (offset, amplitude), row in zip(SINES, replica.loops, strict=True)
+                     for name, loop in zip(NAMES, row, strict=True)],
+            "period_s": replica.period, "why": _why_hysteresis(replica)},
         "findings": [finding.json() for finding in findings(replica)],
         "seconds": seconds,
     }
 
 
 def _chosen(replica: Replica, choices: Choices) -> list[str]:
-    """What the paper does not say and what was taken."""
     levels, given = replica.signal.voltage, choices
     others = "; ".join(f"{_READINGS[name]}: {fit.permittivity:.3f} and {fit.alpha[0]:.3f}, "
                        f"{fit.rms_mm:.3f} mm left" for name, fit in replica.fits.items())
@@ -98,21 +102,11 @@ def _table_2(replica: Replica) -> list[dict[str, Any]]:
 def _settling(criterion: Criterion) -> dict[str, Any]:
     unit, factor = _UNITS[criterion.kind]
     threshold = f"{factor * criterion.threshold:.3g}"
-    words = f"{threshold} % of the {criterion.kind}"
-    if criterion.kind == "length":
-        words = f"{threshold} um"
+    words = f"{threshold} um" if unit == "um" else f"{threshold} % of the {criterion.kind}"
     cells = {f"{name}_{1e3 * mass:g}g_s": float(criterion.times[row, column])
              for row, mass in enumerate(MASSES) for column, name in enumerate(NAMES)}
     return {"criterion": words, "threshold": factor * criterion.threshold, "unit": unit, **cells,
             "rms_s": criterion.rms}
-
-
-def _hysteresis(replica: Replica) -> list[dict[str, Any]]:
-    return [{"offset_kV": 1e-3 * sine[0], "amplitude_kV": 1e-3 * sine[1], "specimen": name,
-             "range_um": 1e6 * float(np.ptp(loop.deflection)),
-             "gap_percent": 100 * loop_gap(loop.deflection)}
-            for sine, row in zip(SINES, replica.loops, strict=True)
-            for name, loop in zip(NAMES, row, strict=True)]
 
 
 def loop_gap(deflection: Array) -> float:
@@ -133,12 +127,13 @@ def _why_hysteresis(replica: Replica) -> list[str]:
 
 
 def _why_ranges(replica: Replica) -> list[str]:
-    read = ranges()
-    levels, rest, whole = (_spans(1e3 * (ours - read)) for ours in (
-        replica.level_ranges, replica.rest_ranges, replica.random_ranges))
+    read, spans = ranges(), {}
+    for name, ours in (("levels", replica.level_ranges), ("rest", replica.rest_ranges),
+                       ("whole", replica.random_ranges)):
+        light, heavy = (f"{row.min():+.2f} to {row.max():+.2f} mm" for row in 1e3 * (ours - read))
+        spans[name] = f"{light} (17.9 g) and {heavy} (22.45 g)"
     shares = 100 * replica.level_ranges / replica.level_ranges[:, :1] - PERCENTAGES
-    return sentences("table 2", levels=levels, rest=rest, whole=whole, light=_ends(shares[0]),
-                     heavy=_ends(shares[1]))
+    return sentences("table 2", **spans, light=_ends(shares[0]), heavy=_ends(shares[1]))
 
 
 def _why_settling(replica: Replica) -> list[str]:
@@ -155,11 +150,6 @@ def _why_settling(replica: Replica) -> list[str]:
                      longer=int(np.sum(seen.times < SETTLING)), light=_ends(rates[0]),
                      heavy=_ends(rates[1]), shorter=100 * (1 - heavier),
                      change=100 * (theirs - 1), shapes=shapes)
-
-
-def _spans(values: Array) -> str:
-    light, heavy = (f"{row.min():+.2f} to {row.max():+.2f} mm" for row in values)
-    return f"{light} (17.9 g) and {heavy} (22.45 g)"
 
 
 def _ends(values: Array) -> tuple[float, float]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+Number = dict[str, Any]
 
-@dataclass(frozen=True)
-class Evidence:
+
+def number(what: str, value: float, unit: str = "") -> Number:
     """One number of a finding: what it is, its value and its unit ("" for none)."""
-
-    what: str
-    value: float
-    unit: str = ""
+    return {"what": what, "value": value, "unit": unit}
 
 
 @dataclass(frozen=True)
@@ -22,13 +20,12 @@ class Finding:
     key: str
     title: str
     words: list[str]
-    numbers: tuple[Evidence, ...]
+    numbers: tuple[Number, ...]
 
     def __getitem__(self, what: str) -> float:
         """The value of a number by its name."""
-        return next(number.value for number in self.numbers if number.what == what)
+        return next(float(entry["value"]) for entry in self.numbers if entry["what"] == what)
 
     def json(self) -> dict[str, Any]:
         """As stored."""
-        return {"key": self.key, "title": self.title, "words": self.words,
-                "numbers": [vars(number) for number in self.numbers]}
+        return {**vars(self), "numbers": list(self.numbers)}

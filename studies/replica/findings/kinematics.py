@@ -9,8 +9,8 @@ from tympan.fem.film.library import DEFAULT, MATERIALS
 from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.paper.published import NAMES
 from tympan.studies.paper.table1 import paper_actuators
-from tympan.studies.replica.findings.finding import Evidence, Finding
-from tympan.studies.replica.findings.law import stress
+from tympan.studies.replica.findings.equations import stress
+from tympan.studies.replica.findings.finding import Finding, number
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.replica.words import sentences
 
@@ -49,12 +49,12 @@ def cone_stiffness(radius: float, plate: float) -> float:
 def factors(missing: MissingParameters) -> list[float]:
     """Stiffness of the taut film over that of the paper's mixture of cones, of each actuator."""
     stiffer = []
-    for number, specimen in enumerate(paper_actuators(1.0)):
+    for column, specimen in enumerate(paper_actuators(1.0)):
         a, b = specimen.frame.semi_axes
         plate = specimen.plate.outline.semi_axes[0]
         cones = [cone_stiffness(radius, plate) for radius in sorted({b, a})]
         mixed = sum(weight * cone
-                    for weight, cone in zip(missing.weights(number), cones, strict=True))
+                    for weight, cone in zip(missing.weights(column), cones, strict=True))
         stiffer.append(membrane_stiffness((a, b), plate) / mixed)
     return stiffer
 
@@ -73,12 +73,12 @@ def cone(missing: MissingParameters) -> Finding:
                   modulus_kPa=modulus / 1e3, prestretch=prestretch, library=DEFAULT,
                   tape_kPa=tape / 1e3, permittivity=missing.permittivity,
                   over=missing.permittivity / stiffer[0]),
-        (*(Evidence(f"taut film over cones, {name}", value)
+        (*(number(f"taut film over cones, {name}", value)
            for name, value in zip(NAMES, stiffer, strict=True)),
-         Evidence("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
-         Evidence("neo-Hookean modulus of that prestress", modulus, "Pa"),
-         Evidence(f"prestress of the library's {DEFAULT}", tape, "Pa"),
-         Evidence("relative permittivity over the circle's factor",
+         number("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
+         number("neo-Hookean modulus of that prestress", modulus, "Pa"),
+         number(f"prestress of the library's {DEFAULT}", tape, "Pa"),
+         number("relative permittivity over the circle's factor",
                   missing.permittivity / stiffer[0])))
 
 
@@ -99,11 +99,11 @@ def energy(missing: MissingParameters) -> Finding:
         "energy", "½ C u² is not the energy of Eq. (5)",
         sentences("energy", times=times, capacitances=flat[2] / flat[0],
                   slopes=slopes[2] / slopes[0]),
-        (*(Evidence(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
+        (*(number(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, times, strict=True)),
-         *(Evidence(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
+         *(number(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, closed, strict=True)),
-         Evidence("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
-         Evidence("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
+         number("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
+         number("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
 
 

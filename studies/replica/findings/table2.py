@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, ROUNDING, STEP, SWITCH, ranges
-from tympan.studies.replica.findings.finding import Evidence, Finding
+from tympan.studies.replica.findings.finding import Finding, number
 from tympan.studies.replica.missing_parameters import MissingParameters, rest_ranges
 from tympan.studies.replica.words import sentences
 
@@ -33,24 +32,24 @@ def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters],
                   heavy=heavy, rounding_mm=1e3 * ROUNDING, times=best.worst / ROUNDING,
                   permittivity=(low, high), alpha=(first, last), ellipses_mm=ellipses,
                   circle_mm=circle),
-        (Evidence("relative permittivity, at rest", missing.permittivity),
-         Evidence("alpha_1, at rest", missing.alpha[0]),
-         Evidence("root mean square misfit, at rest", missing.rms, "m"),
-         Evidence("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
-         Evidence("alpha_1 of the small ellipse", each.alpha[0]),
-         Evidence("alpha_1 of the large ellipse", each.alpha[1]),
-         Evidence("smallest worst misfit", best.worst, "m"),
-         Evidence("relative permittivity there", best.permittivity),
-         Evidence("lowest relative permittivity within twice", low),
-         Evidence("highest relative permittivity within twice", high),
-         Evidence("lowest alpha_1 within twice", first),
-         Evidence("highest alpha_1 within twice", last),
-         Evidence("relative permittivity from 17.9 g alone", light.permittivity),
-         Evidence("relative permittivity from 22.45 g alone", heavy.permittivity),
-         Evidence("relative permittivity, ends of levels", levels.permittivity),
-         Evidence("alpha_1, ends of levels", levels.alpha[0]),
-         Evidence("root mean square misfit, ends of levels", levels.rms, "m"),
-         Evidence("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
+        (number("relative permittivity, at rest", missing.permittivity),
+         number("alpha_1, at rest", missing.alpha[0]),
+         number("root mean square misfit, at rest", missing.rms, "m"),
+         number("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
+         number("alpha_1 of the small ellipse", each.alpha[0]),
+         number("alpha_1 of the large ellipse", each.alpha[1]),
+         number("smallest worst misfit", best.worst, "m"),
+         number("relative permittivity there", best.permittivity),
+         number("lowest relative permittivity within twice", low),
+         number("highest relative permittivity within twice", high),
+         number("lowest alpha_1 within twice", first),
+         number("highest alpha_1 within twice", last),
+         number("relative permittivity from 17.9 g alone", light.permittivity),
+         number("relative permittivity from 22.45 g alone", heavy.permittivity),
+         number("relative permittivity, ends of levels", levels.permittivity),
+         number("alpha_1, ends of levels", levels.alpha[0]),
+         number("root mean square misfit, ends of levels", levels.rms, "m"),
+         number("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
@@ -69,18 +68,17 @@ def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Ar
 def unaccounted(missing: MissingParameters, growth: Array) -> Array:
     """Mass [kg] beside the stated one on the plate for the growth at rest; by actuator."""
     extras = []
-    for column, wanted in enumerate(growth):
+    for column, target in enumerate(ranges()[0].tolist()):
         def moved(row: int, extra: float, permittivity: float, column: int = column) -> float:
             ours = rest_ranges(permittivity, missing.alpha, masses=(MASSES[row] + extra,))
             return float(np.nan_to_num(ours[0, column], nan=1.0))
 
-        def miss(extra: float, column: int = column, wanted: float = float(wanted),
+        def miss(extra: float, column: int = column, target: float = target,
                  moved: Any = moved) -> float:
             # The permittivity follows, so that the range under the smaller mass stays what it is.
-            target = float(ranges()[0, column])
             permittivity = float(brentq(lambda value: moved(0, extra, value) - target, 1.0, 9.9,
                                         xtol=1e-9))
-            return float(moved(1, extra, permittivity) / target - wanted)
+            return float(moved(1, extra, permittivity) / target - growth[column])
 
         extras.append(float(brentq(miss, 0.0, 0.2, xtol=1e-7)))
     return np.array(extras)
@@ -97,7 +95,9 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
                             np.array([1e3, 4e3, HIGHEST]))
     extra = unaccounted(missing, growth)
-    remaining = [_remaining(actuator, volts) for volts in (STEP[1], HIGHEST)
+    # Share of the slowest motion, about rest at a voltage, that is there when figure 14 switches.
+    remaining = [float(np.exp(-np.abs(linearise(actuator, volts).poles[0]) * SWITCH))
+                 for volts in (STEP[1], HIGHEST)
                  for mass in MASSES for actuator in missing.actuators(mass)]
     masses, cubic = MASSES[1] / MASSES[0], (MASSES[1] / MASSES[0]) ** (1 / 3)
     alike = np.abs(at_ends - growth) < _ALIKE
@@ -110,22 +110,16 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
                   least=least.min(), extra_g=_listed(1e3 * extra, 1), cubic=cubic,
                   remaining=(100 * min(remaining), 100 * max(remaining)),
                   at_ends=_listed(at_ends), moving=_listed(moving), odd=odd),
-        (Evidence("weights", masses),
-         *(Evidence(f"{what}, {name}", float(value)) for what, values in (
+        (number("weights", masses),
+         *(number(f"{what}, {name}", float(value)) for what, values in (
              ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
-             ("ends of levels", at_ends),
-             ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
-         *(Evidence(f"unaccounted mass, {name}", float(value), "kg")
+             ("ends of levels", at_ends), ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
+         *(number(f"unaccounted mass, {name}", float(value), "kg")
            for name, value in zip(NAMES, extra, strict=True)),
-         Evidence("film without prestress", cubic),
-         Evidence("least share of creep left after 30 s", min(remaining)),
-         Evidence("largest share of creep left after 30 s", max(remaining))))
+         number("film without prestress", cubic),
+         number("least share of creep left after 30 s", min(remaining)),
+         number("largest share of creep left after 30 s", max(remaining))))
 
 
 def _listed(values: Array, digits: int = 3) -> str:
     return " / ".join(f"{value:.{digits}f}" for value in values)
-
-
-def _remaining(actuator: Actuator, voltage: float) -> float:
-    """Share of the slowest motion that is left when figure 14 switches, about rest at a voltage."""
-    return float(np.exp(-np.abs(linearise(actuator, voltage).poles[0]) * SWITCH))

@@ -17,10 +17,8 @@ from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica import missing_parameters as lost
 from tympan.studies.replica.findings import table2
-from tympan.studies.replica.findings.checks import checks
+from tympan.studies.replica.findings.equations import at_rest, checks, sign, softening
 from tympan.studies.replica.findings.kinematics import cone, energy, factors, membrane_stiffness
-from tympan.studies.replica.findings.law import softening
-from tympan.studies.replica.findings.signs import at_rest, sign
 
 
 @pytest.fixture(scope="module")
