@@ -21,7 +21,7 @@ from tympan.studies.paper.published import (
     ranges,
 )
 from tympan.studies.paper.table1 import known, paper_actuators
-from tympan.studies.replica.findings.finding import Finding, number
+from tympan.studies.replica.findings.finding import Finding, evidence
 from tympan.studies.replica.missing_parameters import MissingParameters, deflections
 from tympan.studies.replica.words import sentences
 
@@ -68,14 +68,14 @@ def softening(missing: MissingParameters) -> Finding:
     if abs(peaks) < 1e-3:
         words += sentences("law, maximum", y_mm=1e3 * float(largest.x),
                            mass_g=1e3 * -float(largest.fun) / circle.rig.gravity)
-    numbers = [number("stress at the mounted stretch", at, "Pa"),
-               number("its slope there", slope, "Pa"),
-               *(number(f"of it by i = {i}", part, "Pa")
+    numbers = [evidence("stress at the mounted stretch", at, "Pa"),
+               evidence("its slope there", slope, "Pa"),
+               *(evidence(f"of it by i = {i}", part, "Pa")
                  for i, part in zip((1, 2, 3), parts, strict=True)),
-               number("stretch where the stress stops falling", turns),
-               number("largest stretch at 7 kV", float(max(visited))),
-               number("circle's stiffness at 3 mm over that when flat", second / first),
-               number("the same of a constant stress", flatter)]
+               evidence("stretch where the stress stops falling", turns),
+               evidence("largest stretch at 7 kV", float(max(visited))),
+               evidence("circle's stiffness at 3 mm over that when flat", second / first),
+               evidence("the same of a constant stress", flatter)]
     return Finding("law", "Table 1's Ogden set loses stress with stretch", words, tuple(numbers))
 
 
@@ -108,11 +108,11 @@ def sign(missing: MissingParameters) -> Finding:
         "sign", "Eq. (11) has the signs of Eq. (5) reversed",
         sentences("sign", printed=np.abs(printed / load).max(), right=np.abs(right / load).max(),
                   stress_kPa=stress / 1e3, permittivity=permittivity),
-        (number("residual over weight, as printed", float(np.abs(printed / load).max())),
-         number("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
-         *(number(f"stress at the mounted stretch found, {name}", value[0], "Pa")
+        (evidence("residual over weight, as printed", float(np.abs(printed / load).max())),
+         evidence("residual over weight, signs of Eq. (5)", float(np.abs(right / load).max())),
+         *(evidence(f"stress at the mounted stretch found, {name}", value[0], "Pa")
            for name, value in searched.items()),
-         *(number(f"relative permittivity found, {name}", value[1])
+         *(evidence(f"relative permittivity found, {name}", value[1])
            for name, value in searched.items())))
 
 
@@ -136,11 +136,11 @@ def checks() -> Finding:
                   mass_g=1e3 * MASSES[row], share=shares[row, column],
                   printed=PERCENTAGES[row, column], largest=largest, thickness=thickness,
                   stretch=stretch, thinnest_um=1e6 * known("z_ini") / 25),
-        (*(number(f"film's surface, {name}", value, "m²")
+        (*(evidence(f"film's surface, {name}", value, "m²")
            for name, value in zip(NAMES, surfaces, strict=True)),
-         number("largest difference from Table 1", off, "m²"),
-         *(number(f"percentage from the ranges, {name}, {1e3 * mass:g} g",
+         evidence("largest difference from Table 1", off, "m²"),
+         *(evidence(f"percentage from the ranges, {name}, {1e3 * mass:g} g",
                     float(shares[r, c]), "%")
            for r, mass in enumerate(MASSES) for c, name in enumerate(NAMES)),
-         number("percentages that do not follow", float(len(far))),
-         number("thickness ratio", thickness), number("stretch along each axis", stretch)))
+         evidence("percentages that do not follow", float(len(far))),
+         evidence("thickness ratio", thickness), evidence("stretch along each axis", stretch)))

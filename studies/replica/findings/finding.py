@@ -8,7 +8,7 @@ from typing import Any
 Number = dict[str, Any]
 
 
-def number(what: str, value: float, unit: str = "") -> Number:
+def evidence(what: str, value: float, unit: str = "") -> Number:
     """One number of a finding: what it is, its value and its unit ("" for none)."""
     return {"what": what, "value": value, "unit": unit}
 

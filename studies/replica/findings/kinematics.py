@@ -10,7 +10,7 @@ from tympan.studies.circles.cone import ConeCircle
 from tympan.studies.paper.published import NAMES
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica.findings.equations import stress
-from tympan.studies.replica.findings.finding import Finding, number
+from tympan.studies.replica.findings.finding import Finding, evidence
 from tympan.studies.replica.missing_parameters import MissingParameters
 from tympan.studies.replica.words import sentences
 
@@ -73,12 +73,12 @@ def cone(missing: MissingParameters) -> Finding:
                   modulus_kPa=modulus / 1e3, prestretch=prestretch, library=DEFAULT,
                   tape_kPa=tape / 1e3, permittivity=missing.permittivity,
                   over=missing.permittivity / stiffer[0]),
-        (*(number(f"taut film over cones, {name}", value)
+        (*(evidence(f"taut film over cones, {name}", value)
            for name, value in zip(NAMES, stiffer, strict=True)),
-         number("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
-         number("neo-Hookean modulus of that prestress", modulus, "Pa"),
-         number(f"prestress of the library's {DEFAULT}", tape, "Pa"),
-         number("relative permittivity over the circle's factor",
+         evidence("prestress of Table 1 over the circle's factor", at / stiffer[0], "Pa"),
+         evidence("neo-Hookean modulus of that prestress", modulus, "Pa"),
+         evidence(f"prestress of the library's {DEFAULT}", tape, "Pa"),
+         evidence("relative permittivity over the circle's factor",
                   missing.permittivity / stiffer[0])))
 
 
@@ -99,11 +99,11 @@ def energy(missing: MissingParameters) -> Finding:
         "energy", "½ C u² is not the energy of Eq. (5)",
         sentences("energy", times=times, capacitances=flat[2] / flat[0],
                   slopes=slopes[2] / slopes[0]),
-        (*(number(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
+        (*(evidence(f"dC/dy force over Eq. (5), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, times, strict=True)),
-         *(number(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
+         *(evidence(f"(r_j + r)/(2r), {1e3 * circle.radius:g} mm", value)
            for circle, value in zip(circles, closed, strict=True)),
-         number("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
-         number("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
+         evidence("flat capacitance, 75 mm over 45 mm", flat[2] / flat[0]),
+         evidence("dC/dy at 3 mm, 75 mm over 45 mm", slopes[2] / slopes[0])))
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, ROUNDING, STEP, SWITCH, ranges
-from tympan.studies.replica.findings.finding import Finding, number
+from tympan.studies.replica.findings.finding import Finding, evidence
 from tympan.studies.replica.missing_parameters import MissingParameters, rest_ranges
 from tympan.studies.replica.words import sentences
 
@@ -32,24 +32,24 @@ def lost_cells(missing: MissingParameters, others: dict[str, MissingParameters],
                   heavy=heavy, rounding_mm=1e3 * ROUNDING, times=best.worst / ROUNDING,
                   permittivity=(low, high), alpha=(first, last), ellipses_mm=ellipses,
                   circle_mm=circle),
-        (number("relative permittivity, at rest", missing.permittivity),
-         number("alpha_1, at rest", missing.alpha[0]),
-         number("root mean square misfit, at rest", missing.rms, "m"),
-         number("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
-         number("alpha_1 of the small ellipse", each.alpha[0]),
-         number("alpha_1 of the large ellipse", each.alpha[1]),
-         number("smallest worst misfit", best.worst, "m"),
-         number("relative permittivity there", best.permittivity),
-         number("lowest relative permittivity within twice", low),
-         number("highest relative permittivity within twice", high),
-         number("lowest alpha_1 within twice", first),
-         number("highest alpha_1 within twice", last),
-         number("relative permittivity from 17.9 g alone", light.permittivity),
-         number("relative permittivity from 22.45 g alone", heavy.permittivity),
-         number("relative permittivity, ends of levels", levels.permittivity),
-         number("alpha_1, ends of levels", levels.alpha[0]),
-         number("root mean square misfit, ends of levels", levels.rms, "m"),
-         number("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
+        (evidence("relative permittivity, at rest", missing.permittivity),
+         evidence("alpha_1, at rest", missing.alpha[0]),
+         evidence("root mean square misfit, at rest", missing.rms, "m"),
+         evidence("relative permittivity, an alpha_1 for each ellipse", each.permittivity),
+         evidence("alpha_1 of the small ellipse", each.alpha[0]),
+         evidence("alpha_1 of the large ellipse", each.alpha[1]),
+         evidence("smallest worst misfit", best.worst, "m"),
+         evidence("relative permittivity there", best.permittivity),
+         evidence("lowest relative permittivity within twice", low),
+         evidence("highest relative permittivity within twice", high),
+         evidence("lowest alpha_1 within twice", first),
+         evidence("highest alpha_1 within twice", last),
+         evidence("relative permittivity from 17.9 g alone", light.permittivity),
+         evidence("relative permittivity from 22.45 g alone", heavy.permittivity),
+         evidence("relative permittivity, ends of levels", levels.permittivity),
+         evidence("alpha_1, ends of levels", levels.alpha[0]),
+         evidence("root mean square misfit, ends of levels", levels.rms, "m"),
+         evidence("worst misfit of an ellipse, ends of levels", 1e-3 * ellipses, "m")))
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
@@ -110,15 +110,15 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
                   least=least.min(), extra_g=_listed(1e3 * extra, 1), cubic=cubic,
                   remaining=(100 * min(remaining), 100 * max(remaining)),
                   at_ends=_listed(at_ends), moving=_listed(moving), odd=odd),
-        (number("weights", masses),
-         *(number(f"{what}, {name}", float(value)) for what, values in (
+        (evidence("weights", masses),
+         *(evidence(f"{what}, {name}", float(value)) for what, values in (
              ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
              ("ends of levels", at_ends), ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
-         *(number(f"unaccounted mass, {name}", float(value), "kg")
+         *(evidence(f"unaccounted mass, {name}", float(value), "kg")
            for name, value in zip(NAMES, extra, strict=True)),
-         number("film without prestress", cubic),
-         number("least share of creep left after 30 s", min(remaining)),
-         number("largest share of creep left after 30 s", max(remaining))))
+         evidence("film without prestress", cubic),
+         evidence("least share of creep left after 30 s", min(remaining)),
+         evidence("largest share of creep left after 30 s", max(remaining))))
 
 
 def _listed(values: Array, digits: int = 3) -> str:
