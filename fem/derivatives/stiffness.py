@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.membrane.enclosed_volume import FilmVolume
+from tympan.fem.membrane.enclosed_volume import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
 
@@ -38,7 +38,7 @@ class Stiffness:
         elements = _gathered(mesh, _piola(change, sw) + _piola(self.deformation, by_stress))
         if pressure:
             local = motion[mesh.connectivity].reshape(len(elements), -1, 1)
-            elements -= pressure * np.matmul(self._volume.second(), local).reshape(elements.shape)
+            elements -= pressure * np.matmul(self._volume_stiffness, local).reshape(elements.shape)
         return mesh.scatter(elements)
 
     @cached_property
@@ -70,11 +70,11 @@ class Stiffness:
     @cached_property
     def volume_forces(self) -> Array:
         """Derivative of the film's volume by the elements' nodes [m²], (elements, local, 3)."""
-        return self._volume.first()
+        return film_volume(self.model.discretisation, self.state.positions)[1]
 
     @cached_property
-    def _volume(self) -> FilmVolume:
-        return FilmVolume(self.model.discretisation, self.state.positions)
+    def _volume_stiffness(self) -> Any:
+        return film_volume(self.model.discretisation, self.state.positions, second=True)[2]
 
     @cached_property
     def _plate(self) -> Array:

@@ -33,8 +33,8 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
     piola = np.empty((elements, points, 2, 3), dtype=np.result_type(f, stress))
     piola[..., 0, :] = f[..., 0] * stress[..., None, 0] + f[..., 1] * stress[..., None, 2]
     piola[..., 1, :] = f[..., 0] * stress[..., None, 2] + f[..., 1] * stress[..., None, 1]
-    left = gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
-    return np.asarray(np.matmul(left, piola.reshape(elements, points * 2, 3)))
+    columns = gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
+    return np.asarray(np.matmul(columns, piola.reshape(elements, points * 2, 3)))
 
 
 def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,

@@ -26,13 +26,13 @@ class Examination:
     """What a law does over :data:`tympan.fem.film.laws.STRETCH_RANGE`.
 
     True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is
-    ``held``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the
-    failing stretches nearest to ``held``, each None where there are none; ``peaks`` the first
+    ``mounted``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the
+    failing stretches nearest to ``mounted``, each None where there are none; ``peaks`` the first
     stretches from which the two stresses fall.
     """
 
     material: Material
-    held: float
+    mounted: float
     stretch: Array
     equibiaxial: Array
     strip: Array
@@ -45,7 +45,8 @@ class Examination:
         def numbers(values: Array) -> list[float | None]:
             return [float(value) if np.isfinite(value) else None for value in values]
 
-        return {"law": self.material.law, "material": str(self.material), "held_stretch": self.held,
+        return {"law": self.material.law, "material": str(self.material),
+                "held_stretch": self.mounted,
                 "stretch": numbers(self.stretch),
                 "equibiaxial_true_stress_Pa": numbers(self.equibiaxial),
                 "strip_true_stress_Pa": numbers(self.strip),
@@ -56,13 +57,13 @@ class Examination:
 
     def __str__(self) -> str:
         rows = [f"{self.material}",
-                f"true stress in kPa; strip: the other stretch held at {self.held:.4g}",
+                f"true stress in kPa; strip: the other stretch held at {self.mounted:.4g}",
                 f"{'stretch':>8} {'equibiaxial':>12} {'strip':>12}"]
         rows += [f"{stretch:8.3f} {both / 1e3:12.5g} {strip / 1e3:12.5g}"
                  for stretch, both, strip in zip(self.stretch, self.equibiaxial, self.strip,
                                                  strict=True)]
-        rows += [_failure("Hill's inequality", self.hill, self.held),
-                 _failure("strong ellipticity within the film", self.ellipticity, self.held)]
+        rows += [_failure("Hill's inequality", self.hill, self.mounted),
+                 _failure("strong ellipticity within the film", self.ellipticity, self.mounted)]
         rows += [f"{name} stress falls from stretch {peak:.3f} on" for name, peak in
                  zip(("equibiaxial", "strip"), self.peaks, strict=True) if peak is not None]
         return "\n".join(rows)
@@ -78,13 +79,12 @@ def subject(name: str, held: float | None = None) -> tuple[Material, float]:
     """
     if held is not None and not 0.2 <= held <= 10:
         raise InputError("must be a stretch between 0.2 and 10", key="--held", given=held)
-    known: dict[str,
-                Material] = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
-    if name in known:
-        material = known[name]
+    laws = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
+    if name in laws:
+        material = laws[name]
         return material, held or float(np.real(getattr(material, "reference", 1.0)))
     if not Path(name).suffix:
-        raise InputError(f"must be a specimen file or one of {', '.join(known)}", key="material",
+        raise InputError(f"must be a specimen file or one of {', '.join(laws)}", key="material",
                          given=name)
     film = read_specimen(name, {**READERS, (Film, "material"): examine_material}).membrane
     return film.material, held or film.area_prestretch**0.5

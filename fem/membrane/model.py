@@ -14,7 +14,7 @@ from tympan.fem.complex_step import complex_step
 from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
-from tympan.fem.membrane.enclosed_volume import FilmVolume, plate_volume
+from tympan.fem.membrane.enclosed_volume import film_volume, plate_volume
 from tympan.fem.membrane.loading import GUIDES, Loading
 from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
 from tympan.fem.membrane.state import Load, State
@@ -172,7 +172,7 @@ class Model:
     def potential(self, state: State) -> Any:
         """Energy of this mesh and of its share of the loads [J]; stationary at equilibrium."""
         loads = self.weight[:, 2] @ state.positions[:, 2]
-        loads = loads + state.pressure * self._film_volume(state).value
+        loads = loads + state.pressure * film_volume(self.discretisation, state.positions)[0]
         plate = self._on_plate(state)[0] / self.discretisation.mirrored
         return self.energy(state.positions, state.voltage_squared) - loads + plate
 
@@ -225,9 +225,9 @@ class Model:
                                     self.volumes)
         forces = self._nodal(f, density.stress) - self.weight
         if state.pressure:
-            volume = self._film_volume(state)
-            elements = elements - state.pressure * volume.second()
-            forces = forces - state.pressure * mesh.scatter(volume.first())
+            _, first, second = film_volume(mesh, state.positions, second=True)
+            elements = elements - state.pressure * np.asarray(second)
+            forces = forces - state.pressure * mesh.scatter(first)
         gradient = state.plate.gradient(self.arms)[:, :, self.plate_freedoms]
         border, corner = mesh.plate_coupling(elements, gradient)
         return Linearised(forces, mesh.pattern.assemble(elements), border,
@@ -256,11 +256,8 @@ class Model:
     def _on_plate(self, state: State) -> tuple[Any, Array, Array]:
         return self.loading.on_plate(state, self.centre, self.plate_area)
 
-    def _film_volume(self, state: State) -> FilmVolume:
-        return FilmVolume(self.discretisation, state.positions)
-
     def _volume_forces(self, state: State) -> Array:
-        return self.discretisation.scatter(self._film_volume(state).first())
+        return self.discretisation.scatter(film_volume(self.discretisation, state.positions)[1])
 
 
 @dataclass(frozen=True)

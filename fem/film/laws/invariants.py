@@ -6,6 +6,7 @@ A function of the stretches is the tuple of its value and its derivatives by 1, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from math import inf, nan
 from typing import Any, ClassVar
 
@@ -27,6 +28,16 @@ def second_invariant(l1: Any, l2: Any) -> tuple[Any, ...]:
     return (1 / s1 + 1 / s2 + s1 * s2 - 3, 2 * (l1 * s2 - 1 / (s1 * l1)),
             2 * (l2 * s1 - 1 / (s2 * l2)),
             2 * s2 + 6 / s1**2, 4 * l1 * l2, 2 * s1 + 6 / s2**2)
+
+
+def of_first_invariant(energy: Callable[[Any], tuple[Any, Any, Any]], l1: Any, l2: Any
+                       ) -> tuple[Any, ...]:
+    """An energy f of I₁ − 3, given with f′ and f″, as a function of the stretches."""
+    excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
+    f, slope, bend = energy(excess)
+    bend1, bend2 = bend * i1, bend * i2
+    return (f, slope * i1, slope * i2,
+            slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
 
 
 class FirstInvariantLaw(ABC):
@@ -51,16 +62,12 @@ class FirstInvariantLaw(ABC):
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         """W and W₁, W₂, W₁₁, W₁₂, W₂₂ at the stretches (arrays of one shape, real or complex)."""
-        excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
-        f, slope, bend = self._energy_or_infinity(excess)
-        bend1, bend2 = bend * i1, bend * i2
-        return (f, slope * i1, slope * i2,
-                slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
+        return of_first_invariant(self._energy_or_infinity, l1, l2)
 
     def _energy_or_infinity(self, excess: Any) -> tuple[Any, Any, Any]:
         defined = np.real(excess) < np.real(self.locking)
         if np.all(defined):
             return self.energy(excess)
         f, slope, bend = self.energy(np.where(defined, excess, 0.0))
-        return np.where(defined, f, inf), np.where(defined, slope, nan), np.where(defined, bend,
-                                                                                  nan)
+        slope, bend = (np.where(defined, value, nan) for value in (slope, bend))
+        return np.where(defined, f, inf), slope, bend

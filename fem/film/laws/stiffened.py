@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from tympan.fem.film.laws.invariants import first_invariant
+from tympan.fem.film.laws.invariants import of_first_invariant
 from tympan.geometry.fields import Key, require
 from tympan.geometry.specimen import LAWS, Material
 from tympan.geometry.toml_reader import Rule
@@ -67,11 +67,7 @@ class Stiffened:
         return self.nominal.derivatives(np.ones(()), np.ones(()))[3] / 8
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        excess, i1, i2, i11, i12, i22 = first_invariant(l1, l2)
-        f, slope, bend = self._energy(excess)
-        bend1, bend2 = bend * i1, bend * i2
-        added = (f, slope * i1, slope * i2,
-                 slope * i11 + bend1 * i1, slope * i12 + bend1 * i2, slope * i22 + bend2 * i2)
+        added = of_first_invariant(self._energy, l1, l2)
         nominal = self.nominal.derivatives(l1, l2)
         return tuple(value + more for value, more in zip(nominal, added, strict=True))
 
