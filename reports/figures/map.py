@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.studies.alpha.map import AlphaMap
-from tympan.studies.alpha.map_readings import Reading
 
 
 def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
@@ -51,14 +50,14 @@ def _formula(axes: Axes, alpha_map: AlphaMap, levels: Any) -> None:
 
 
 def _errors(axes: Axes, alpha_map: AlphaMap) -> None:
-    sets: dict[str, tuple[tuple[Reading, ...], str, str]] = {
-        "fitted": (alpha_map.grid, style.PALETTE[0], "o"),
-        "inside, not fitted": (alpha_map.inside, style.PALETTE[2], "s"),
-        "outside": (alpha_map.outside, style.PALETTE[1], "^")}
-    for name, (readings, colour, marker) in sets.items():
-        aspects = [reading.place.aspect for reading in readings if np.isfinite(reading.alpha)]
-        errors = np.abs(alpha_map.formula.errors(readings)).clip(1e-5)
-        axes.semilogy(aspects, errors, marker, ms=2.5, color=colour, label=name)
+    looks = {"grid": ("fitted", style.PALETTE[0], "o"),
+             "inside": ("inside, not fitted", style.PALETTE[2], "s"),
+             "outside": ("outside", style.PALETTE[1], "^")}
+    for name, (label, colour, marker) in looks.items():
+        aspects = [reading.aspect for reading in getattr(alpha_map, name)
+                   if np.isfinite(reading.alpha)]
+        errors = np.abs(alpha_map.errors(name)).clip(1e-5)
+        axes.semilogy(aspects, errors, marker, ms=2.5, color=colour, label=label)
     axes.axvspan(*alpha_map.formula.aspects, color="0.93", zorder=0)
     axes.set(title="|formula − α₁|", xlabel="aspect ratio r₂/r₁", ylim=(8e-6, 0.1))
     axes.legend(loc="lower right", handletextpad=0.2)

@@ -5,7 +5,6 @@ from tympan.studies.alpha.samples import LoadGrid as LoadGrid
 from tympan.studies.alpha.samples import part_shares as part_shares
 from tympan.studies.alpha.simplex import simplex_fit as simplex_fit
 from tympan.studies.alpha.simplex import weight_ranges as weight_ranges
-from tympan.studies.alpha.uncertainty import Uncertainty as Uncertainty
 from tympan.studies.alpha.uncertainty import uncertainty as uncertainty
 from tympan.studies.alpha.weights import AlphaResult as AlphaResult
 from tympan.studies.alpha.weights import AlphaSettings as AlphaSettings

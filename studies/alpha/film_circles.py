@@ -1,13 +1,9 @@
-"""Circular actuators that stand for a shape.
-
-Which radii, and the force of each at a deflection and a voltage.
-"""
+"""Circular actuators that stand for a shape: their radii, and their forces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +12,6 @@ from scipy.optimize import minimize
 
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.membrane.loading import Loading
-from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
@@ -26,122 +21,92 @@ from tympan.studies.case import Settings, build_model
 from tympan.studies.circles.cone import ConeCircle, radii_of
 
 Array = NDArray[np.float64]
+Radii = tuple[float, ...]
+
+#: Force [N] of circles of some radii at each sample's deflection and voltage, (samples, circles).
+Forces = Callable[[Radii, Samples], Array]
 
 #: Radii among which those of the fit are interpolated, and how far these go beyond the frame's
 #: nearest and farthest.
 _GRID, _BEYOND = 9, 1.1
 
 
-@dataclass(frozen=True)
-class Circles:
-    """The membrane circles a specimen is compared with, on its rig's ``loading``."""
+def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, radii: Radii,
+                    samples: Samples) -> Array:
+    """Force [N] of membrane circles on a rig, shape (samples, circles).
 
-    specimen: Specimen
-    settings: Settings
-    loading: Loading
-
-    def forces(self, radii: tuple[float, ...], samples: Samples) -> Array:
-        """Force [N] of each circle at each sample's deflection and voltage, (samples, circles)."""
-        return np.array([self._forces(radius, samples) for radius in radii]).reshape(len(radii),
-                                                                                     -1).T
-
-    def cones(self, radii: tuple[float, ...], samples: Samples) -> Array:
-        """The same of straight cones (Eq. 5)."""
-        cones = [ConeCircle(self.specimen, radius) for radius in radii]
-        pairs = zip(samples.deflection, samples.voltage, strict=True)
-        forces = np.array([[cone.force(y, u) for cone in cones] for y, u in pairs])
-        return forces.reshape(-1, len(radii))
-
-    def _forces(self, radius: float, samples: Samples) -> list[float]:
-        model, column, start = self._model(radius), [], None
+    They have the specimen's film, electrode and plate, centred.
+    """
+    columns = []
+    for radius in radii:
+        size = f"{radius * 1e3:g} mm"
+        try:
+            circle = replace(specimen, name=f"circle {size}", frame=Circle(radius),
+                             plate=Plate(specimen.plate.outline))
+        except InputError as error:
+            raise InputError(f"has no circle of radius {size} to compare with: {error.allowed}",
+                             key="alpha", given=specimen.name) from None
+        model, column, start = build_model(circle, settings, loading), [], None
         for deflection, voltage in zip(samples.deflection, samples.voltage, strict=True):
-            outcome = held(model, deflection, voltage, start, self.settings.path)
+            outcome = held(model, deflection, voltage, start, settings.path)
             start = outcome.solution if outcome.solution.converged else None
             if outcome.status != "equilibrium":
                 raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its "
-                                 "deflection",
-                                 key="alpha", given=self.specimen.name)
+                                 "deflection", key="alpha", given=specimen.name)
             # The film's alone, as the samples have it: no spring.
             column.append(model.reaction(outcome.state))
-        return column
-
-    def _model(self, radius: float) -> Model:
-        """The circular specimen of a radius with the same film, electrode and plate, centred."""
-        try:
-            circle = replace(self.specimen, name=f"circle {radius * 1e3:g} mm",
-                             frame=Circle(radius),
-                             plate=Plate(self.specimen.plate.outline))
-        except InputError as error:
-            raise InputError(f"has no circle of radius {radius * 1e3:g} mm to compare with: "
-                             f"{error.allowed}",
-                             key="alpha", given=self.specimen.name) from None
-        return build_model(circle, self.settings, self.loading)
+        columns.append(column)
+    return np.array(columns).reshape(len(radii), -1).T
 
 
-Chooser = Callable[[Circles, Samples, int], tuple[float, ...]]
+def cone_forces(specimen: Specimen, radii: Radii, samples: Samples) -> Array:
+    """Force [N] of straight cones (Eq. 5), shape (samples, circles)."""
+    cones = [ConeCircle(specimen, radius) for radius in radii]
+    pairs = zip(samples.deflection, samples.voltage, strict=True)
+    forces = np.array([[cone.force(y, u) for cone in cones] for y, u in pairs])
+    return forces.reshape(-1, len(radii))
 
 
-def _semi_axes(circles: Circles, _: Samples, count: int) -> tuple[float, ...]:
-    radii = radii_of(circles.specimen.frame)
+def _semi_axes(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    radii = radii_of(specimen.frame)
     if len(radii) == 1:
         return radii
     return (float(np.sqrt(np.prod(radii))),) if count == 1 else _spread(radii[0], radii[-1], count)
 
 
-def _sectors(circles: Circles, _: Samples, count: int) -> tuple[float, ...]:
-    logarithm = np.log(frame_distances(circles.specimen))
-    parts = parts_of(circles.specimen, count)
+def _sectors(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    logarithm, parts = np.log(frame_distances(specimen)), parts_of(specimen, count)
     return tuple(float(np.exp(logarithm[parts == part].mean())) for part in range(count))
 
 
-def _fit(circles: Circles, samples: Samples, count: int) -> tuple[float, ...]:
-    family = _Family.of(circles, samples)
+def _fit(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    distance = frame_distances(specimen)
+    low = max(distance.min() / _BEYOND, 1.05 * max(specimen.plate.outline.semi_axes))
+    radii = _spread(low, max(distance.max() * _BEYOND, 1.2 * low), _GRID)
+    logarithms = np.log(radii)
+    spline = CubicSpline(logarithms, np.log(forces(radii, samples)), axis=1)
 
     def misfit(logarithms: Array) -> float:
-        forces = family.forces(logarithms)
-        residual = forces @ simplex_fit(forces, samples.force) - samples.force
-        apart = float(np.diff(np.sort(logarithms)).min(initial=np.inf))
+        force = np.asarray(np.exp(spline(logarithms)))
+        residual = force @ simplex_fit(force, samples.force) - samples.force
+        apart = np.diff(np.sort(logarithms)).min(initial=np.inf)
         error = float(np.linalg.norm(residual) / np.linalg.norm(samples.force))
-        return error + max(0.0, 0.02 - apart)
+        return error + max(0.0, 0.02 - float(apart))
 
-    start = np.log(_sectors(circles, samples, count))
-    low, high = family.logarithms[[0, -1]]
-    found = minimize(misfit, np.clip(start, low, high), method="Nelder-Mead",
-                     bounds=[(low, high)] * count,
-                     options={"xatol": 1e-5, "fatol": 1e-9})
-    return tuple(float(radius) for radius in np.sort(np.exp(found.x)))
+    start = np.log(_sectors(specimen, count, forces, samples))
+    ends = logarithms[[0, -1]]
+    best = minimize(misfit, np.clip(start, *ends), method="Nelder-Mead", bounds=[ends] * count,
+                    options={"xatol": 1e-5, "fatol": 1e-9})
+    return tuple(float(radius) for radius in np.sort(np.exp(best.x)))
 
 
 #: Ways to choose the circles' radii, shortest first: the frame's half extents along x and y and a
 #: geometric series between them; parts of the directions around the plate, by the distance of the
 #: frame, each with the geometric mean of its distances (a film's force goes with 1/ln(R/r)); or
 #: those with which the forces fit best.
-RADII: dict[str, Chooser] = {"semi_axes": _semi_axes, "sectors": _sectors, "fit": _fit}
+RADII: dict[str, Callable[[Specimen, int, Forces, Samples], Radii]] = {
+    "semi_axes": _semi_axes, "sectors": _sectors, "fit": _fit}
 
 
-@dataclass(frozen=True, eq=False)
-class _Family:
-    """Forces of circles of any radius in a range: a spline through some, in logarithms."""
-
-    logarithms: Array
-    values: Array
-
-    @classmethod
-    def of(cls, circles: Circles, samples: Samples) -> _Family:
-        distance = frame_distances(circles.specimen)
-        low, high = distance.min() / _BEYOND, distance.max() * _BEYOND
-        low = max(low, 1.05 * max(circles.specimen.plate.outline.semi_axes))
-        radii = _spread(low, max(high, 1.2 * low), _GRID)
-        return cls(np.log(radii), circles.forces(radii, samples))
-
-    @cached_property
-    def _spline(self) -> CubicSpline:
-        return CubicSpline(self.logarithms, np.log(self.values), axis=1)
-
-    def forces(self, logarithms: Array) -> Array:
-        """Shape (samples, circles)."""
-        return np.asarray(np.exp(self._spline(logarithms)))
-
-
-def _spread(low: float, high: float, count: int) -> tuple[float, ...]:
+def _spread(low: float, high: float, count: int) -> Radii:
     return (low, *(float(radius) for radius in np.geomspace(low, high, count)[1:-1]), high)

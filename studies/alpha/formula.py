@@ -1,16 +1,13 @@
-"""A formula for α₁ of ellipses, found from a map and tested on places that were not used."""
+"""A formula for α₁ of ellipses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-
-from tympan.studies.alpha.map_readings import Reading
 
 Array = NDArray[Any]
 
@@ -49,42 +46,27 @@ class Formula:
         same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
         return np.asarray((same - long) / (short - long))
 
-    def errors(self, readings: Sequence[Reading]) -> Array:
-        """Formula less reading, where there is one."""
-        aspect, ratio, weight = _columns(readings)
-        return self(aspect, ratio) - weight
-
     def holds(self, aspect: float, ratio: float) -> bool:
-        """Whether a place is in the range of the readings it was found from."""
+        """Whether a place is in the range of what it was fitted to."""
         return (self.aspects[0] <= aspect <= self.aspects[1]
                 and self.ratios[0] <= ratio <= self.ratios[1])
 
     def words(self) -> str:
         """The formula with its numbers, to be copied."""
         first, *others = self.constants
-        first_text, (c1, c2, c3) = f"{first:.4f}", (f"{constant:+.4f}" for constant in others)
-        return (f"p = {first_text} {c1} ln A {c2} ln² A {c3} q³ ln A;  "
+        c1, c2, c3 = (f"{constant:+.4f}" for constant in others)
+        return (f"p = {first:.4f} {c1} ln A {c2} ln² A {c3} q³ ln A;  "
                 "s = 1 + (4/π − 1)(1 − A^−p);  "
                 "α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q));  A = r₂/r₁, q = r/r₁")
 
 
-def fit_formula(readings: Sequence[Reading]) -> Formula:
-    """The formula that fits readings best in the mean square of α₁.
+def fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
+    """The formula nearest to α₁ in the mean square, its constants rounded to the places it prints.
 
-    Its constants are rounded to the four places it prints.
+    ``aspect``, ``ratio`` and α₁, ``weight``, have shape (readings,).
     """
-    aspect, ratio, weight = _columns(readings)
     aspects, ratios = ((float(item.min()), float(item.max())) for item in (aspect, ratio))
-
-    def off(constants: Array) -> Array:
-        return Formula(tuple(constants), aspects, ratios)(aspect, ratio) - weight
-
-    fit = least_squares(off, np.array([2.0, 0.0, 0.0, 0.0]), xtol=1e-14, ftol=1e-14)
+    fit = least_squares(
+        lambda constants: Formula(tuple(constants), aspects, ratios)(aspect, ratio) - weight,
+        np.array([2.0, 0.0, 0.0, 0.0]), xtol=1e-14, ftol=1e-14)
     return Formula(tuple(round(float(constant), 4) for constant in fit.x), aspects, ratios)
-
-
-def _columns(readings: Sequence[Reading]) -> tuple[Array, Array, Array]:
-    rows = [(reading.place.aspect, reading.place.ratio, reading.alpha) for reading in readings
-            if np.isfinite(reading.alpha)]
-    aspect, ratio, weight = np.array(rows).T
-    return aspect, ratio, weight

@@ -1,7 +1,4 @@
-"""Equilibria of a shape as α is fitted to them.
-
-Force, deflection, voltage, and where around the plate the force is.
-"""
+"""Equilibria α is fitted to: force, deflection, voltage, and where around the plate force is."""
 
 from __future__ import annotations
 
@@ -48,10 +45,7 @@ class Samples:
 
 def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int,
                warnings: list[str]) -> Samples:
-    """Equilibria of a model under every load that has one.
-
-    Those left out are told in ``warnings``.
-    """
+    """Equilibria of a model under every load that has one; ``warnings`` gets the others."""
     part_of = parts_of(model.specimen, parts)
     rows: list[tuple[float, float, float]] = []
     shares: list[Array] = []
@@ -78,13 +72,12 @@ def frame_distances(specimen: Specimen) -> Array:
     angle = np.arctan2(y, x) % (2 * np.pi)
     order = np.argsort(angle)
     distance = np.hypot(x, y)[order]
-    return np.asarray(np.interp(_directions(), angle[order], distance, period=2 * np.pi))
+    directions = 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    return np.asarray(np.interp(directions, angle[order], distance, period=2 * np.pi))
 
 
 def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
-    """The part each direction belongs to, 0 where the frame is nearest.
-
-    ``count`` parts of equal angle in all.
+    """The part of ``count`` of equal angle each direction belongs to, 0 where the frame is nearest.
 
     An ellipse's two parts are the sectors within 45° of its short and of its long axis.
     """
@@ -121,7 +114,3 @@ def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array
     ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
                      np.concatenate([cumulative - total, cumulative, cumulative + total]))
     return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
-
-
-def _directions() -> Array:
-    return 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS

@@ -33,8 +33,8 @@ def simplex_fit(forces: Array, target: Array) -> Array:
             weights = np.zeros(count)
             base = forces[:, chosen[0]]
             rest = forces[:, chosen[1:]] - base[:, None]
-            others = np.linalg.lstsq(rest, target - base,
-                                     rcond=None)[0] if size > 1 else np.zeros(0)
+            others = (np.linalg.lstsq(rest, target - base, rcond=None)[0] if size > 1
+                      else np.zeros(0))
             weights[chosen[1:]] = others
             weights[chosen[0]] = 1 - others.sum()
             misfit = float(np.linalg.norm(forces @ weights - target))
@@ -70,9 +70,7 @@ def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[flo
 
 
 def condition(forces: Array) -> float:
-    """Largest over smallest singular value of what distinguishes the circles.
-
-    Their relative differences in force.
+    """Largest over smallest singular value of the circles' relative differences in force.
 
     1 for one circle or two.
     """

@@ -16,7 +16,7 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
 from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
-from tympan.studies.files import from_json, read_json, write_csv, write_json
+from tympan.studies.files import from_json, read_json, to_json, write_csv, write_json
 from tympan.studies.paper.actuators import paper_film
 
 #: The columns of outlines-frames.csv: points of each frame's outline.
@@ -26,9 +26,7 @@ FRAMES: tuple[Column, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class OutlineRow:
-    """A frame's outline with its α.
-
-    Two membrane circles of its sectors, and the one that fits best.
+    """A frame's outline with α of two membrane circles of its sectors, and the one that fits best.
 
     A round frame has one circle, and None for the second. ``frame`` are points of its outline [m],
     shape (2, n).
@@ -49,28 +47,8 @@ class OutlineRow:
     one_circle_mm: float
     one_circle_held_out_error: float | None
     warnings: str
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.empty((2, 0)), repr=False)
-
-    @classmethod
-    def of(cls, outline: Outline, two: AlphaResult, one: AlphaResult) -> OutlineRow:
-        """From α of two circles and of one."""
-        (a, b), weights = outline.semi_axes, two.by_basis["membrane"]
-        (first, second), (alpha_1, alpha_2) = ([*values, None][:2]
-                                               for values in (two.circles, weights.alpha))
-        assert first is not None
-        assert alpha_1 is not None
-        single = one.by_basis["membrane"]
-        return cls(
-            outline.shape, a * 1e3, b * 1e3, float(np.real(area(outline))) * 1e4, first * 1e3,
-            None if second is None else second * 1e3, alpha_1, alpha_2, weights.fit_error,
-            weights.held_out_error, two.from_fields.alpha[0], two.from_fields.held_out_error,
-            one.circles[0] * 1e3, single.held_out_error,
-            "; ".join(text for text in two.warnings if "cones" not in text),
-            outline.points(720))
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object, without the outline's points."""
-        return {name: getattr(self, name) for name in HEADER}
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.empty((2, 0)), repr=False,
+                                       compare=False)
 
 
 #: The table's columns.
@@ -84,17 +62,18 @@ class OutlineTable:
     rows: tuple[OutlineRow, ...]
 
     def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {"outlines": [row.json() for row in self.rows]}
+        """As a JSON object, without the outlines' points."""
+        return {"outlines": to_json(self.rows)}
 
     def save(self, folder: Path) -> None:
         """Write ``outlines.csv``, ``outlines-frames.csv`` and ``outlines.json``."""
-        write_csv(folder / "outlines.csv", HEADER, (row.json().values() for row in self.rows))
+        records = to_json(self.rows)
+        write_csv(folder / "outlines.csv", HEADER, (record.values() for record in records))
         x, y = np.concatenate([row.frame for row in self.rows], axis=1)
         shapes = np.repeat([row.shape for row in self.rows],
                            [row.frame.shape[1] for row in self.rows])
         write_sheet(folder / "outlines-frames.csv", FRAMES, {"shape": shapes, "x": x, "y": y})
-        write_json(folder / "outlines.json", [row.json() for row in self.rows])
+        write_json(folder / "outlines.json", records)
 
     @classmethod
     def load(cls, folder: Path) -> OutlineTable:
@@ -106,12 +85,8 @@ class OutlineTable:
             When a file is missing or damaged, or is of a version that did not keep the outlines.
         """
         file, frames = folder / "outlines.json", folder / "outlines-frames.csv"
-        listed = from_json(tuple[dict[str, Any], ...], read_json(file), file)
-        points = read_own_sheet(frames, FRAMES)
-        rows = []
-        for number, record in enumerate(listed):
-            given = {name: value for name, value in record.items() if name != "frame"}
-            row = from_json(OutlineRow, given, file, f"[{number}]")
+        points, rows = read_own_sheet(frames, FRAMES), []
+        for row in from_json(tuple[OutlineRow, ...], read_json(file), file):
             chosen = points["shape"] == row.shape
             if not chosen.any():
                 raise InputError(f"has no points of {row.shape}: run tympan outlines again",
@@ -134,5 +109,19 @@ def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),
         specimen = specimen_in(outline)
         two, one = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
                     for count, radii in ((2, "sectors"), (1, "fit")))
-        rows.append(OutlineRow.of(outline, two, one))
+        rows.append(_row(outline, two, one))
     return OutlineTable(tuple(rows))
+
+
+def _row(outline: Outline, two: AlphaResult, one: AlphaResult) -> OutlineRow:
+    """From α of two circles and of one."""
+    (a, b), weights = outline.semi_axes, two.by_basis["membrane"]
+    round_frame = len(two.circles) == 1
+    return OutlineRow(
+        outline.shape, a * 1e3, b * 1e3, float(np.real(area(outline))) * 1e4,
+        two.circles[0] * 1e3, None if round_frame else two.circles[1] * 1e3,
+        weights.alpha[0], None if round_frame else weights.alpha[1],
+        weights.fit_error, weights.held_out_error,
+        two.from_fields.alpha[0], two.from_fields.held_out_error,
+        one.circles[0] * 1e3, one.by_basis["membrane"].held_out_error,
+        "; ".join(text for text in two.warnings if "cones" not in text), outline.points(720))

@@ -1,12 +1,9 @@
-"""How far α changes with what a user may choose otherwise.
-
-The mesh, the material, the range of loads.
-"""
+"""How far α changes with the mesh, the material and the range of loads."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable
+from dataclasses import replace
 
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
@@ -21,63 +18,41 @@ Ranges = tuple[tuple[float, float], ...]
 _FINER = 1.5
 
 
-@dataclass(frozen=True)
-class Uncertainty:
-    """Smallest and largest of each weight of the same membrane circles, by what was changed.
+def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
+                nominal: AlphaResult, progress: Progress = lambda _: None
+                ) -> dict[str, Ranges | None]:
+    """Smallest and largest of each weight of ``nominal``'s membrane circles, by what was changed.
 
     ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place.
     ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
-    nothing could be changed.
+    nothing could be changed; a change without an equilibrium to fit is left out.
     """
-
-    mesh: Ranges | None
-    material: Ranges | None
-    loads: Ranges | None
-
-    def json(self) -> dict[str, list[list[float]] | None]:
-        """As a JSON object."""
-        return {item.name: None if (ranges := getattr(self, item.name)) is None
-                else [list(pair) for pair in ranges]
-                for item in fields(self)}
-
-
-def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
-                nominal: AlphaResult,
-                progress: Progress = lambda _: None) -> Uncertainty:
-    """Of the weights of a shape that ``nominal`` has.
-
-    A change without an equilibrium to fit is left out.
-    """
-
-    def ranges(changes: Iterator[tuple[str, Specimen, Settings, AlphaSettings]]) -> Ranges | None:
-        found = []
-        for name, changed, finer, loads in changes:
+    film, fit = specimen.membrane, alpha_settings.fit
+    half, voltages = len(fit.voltages) // 2, tuple(sorted(fit.voltages))
+    grids = {f"{mass * 1e3:g} g alone": LoadGrid((mass,), fit.voltages)
+             for mass in fit.masses if len(fit.masses) > 1}
+    if half:
+        grids |= {"lower voltages": LoadGrid(fit.masses, voltages[:half]),
+                  "higher voltages": LoadGrid(fit.masses, voltages[half:])}
+    finer = replace(settings, mesh=settings.mesh.refined(_FINER))
+    changes: dict[str, Iterable[tuple[str, Specimen, Settings, AlphaSettings]]] = {
+        "mesh": [("a finer mesh", specimen, finer, alpha_settings)],
+        "material": [(name, replace(specimen, membrane=replace(film, material=entry.material)),
+                      settings, alpha_settings)
+                     for name, entry in MATERIALS.items() if entry.material != film.material],
+        "loads": [(name, specimen, settings, replace(alpha_settings, fit=grid))
+                  for name, grid in grids.items()]}
+    ranges: dict[str, Ranges | None] = {}
+    for kind, cases in changes.items():
+        weights = [nominal.by_basis["membrane"].alpha]
+        for name, changed, mesh, loads in cases:
             progress(f"{specimen.name}: α with {name}")
             try:
-                found.append(alpha(changed, finer, loads, rig,
-                                   radii=nominal.circles).by_basis["membrane"].alpha)
+                result = alpha(changed, mesh, loads, rig, radii=nominal.circles)
             except InputError:
                 continue
-        columns = zip(nominal.by_basis["membrane"].alpha, *found, strict=True)
-        return tuple((min(column), max(column)) for column in columns) if found else None
-
-    finer = replace(settings, mesh=settings.mesh.refined(_FINER))
-    film = specimen.membrane
-    others = ((name, replace(specimen, membrane=replace(film, material=entry.material)), settings,
-               alpha_settings)
-              for name, entry in MATERIALS.items() if entry.material != film.material)
-    return Uncertainty(ranges(iter([("a finer mesh", specimen, finer, alpha_settings)])),
-                       ranges(others),
-                       ranges(((name, specimen, settings, replace(alpha_settings, fit=grid))
-                               for name, grid in _parts(alpha_settings.fit))))
-
-
-def _parts(loads: LoadGrid) -> Iterator[tuple[str, LoadGrid]]:
-    if len(loads.masses) > 1:
-        yield from ((f"{mass * 1e3:g} g alone", LoadGrid((mass,), loads.voltages))
-                    for mass in loads.masses)
-    if len(loads.voltages) > 1:
-        half = len(loads.voltages) // 2
-        voltages = tuple(sorted(loads.voltages))
-        yield "lower voltages", LoadGrid(loads.masses, voltages[:half])
-        yield "higher voltages", LoadGrid(loads.masses, voltages[half:])
+            weights.append(result.by_basis["membrane"].alpha)
+        columns = zip(*weights, strict=True)
+        ranges[kind] = (tuple((min(column), max(column)) for column in columns)
+                        if len(weights) > 1 else None)
+    return ranges

@@ -1,12 +1,10 @@
-"""Weights α of a shape.
-
-Fitted on membrane circles and on cones, and read off its fields, each with its errors.
-"""
+"""Weights α of a shape, fitted on membrane circles and cones or read off its fields; errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,12 +15,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Specimen
-from tympan.studies.alpha.film_circles import RADII, Circles
+from tympan.studies.alpha.film_circles import RADII, cone_forces, membrane_forces
 from tympan.studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
 from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from tympan.studies.case import Settings, build_model
 from tympan.studies.circles.cone import radii_of
-from tympan.studies.files import from_json, read_json, stored_file, write_json
+from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
 
 Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
@@ -101,31 +99,18 @@ class AlphaResult:
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
         """The object of ``alpha --json`` for one basis."""
-        weights = self.by_basis[basis]
+        plain = to_json(self)
+        weights = plain["by_basis"][basis]
         return {
-            "specimen": self.specimen,
-            "circles": list(self.circles),
-            "alpha": list(weights.alpha),
-            "basis": basis,
-            "fit_error": weights.fit_error,
-            "held_out_error": weights.held_out_error,
-            "from_fields": {
-                "alpha": list(self.from_fields.alpha),
-                "fit_error": self.from_fields.fit_error,
-                "held_out_error": self.from_fields.held_out_error,
-                "range": [list(pair) for pair in self.field_range],
-            },
-            "cone_scale": self.cone_scale,
-            "radii": self.radii,
-            "ranges": [list(pair) for pair in self.ranges],
-            "condition": self.condition,
-            "warnings": list(self.warnings),
-        }
+            "specimen": self.specimen, "circles": plain["circles"],
+            "alpha": weights["alpha"], "basis": basis, **weights,
+            "from_fields": {**plain["from_fields"], "range": plain["field_range"]},
+            **{name: plain[name]
+               for name in ("cone_scale", "radii", "ranges", "condition", "warnings")}}
 
     def record(self) -> dict[str, Any]:
         """All bases, as stored."""
-        return self.json() | {"bases": {name: asdict(weights)
-                                        for name, weights in self.by_basis.items()}}
+        return self.json() | {"bases": to_json(self.by_basis)}
 
     @classmethod
     def of_record(cls, record: Any, file: Path | str | None = None, key: str = "") -> AlphaResult:
@@ -136,12 +121,13 @@ class AlphaResult:
         InputError
             Naming the key that is missing or wrong.
         """
-        stored = from_json(_Record, record, file, key)
-        fields = stored.from_fields
-        shares = Weights(fields.alpha, fields.fit_error, fields.held_out_error)
-        result = cls(stored.specimen, stored.circles, stored.bases, stored.cone_scale, shares,
-                     fields.range, stored.warnings, stored.radii, stored.ranges, stored.condition)
-        for weights in (*result.by_basis.values(), shares):
+        stored = from_json(dict[str, Any], record, file, key)
+        ranges = from_json(dict[str, Any], stored.get("from_fields"), file,
+                           f"{key}.from_fields").get("range")
+        bases = from_json(dict[Basis, Weights], stored.get("bases"), file, f"{key}.bases")
+        result = from_json(cls, {**stored, "by_basis": to_json(bases), "field_range": ranges},
+                           file, key)
+        for weights in (*result.by_basis.values(), result.from_fields):
             if len(weights.alpha) != len(result.circles):
                 raise InputError(f"must have as many α as circles, {len(result.circles)}",
                                  file=file, key=key or None, given=list(weights.alpha))
@@ -156,29 +142,6 @@ class AlphaResult:
         """What was saved, of the specimen of a ``name`` or of the only one."""
         file = stored_file(folder, "*-alpha.json", name, "tympan alpha")
         return cls.of_record(read_json(file), file)
-
-
-@dataclass(frozen=True)
-class _FieldRecord:
-    alpha: tuple[float, ...]
-    fit_error: float
-    held_out_error: float | None
-    range: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class _Record:
-    """An :class:`AlphaResult` as it is stored."""
-
-    specimen: str
-    circles: tuple[float, ...]
-    bases: dict[Basis, Weights]
-    cone_scale: float
-    from_fields: _FieldRecord
-    warnings: tuple[str, ...]
-    radii: str = "semi_axes"
-    ranges: tuple[tuple[float, float], ...] = ()
-    condition: float = 1.0
 
 
 def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings = AlphaSettings(),
@@ -208,8 +171,8 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
         When no load of the fit has an equilibrium.
     """
     model = build_model(specimen, settings, rig.loading)
-    count, how = _circles(specimen, alpha_settings) if radii is None else (len(radii),
-                                                                           alpha_settings.radii)
+    count, how = (_circles(specimen, alpha_settings) if radii is None
+                  else (len(radii), alpha_settings.radii))
     warnings: list[str] = []
     progress(f"{specimen.name}: equilibria")
     fit = equilibria(model, alpha_settings.fit, rig, settings, count, warnings)
@@ -218,23 +181,22 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
         raise InputError("has no equilibrium at any load of the fit", key="alpha",
                          given=specimen.name)
     progress(f"{specimen.name}: circles")
-    circles = Circles(specimen, settings, rig.loading)
-    radii = RADII[how](circles, fit, count) if radii is None else radii
-    membrane = [circles.forces(radii, samples) for samples in (fit, test)]
-    cone = [circles.cones(radii, samples) for samples in (fit, test)]
+    forces = partial(membrane_forces, specimen, settings, rig.loading)
+    radii = RADII[how](specimen, count, forces, fit) if radii is None else radii
+    membrane = [forces(radii, samples) for samples in (fit, test)]
+    cone = [cone_forces(specimen, radii, samples) for samples in (fit, test)]
     scale = float(membrane[0][:, 0] @ cone[0][:, 0] / (cone[0][:, 0] @ cone[0][:, 0]))
     bases: dict[Basis, list[Array]] = {
-        "membrane": membrane, "cone": cone, "cone_scaled": [scale * forces for forces in cone]}
-    by_basis = {name: _weigh(simplex_fit(forces[0], fit.force), forces, fit, test)
-                for name, forces in bases.items()}
+        "membrane": membrane, "cone": cone, "cone_scaled": [scale * part for part in cone]}
+    by_basis = {name: _weigh(simplex_fit(parts[0], fit.force), parts, fit, test)
+                for name, parts in bases.items()}
     shares = fit.shares.mean(axis=0)
     spread = tuple((float(low), float(high))
                    for low, high in zip(fit.shares.min(0), fit.shares.max(0), strict=True))
     best = np.abs(membrane[0] @ by_basis["membrane"].alpha / fit.force - 1).max()
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
-                         spread,
-                         tuple(warnings), how, ranges, condition(membrane[0]))
+                         spread, tuple(warnings), how, ranges, condition(membrane[0]))
     return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings)))
 
 
@@ -242,24 +204,17 @@ def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:
     """How many circles, and how their radii are chosen."""
     if concentric(specimen):
         return 1, "semi_axes"
-    if chosen.radii == "semi_axes" and len(radii_of(specimen.frame)) == 1:
-        return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles,
-                                                                            "sectors")
-    return chosen.circles, chosen.radii
+    if chosen.radii != "semi_axes" or len(radii_of(specimen.frame)) > 1:
+        return chosen.circles, chosen.radii
+    return (1, "semi_axes") if isinstance(specimen.frame, Circle) else (chosen.circles, "sectors")
 
 
 def _weigh(weights: Array, forces: Iterable[Array], fit: Samples, test: Samples) -> Weights:
-    errors = [_error(part @ weights, samples.force) for part, samples in zip(forces, (fit, test),
-                                                                             strict=True)]
-    fit_error = errors[0]
+    fit_error, test_error = (
+        float(np.linalg.norm(part @ weights - samples.force) / np.linalg.norm(samples.force))
+        if len(samples) else None for part, samples in zip(forces, (fit, test), strict=True))
     assert fit_error is not None
-    return Weights(tuple(float(weight) for weight in weights), fit_error, errors[1])
-
-
-def _error(modelled: Array, actual: Array) -> float | None:
-    if not len(actual):
-        return None
-    return float(np.linalg.norm(modelled - actual) / np.linalg.norm(actual))
+    return Weights(tuple(float(weight) for weight in weights), fit_error, test_error)
 
 
 def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> list[str]:
@@ -268,36 +223,29 @@ def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> l
     if len(radii) == 1 and isinstance(specimen.plate.outline, Circle) and concentric(specimen):
         return ["the semi-axes are equal: the shape is one circle and α is 1"]
     doubts = []
+    error = f"{100 * membrane.fit_error:.1f} %"
     if len(radii) == 1 and isinstance(specimen.frame, Circle):
         doubts.append("the frame is one circle and α is 1, but the plate is not a circle in its "
-                      "middle: the force is "
-                      f"{100 * membrane.fit_error:.1f} % off")
+                      f"middle: the force is {error} off")
     elif membrane.fit_error > REPRESENTED:
         sizes = ", ".join(f"{radius * 1e3:.4g}" for radius in radii)
         doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best "
-                      "leaves a force error of "
-                      f"{100 * membrane.fit_error:.1f} %"
+                      f"leaves a force error of {error}"
                       + ("" if result.radii == "fit" else "; radii by fit may"))
     if result.radii != chosen.radii and len(radii) > 1:
         doubts.append("the semi-axes are equal but the frame is no circle: the circles' radii are "
                       "those of sectors")
-    doubts += _loose(result, chosen)
+    wide = [str(number) for number, (low, high) in enumerate(result.ranges, start=1)
+            if high - low > 0.2]
+    if wide:
+        doubts.append(f"these loads do not determine α{', α'.join(wide)}: over ranges of more than "
+                      f"0.2 the force stays within {100 * chosen.tolerance:g} % of the best "
+                      "mixture's")
     names: dict[Basis, str] = {"cone": "cones as in Eq. (5)",
                                "cone_scaled": "cones scaled to the membrane"}
     for basis, words in names.items():
         weights = result.by_basis[basis]
         if len(radii) > 1 and min(weights.alpha) == 0 and weights.fit_error > 0.02:
             doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force "
-                          "error of "
-                          f"{100 * weights.fit_error:.0f} %")
+                          f"error of {100 * weights.fit_error:.0f} %")
     return doubts
-
-
-def _loose(result: AlphaResult, chosen: AlphaSettings) -> list[str]:
-    """Weights these loads do not determine."""
-    wide = [number for number, (low, high) in enumerate(result.ranges, start=1) if high - low > 0.2]
-    if not wide:
-        return []
-    return [f"these loads do not determine α{', α'.join(map(str, wide))}: over ranges of more "
-            "than 0.2 the force stays "
-            f"within {100 * chosen.tolerance:g} % of the best mixture's"]

@@ -13,8 +13,7 @@ from tympan.cli import main
 from tympan.reports.figures.map import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid
-from tympan.studies.alpha.map import AlphaMap, alpha_map
-from tympan.studies.alpha.map_readings import MapSettings
+from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
 
 SPECIMEN = """
 name = "oval"

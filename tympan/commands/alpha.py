@@ -34,6 +34,7 @@ def run(options: argparse.Namespace) -> None:
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
+    from tympan.studies.files import to_json
 
     try:
         chosen = AlphaSettings(circles=options.circles, radii=options.radii)
@@ -45,6 +46,6 @@ def run(options: argparse.Namespace) -> None:
         result = alpha(specimen, settings, chosen, rig, progress)
         answer = result.json(options.basis)
         if options.uncertainty:
-            spread = uncertainty(specimen, settings, chosen, rig, result, progress)
-            answer["uncertainty"] = spread.json()
+            answer["uncertainty"] = to_json(uncertainty(specimen, settings, chosen, rig, result,
+                                                        progress))
     show(answer, options.json)

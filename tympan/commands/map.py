@@ -13,8 +13,7 @@ from tympan.options import JSON, WORKERS, command, finish, output, show
 def run(options: argparse.Namespace) -> None:
     """α and stroke of ellipses by aspect ratio and plate size; a formula for α."""
     from tympan.progress import bar
-    from tympan.studies.alpha.map import alpha_map
-    from tympan.studies.alpha.map_readings import MapSettings
+    from tympan.studies.alpha.map import MapSettings, alpha_map
 
     if options.workers < 1:
         raise InputError("must be at least 1", key="--workers", given=options.workers)
