@@ -107,21 +107,21 @@ def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),
     for outline in examples().values():
         progress(outline.shape)
         specimen = specimen_in(outline)
-        two, one = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
+        pair, single = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
                     for count, radii in ((2, "sectors"), (1, "fit")))
-        rows.append(_row(outline, two, one))
+        rows.append(_row(outline, pair, single))
     return OutlineTable(tuple(rows))
 
 
-def _row(outline: Outline, two: AlphaResult, one: AlphaResult) -> OutlineRow:
+def _row(outline: Outline, pair: AlphaResult, single: AlphaResult) -> OutlineRow:
     """From α of two circles and of one."""
-    (a, b), weights = outline.semi_axes, two.by_basis["membrane"]
-    round_frame = len(two.circles) == 1
+    (a, b), weights = outline.semi_axes, pair.by_basis["membrane"]
+    round_frame = len(pair.circles) == 1
     return OutlineRow(
         outline.shape, a * 1e3, b * 1e3, float(np.real(area(outline))) * 1e4,
-        two.circles[0] * 1e3, None if round_frame else two.circles[1] * 1e3,
+        pair.circles[0] * 1e3, None if round_frame else pair.circles[1] * 1e3,
         weights.alpha[0], None if round_frame else weights.alpha[1],
         weights.fit_error, weights.held_out_error,
-        two.from_fields.alpha[0], two.from_fields.held_out_error,
-        one.circles[0] * 1e3, one.by_basis["membrane"].held_out_error,
-        "; ".join(text for text in two.warnings if "cones" not in text), outline.points(720))
+        pair.from_fields.alpha[0], pair.from_fields.held_out_error,
+        single.circles[0] * 1e3, single.by_basis["membrane"].held_out_error,
+        "; ".join(text for text in pair.warnings if "cones" not in text), outline.points(720))

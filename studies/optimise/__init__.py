@@ -1,4 +1,1 @@
-"""Shape optimisation.
-
-The largest stroke at a voltage that limits on stress, field, pull-in and gap leave.
-"""
+"""Shape optimisation: the largest stroke that stress, field, pull-in and gap leave."""

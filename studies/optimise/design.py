@@ -64,26 +64,11 @@ class DesignEvaluator:
 
     def fresh(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on a mesh of its own, which becomes the one to move."""
-        try:
-            specimen = self.problem.design(values)
-            model = build_model(specimen, self.settings, self.problem.rig.loading)
-        except InputError as error:
-            return Design(values, reason=str(error)), None
-        return self._evaluated(values, specimen, model, renew=True)
+        return self._evaluated(values, renew=True)
 
     def moved(self, values: Array) -> tuple[Design, Linearisation | None]:
         """A design on the kept mesh, moved: designs compare without the noise of new meshes."""
-        model = self.model
-        assert model is not None
-        try:
-            specimen = self.problem.design(values)
-        except InputError as error:
-            return Design(values, reason=str(error)), None
-        motion = velocities(model.discretisation, model.specimen).towards(specimen)
-        other, _ = moved_by(model, model.mounted(), specimen, motion)
-        if folded(other.discretisation.mesh):
-            return Design(values, specimen, "the mesh cannot be moved so far"), None
-        return self._evaluated(values, specimen, other, renew=False)
+        return self._evaluated(values, renew=False)
 
     def renewed(self, x: Array) -> Linearisation | None:
         """On a new mesh."""
@@ -111,9 +96,16 @@ class DesignEvaluator:
         return None if local is None else replace(local, slope=local.slope * widths,
                                                   limit_slopes=local.limit_slopes * widths)
 
-    def _evaluated(self, values: Array, specimen: Specimen, model: Model,
-                   renew: bool) -> tuple[Design, Linearisation | None]:
+    def _evaluated(self, values: Array, renew: bool) -> tuple[Design, Linearisation | None]:
         problem, path = self.problem, self.settings.path
+        try:
+            specimen = problem.design(values)
+            model = (build_model(specimen, self.settings, problem.rig.loading) if renew
+                     else self._moved_model(specimen))
+        except InputError as error:
+            return Design(values, reason=str(error)), None
+        if not renew and folded(model.discretisation.mesh):
+            return Design(values, specimen, "the mesh cannot be moved so far"), None
         case = problem.case(specimen)
         parameters = case_parameters(case, model)
         by = {variable.name: parameters[variable.name] for variable in problem.variables}
@@ -131,13 +123,20 @@ class DesignEvaluator:
                            if isinstance(limit, Highest)}
             self.model, self.state = model, charged.state
             state = replace(state, scales=self.scales)
-        pairs = [limit.values(state) for limit in problem.limits]
+        evaluations = [limit.evaluate(state) for limit in problem.limits]
         rest = resting.state.plate.deflection
         stroke = charged.state.plate.deflection - rest
-        limited = {limit.name: limit.measured(state) for limit in problem.limits}
-        owners = tuple(limit.name for limit, (limit_values, _)
-                       in zip(problem.limits, pairs, strict=True) for _ in limit_values)
+        limited = {limit.name: measured for limit, (measured, *_)
+                   in zip(problem.limits, evaluations, strict=True)}
+        owners = tuple(limit.name for limit, (_, c, _)
+                       in zip(problem.limits, evaluations, strict=True) for _ in c)
         return Design(values, specimen, "", stroke, rest, limited, owners), Linearisation(
             stroke, slopes[1] - slopes[0],
-            np.concatenate([np.zeros(0), *(pair[0] for pair in pairs)]),
-            np.concatenate([np.zeros((0, len(by))), *(pair[1] for pair in pairs)]))
+            np.concatenate([np.zeros(0), *(c for _, c, _ in evaluations)]),
+            np.concatenate([np.zeros((0, len(by))), *(slope for *_, slope in evaluations)]))
+
+    def _moved_model(self, specimen: Specimen) -> Model:
+        model = self.model
+        assert model is not None
+        motion = velocities(model.discretisation, model.specimen).towards(specimen)
+        return moved_by(model, model.mounted(), specimen, motion)[0]

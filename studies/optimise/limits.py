@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
@@ -28,6 +28,9 @@ from tympan.studies.sensitivity import case_parameters
 
 Array = NDArray[np.float64]
 
+#: What a limit measures [its unit], c to be ≤ 0, shape (m,), and ∇c (m, parameters).
+Evaluation = tuple[float, Array, Array]
+
 _MARGIN: Rule = (lambda x: 1 <= x <= 10, "must be a margin from 1 to 10")
 #: Power of the norm that stands for a largest value: at 64 it is 2 to 10 % short, at 200 some 2 %.
 _POWER = 200
@@ -47,39 +50,11 @@ class DesignState:
     by: Mapping[str, ModelParameter]
     scales: Mapping[str, float]
     path: PathSettings
-    _pull_ins: dict[float, tuple[float, Array]] = field(default_factory=dict)
 
     @cached_property
     def fields(self) -> Fields:
         """Fields at the nodes of all elements."""
         return node_fields(self.model, self.outcome.state)
-
-    def pull_in(self, ceiling: float) -> tuple[float, Array]:
-        """Voltage of pull-in over the film's voltage and its derivatives.
-
-        Without pull-in, as far as was searched. Where the search was cut short, by a film that
-        wrinkles, the last margin state, which has no derivatives.
-        """
-        if ceiling not in self._pull_ins:
-            self._pull_ins[ceiling] = self._pull_in(ceiling)
-        return self._pull_ins[ceiling]
-
-    def _pull_in(self, ceiling: float) -> tuple[float, Array]:
-        state, film_voltage = self.outcome.state, self.case.film_voltage
-        end = equilibrium(self.model, state.force, ceiling * film_voltage, state.pressure,
-                          self.outcome.solution, self.path)
-        flat = np.zeros(len(self.by))
-        if end.critical is None or end.limited != "voltage":
-            return float(np.sqrt(end.state.voltage_squared)) / film_voltage, flat
-        margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
-        parameters = case_parameters(self.case, self.model, "voltage")
-        try:
-            slopes = limit_gradient(self.model, end.critical, "voltage",
-                                    {name: parameters[name] for name in self.by})
-        except InputError:  # no smooth limit: the film lost its stability otherwise
-            return margin, flat
-        return margin, np.array([slopes[name] for name in self.by]) / (2 * margin
-                                                                       * film_voltage**2)
 
 
 @dataclass(frozen=True)
@@ -97,21 +72,18 @@ class Highest:
     stored: str
     inverse: bool = False
 
-    def measured(self, state: DesignState) -> float:
-        """From the largest nodal value [unit]."""
-        value = self._largest(state)
-        return 1 / value if self.inverse else value
-
     def scale(self, state: DesignState) -> float:
         """The largest nodal value over the norm."""
         return self._largest(state) / self._norm(state)
 
-    def values(self, state: DesignState) -> tuple[Array, Array]:
-        """c, the stand-in over the highest allowed minus one, shape (1,), ∇c (1, names)."""
+    def evaluate(self, state: DesignState) -> Evaluation:
+        """From the largest nodal value; c is the stand-in over the highest allowed, minus one."""
+        highest = self._largest(state)
         share = state.scales[self.name] * (self.bound if self.inverse else 1 / self.bound)
         norm = {"": largest(self.field, _POWER)}
         slopes = gradient_many(state.model, state.outcome, norm, state.by)[""]
-        return (np.array([share * self._norm(state) - 1]),
+        return (1 / highest if self.inverse else highest,
+                np.array([share * self._norm(state) - 1]),
                 share * np.array([[slopes[name] for name in state.by]]))
 
     def _largest(self, state: DesignState) -> float:
@@ -130,14 +102,33 @@ class PullIn:
     unit = "1"
     reach = 1.5
 
-    def measured(self, state: DesignState) -> float:
-        """The margin, or how far was searched."""
-        return state.pull_in(self.reach * self.bound)[0]
+    def evaluate(self, state: DesignState) -> Evaluation:
+        """The margin, or how far was searched; c is the margin asked for over it, minus one."""
+        margin, slopes = self._pull_in(state)
+        return (margin, np.array([self.bound / margin - 1]),
+                -self.bound / margin**2 * slopes[None, :])
 
-    def values(self, state: DesignState) -> tuple[Array, Array]:
-        """c, the margin asked for over the margin minus one, shape (1,), ∇c (1, names)."""
-        margin, slopes = state.pull_in(self.reach * self.bound)
-        return np.array([self.bound / margin - 1]), -self.bound / margin**2 * slopes[None, :]
+    def _pull_in(self, state: DesignState) -> tuple[float, Array]:
+        """The margin and its derivatives.
+
+        Where the search was cut short, by a film that wrinkles, the last margin state, which has no
+        derivatives.
+        """
+        film, film_voltage = state.outcome.state, state.case.film_voltage
+        end = equilibrium(state.model, film.force, self.reach * self.bound * film_voltage,
+                          film.pressure, state.outcome.solution, state.path)
+        flat = np.zeros(len(state.by))
+        if end.critical is None or end.limited != "voltage":
+            return float(np.sqrt(end.state.voltage_squared)) / film_voltage, flat
+        margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
+        parameters = case_parameters(state.case, state.model, "voltage")
+        try:
+            slopes = limit_gradient(state.model, end.critical, "voltage",
+                                    {name: parameters[name] for name in state.by})
+        except InputError:  # no smooth limit: the film lost its stability otherwise
+            return margin, flat
+        return margin, np.array([slopes[name] for name in state.by]) / (2 * margin
+                                                                        * film_voltage**2)
 
 
 @dataclass(frozen=True)
@@ -149,12 +140,8 @@ class Gap:
     unit = "m"
     points = 64
 
-    def measured(self, state: DesignState) -> float:
-        """The smallest distance [m]."""
-        return state.case.specimen.gap
-
-    def values(self, state: DesignState) -> tuple[Array, Array]:
-        """c, one minus distance over gap, shape (points,), ∇c (points, names).
+    def evaluate(self, state: DesignState) -> Evaluation:
+        """The smallest distance; c is one minus distance over gap.
 
         Feet on the frame stay, for a distance is smallest at its foot.
         """
@@ -170,7 +157,7 @@ class Gap:
             stepped = with_change(specimen, name.split("."), 1j * STEP)
             across = self._across(stepped, feet)
             slopes[:, column] = np.sqrt((across**2).sum(axis=1)).imag / STEP
-        return 1 - distances[chosen] / self.bound, -slopes[chosen] / self.bound
+        return (specimen.gap, 1 - distances[chosen] / self.bound, -slopes[chosen] / self.bound)
 
     def _edge(self, specimen: Specimen) -> Any:
         """Points of the plate's edge, shape (2, points)."""

@@ -86,31 +86,31 @@ def find_optima(problem: OptimiseProblem, settings: Settings, descent: DescentSe
     given = _alone(problem, problem.specimen, settings)
     optima: list[Optimum] = []
     failed: list[StartRun] = []
-    for held in problem.held:
+    for measure in problem.held:
         runs: list[StartRun] = []
         for number, values in enumerate(problem.starts):
-            progress(f"equal {held}, start {number + 1}")
-            run = run_from(problem, held, number, np.array(values), settings, descent)
+            progress(f"equal {measure}, start {number + 1}")
+            run = run_from(problem, measure, number, np.array(values), settings, descent)
             (runs if run.descent.here is not None else failed).append(run)
-        progress(f"equal {held}, finer mesh")
+        progress(f"equal {measure}, finer mesh")
         if runs:
-            optima.append(_optimum(problem, held, tuple(runs), reference, given, settings))
+            optima.append(_optimum(problem, measure, tuple(runs), reference, given, settings))
     return Optima(problem, reference, given, tuple(optima), tuple(failed))
 
 
-def run_from(problem: OptimiseProblem, held: str, number: int, values: Array, settings: Settings,
-             descent: DescentSettings) -> StartRun:
+def run_from(problem: OptimiseProblem, measure: str, number: int, values: Array,
+             settings: Settings, descent: DescentSettings) -> StartRun:
     """One descent, every point on its way kept."""
-    reason = f"no design within the bounds has the {held} of the reference's frame"
+    reason = f"no design within the bounds has the {measure} of the reference's frame"
     nowhere = Design(values, reason=reason)
-    evaluator = DesignEvaluator(problem, settings, held)
+    evaluator = DesignEvaluator(problem, settings, measure)
     trials: list[Design] = []
 
     def note(x: Array, accepted: bool) -> None:
         trials.append(replace(evaluator.last or nowhere, accepted=accepted))
 
     ended = maximise(evaluator, (values - problem.lows) / problem.widths, descent, note)
-    return StartRun(held, number, tuple(trials) or (evaluator.last or nowhere,), ended)
+    return StartRun(measure, number, tuple(trials) or (evaluator.last or nowhere,), ended)
 
 
 def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
@@ -135,8 +135,8 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
                              "smoothly", key=f"vary.{variable.key}", given=specimen.name)
 
 
-def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], reference: Design,
-             given: Design, settings: Settings) -> Optimum:
+def _optimum(problem: OptimiseProblem, measure: str, runs: tuple[StartRun, ...],
+             reference: Design, given: Design, settings: Settings) -> Optimum:
     best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
     evaluator = DesignEvaluator(problem, replace(settings, mesh=settings.mesh.refined(2)))
     finer, _ = evaluator.fresh(best.best.values)
@@ -144,7 +144,7 @@ def _optimum(problem: OptimiseProblem, held: str, runs: tuple[StartRun, ...], re
     ends = np.array([run.descent.x for run in runs])
     warned = (() if evaluator.model is None or evaluator.state is None
               else tuple(state_warnings(evaluator.model, evaluator.state)))
-    return Optimum(held, runs, best, finer, float(np.ptp(strokes)) / max(strokes),
+    return Optimum(measure, runs, best, finer, float(np.ptp(strokes)) / max(strokes),
                    float(np.ptp(ends, axis=0).max()),
                    best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1,
                    warned)

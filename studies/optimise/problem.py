@@ -132,11 +132,11 @@ def read_problem(file: Path) -> OptimiseProblem:
     variables = _variables(table.table("vary"), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
     starts = (given, *(_start(start, variables, specimen) for start in table.tables("start")))
-    held = table.value("hold", "area")
-    measures = [held] if isinstance(held, str) else held
+    hold = table.value("hold", "area")
+    measures = [hold] if isinstance(hold, str) else hold
     if (not isinstance(measures, list) or not measures
             or not all(name in MEASURES for name in measures)):
-        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", held)
+        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", hold)
     problem = OptimiseProblem(
         table.text("name", file.stem), specimen,
         _specimen(table, "reference", table.text("reference", PAPER)),

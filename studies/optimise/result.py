@@ -59,7 +59,7 @@ class OptimiseResult:
     def save(self, folder: Path) -> None:
         """Write ``path.csv``, ``optimum-outlines.csv``, specimens, and last ``optimum.json``."""
         remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
-               "optimum-outlines.csv", *(f"optimum-{held}.toml" for held in MEASURES))
+               "optimum-outlines.csv", *(f"optimum-{measure}.toml" for measure in MEASURES))
         write_sheet(folder / "path.csv", _trial_columns(self.record), self.trials)
         write_sheet(folder / "optimum-outlines.csv", OUTLINES, self.outlines)
         for name, specimen in self.specimens.items():
@@ -203,13 +203,13 @@ def _outlines(optima: Optima) -> TableOfColumns:
               for number, trial in enumerate(optimum.best.trials)
               if trial.accepted and trial.specimen is not None]
     edges: list[tuple[str, int, str, NDArray[Any]]] = []
-    for held, number, specimen in shown:
+    for measure, number, specimen in shown:
         offset = np.array(specimen.plate.offset)[:, None]
-        edges += [(held, number, "frame", specimen.frame.points(360)),
-                  (held, number, "plate", specimen.plate.outline.points(360) + offset)]
+        edges += [(measure, number, "frame", specimen.frame.points(360)),
+                  (measure, number, "plate", specimen.plate.outline.points(360) + offset)]
     x, y = np.concatenate([edge for *_, edge in edges], axis=1)
     lengths = [edge.shape[1] for *_, edge in edges]
-    return {"held": np.repeat([held for held, *_ in edges], lengths),
+    return {"held": np.repeat([measure for measure, *_ in edges], lengths),
             "trial": np.repeat([float(number) for _, number, *_ in edges], lengths),
             "part": np.repeat([part for _, _, part, _ in edges], lengths), "x": x, "y": y}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -17,6 +17,9 @@ from tympan.geometry.units import DIMENSIONS, any_quantity
 Choice = dict[str, Any]
 
 Array = NDArray[np.float64]
+
+#: Ways to sample ranges.
+METHODS = ("random", "latin_hypercube", "sobol")
 
 #: More specimens than this are a slip of the pen.
 MOST = 1_000_000
@@ -112,7 +115,7 @@ def _list(table: Table) -> list[Choice]:
 def _sample(table: Table) -> list[Choice]:
     if not table.data:
         return [{}]
-    draw = table.choice("method", METHODS)
+    method = table.choice("method", {name: name for name in METHODS})
     count = int(table.number("count", rule=_COUNT))
     seed = int(table.number("seed", 0, _SEED))
     ranges = table.table("ranges")
@@ -120,7 +123,7 @@ def _sample(table: Table) -> list[Choice]:
     if not limits:
         raise table.error("ranges", "must name at least one key", {})
     table.done()
-    points = draw(len(limits), count, seed)
+    points = sample_points(method, len(limits), count, seed)
     choices: list[Choice] = [{} for _ in points]
     for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):
         for choice, share in zip(choices, shares, strict=True):
@@ -143,28 +146,18 @@ def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str
     return low, high, unit
 
 
-def _random(dimensions: int, count: int, seed: int) -> Array:
-    return np.random.default_rng(seed).random((count, dimensions))
-
-
-def _latin_hypercube(dimensions: int, count: int, seed: int) -> Array:
+def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
+    """Points in the unit cube, shape (count, dimensions)."""
     from scipy.stats import qmc
 
     rng = np.random.default_rng(seed)
-    return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
-
-
-def _sobol(dimensions: int, count: int, seed: int) -> Array:
-    """The first points of the scrambled sequence; a power of two of them is balanced."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(seed))
+    if method == "random":
+        return rng.random((count, dimensions))
+    if method == "latin_hypercube":
+        return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
+    # The first points of the scrambled sequence; a power of two of them is balanced.
+    sequence = qmc.Sobol(dimensions, seed=rng)
     return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
-
-
-#: Points in the unit cube, shape (count, dimensions), of dimensions, count and seed.
-METHODS: dict[str, Callable[[int, int, int], Array]] = {
-    "random": _random, "latin_hypercube": _latin_hypercube, "sobol": _sobol}
 
 
 def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -12,7 +12,7 @@ from tests.support.sweeps import CHEAP, OVAL, read, written
 from tympan.cli import main
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.studies.sweep.parameters import METHODS
+from tympan.studies.sweep.parameters import METHODS, sample_points
 from tympan.studies.sweep.plan import read_sweep
 from tympan.studies.sweep.task import SweepTask
 
@@ -54,10 +54,10 @@ def test_loads_may_be_varied_with_the_specimen(tmp_path) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_samples_are_seeded_and_fill_their_ranges(method: str) -> None:
-    points = METHODS[method](3, 60, 1)
+    points = sample_points(method, 3, 60, 1)
     assert points.shape == (60, 3)
-    assert np.array_equal(points, METHODS[method](3, 60, 1))
-    assert not np.array_equal(points, METHODS[method](3, 60, 2))
+    assert np.array_equal(points, sample_points(method, 3, 60, 1))
+    assert not np.array_equal(points, sample_points(method, 3, 60, 2))
     assert points.min() >= 0
     assert points.max() < 1
     assert np.abs(points.mean(axis=0) - 0.5).max() < 0.15
