@@ -47,8 +47,7 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 #: Below this margin to breakdown a result warns; strengths scatter by more.
 LEAST_MARGIN = 1.2
 
-#: Elements, times states, that are summarised at once: more would leave the cache, or take much
-#: memory.
+#: Elements times states summarised at once: more would leave the cache, or take much memory.
 _TOGETHER = 400
 
 _ALONE = Loading()
@@ -258,10 +257,7 @@ def solved(case: Case, settings: Settings) -> tuple[Model, Outcome, CaseResult]:
 
 def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
               ) -> Iterator[tuple[CaseResult, Outcome]]:
-    """The numbers of cases of one model, without the time they took, beside their outcomes.
-
-    Several are computed at once.
-    """
+    """The numbers of cases of one model, without the time they took, beside their outcomes."""
     pairs = iter(cases)
     last: Outcome | None = None
     excuse: tuple[str, ...] = ()

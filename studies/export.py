@@ -22,13 +22,11 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
            options: PartOptions = PartOptions()) -> Iterator[Path]:
     """Write frame, clamp, plate and film as STEP, DXF and SVG [mm], a second-order mesh as VTU [m].
 
-    Yields the files.
-
-    Where the electrode leaves film bare, it is written too, for a mask.
+    Yields the files. Where the electrode leaves film bare, it is written too, for a mask.
     """
-    solids = {"frame": parts.frame_part, "clamp": parts.clamp_part, "plate": parts.plate_part}
-    made = {name: make(specimen, options)
-            for name, make in solids.items()} | {"film": cad.membrane_part(specimen)}
+    made = {"frame": parts.frame_part(specimen, options),
+            "clamp": parts.clamp_part(specimen, options),
+            "plate": parts.plate_part(specimen, options), "film": cad.membrane_part(specimen)}
     if not specimen.electrode.everywhere:
         made["electrode"] = cad.electrode_part(specimen)
     for name, part in made.items():

@@ -104,18 +104,13 @@ def cut_triangles(model: Model, parts: int) -> tuple[Array, NDArray[np.int64]]:
 
 
 def interpolated(model: Model, nodal: Array, points: Array) -> Array:
-    """A nodal vector field, shape (nodes, 3), at points, shape (2, k), of every element.
-
-    Element-major, shape (elements · k, 3).
-    """
+    """A nodal field, (nodes, 3), at points, (2, k), of every element: (elements · k, 3)."""
     shapes = tabulated(model.discretisation.mesh.order, points)[0]
     return np.asarray(np.matmul(shapes.T, nodal[model.discretisation.connectivity]).reshape(-1, 3))
 
 
 def lattice(parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Reference points of a triangle cut into ``parts``² equal ones, shape (2, n).
-
-    These, shape (parts², 3).
+    """Reference points of a triangle cut into ``parts``² equal ones, (2, n); these, (parts², 3).
 
     Examples
     --------

@@ -1,7 +1,4 @@
-"""A function of many things on the processors of this machine.
-
-One process each, replaced when it dies.
-"""
+"""A function of many things on the processors of this machine: a process each, replaced at need."""
 
 from __future__ import annotations
 
@@ -28,8 +25,7 @@ Value = TypeVar("Value")
 #: Small dense matrices gain nothing from threads, which would take the processors from each other.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-#: How often processes may die with an item among theirs before it is tried alone, for the last
-#: time.
+#: How often processes may die with an item among theirs before it is tried alone, a last time.
 _DEATHS = 2
 
 
@@ -110,10 +106,7 @@ def value_or_reason(future: Future[Value]) -> Value | NoValue:
 def _until_broken(function: Callable[[Item], Value], items: Mapping[str, Item],
                   waiting: deque[str], deaths: Counter[str], workers: int
                   ) -> Iterator[tuple[str, Value | NoValue]]:
-    """Run what is waiting.
-
-    When the pool breaks, those in it wait again, each with one death more.
-    """
+    """Run what is waiting; when the pool breaks, those in it wait again, with one death more."""
     running: dict[Future[Value], str] = {}
     with _pool(workers) as pool:
         try:
@@ -140,10 +133,7 @@ def _alone(function: Callable[[Item], Value], item: Item) -> Value | NoValue:
 
 def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], item: Item
                ) -> Future[Value]:
-    """An item in a pool.
-
-    Processes started for it leave interruption to the parent, from the first.
-    """
+    """An item in a pool; processes started for it leave interruption to the parent."""
     resource_tracker.ensure_running()  # its start would lift the block
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -168,14 +158,13 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 def _begin() -> None:
     """In a new process: do not outlive the parent."""
+    def follow(sentinel: int) -> None:
+        wait_for([sentinel])
+        os._exit(1)
+
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(sentinel: int) -> None:
-    wait_for([sentinel])
-    os._exit(1)
+        threading.Thread(target=follow, args=(parent.sentinel,), daemon=True).start()
 
 
 @contextmanager

@@ -1,7 +1,4 @@
-"""One specimen's branch of equilibria.
-
-Through pull-in, along its unstable part, and what the film loses on the way.
-"""
+"""One specimen's branch of equilibria: through pull-in, and what the film loses on the way."""
 
 from __future__ import annotations
 
@@ -192,7 +189,6 @@ def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
 
 
 def _in_order(events: list[Event], previous: PathPoint) -> list[Station]:
-    """Stations of events, those nearest to the point before them first."""
     start = previous.state.plate.deflection
     return sorted((event.station for event in events),
                   key=lambda station: abs(station.deflection_m - start))
@@ -208,25 +204,23 @@ def _ended(model: Model, station: Station, reach: Reach, point: PathPoint, along
         return f"followed until the {along} fell back to zero"
     if station.unbalanced > reach.unbalanced:
         return (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, the "
-                "mesh does not resolve "
-                "the branch; --refine may")
+                "mesh does not resolve the branch; --refine may")
     return ""
 
 
 def _station(model: Model, point: PathPoint) -> Station:
     state = point.state
-    found = node_fields(model, state)
+    fields = node_fields(model, state)
     tangent = point.solution.tangent
     assert tangent is not None
     voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
     capacitance = model.capacitance(state)
     return Station(
         deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
-        pressure_Pa=state.pressure,
-        charge_C=capacitance * voltage, capacitance_F=capacitance,
-        max_stretch=float(found.stretch_1.max()),
-        breakdown_share=float(found.breakdown_share.max()), stable=tangent.negative == 0,
-        tense=bool((found.tension == Tension.TAUT).all()),
+        pressure_Pa=state.pressure, charge_C=capacitance * voltage, capacitance_F=capacitance,
+        max_stretch=float(fields.stretch_1.max()),
+        breakdown_share=float(fields.breakdown_share.max()), stable=tangent.negative == 0,
+        tense=bool((fields.tension == Tension.TAUT).all()),
         unbalanced=model.unbalanced(state))
 
 
@@ -241,16 +235,13 @@ def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, alo
             continue
         station = _station(branch.model, point)
         if what == "limit":
-            limits.append(_critical_film(branch.model, point))
+            # The path's direction there is the critical mode.
+            mode = moved(branch.model, point.state, point.direction[:2])
+            change = replace(point.state, positions=mode.positions - point.state.positions)
+            limits.append(film_surface(branch.model, point.state,
+                                       critical_mode=whole(branch.model, change)[1].positions))
         yield Event(what=what, value=measured(case, station, along), unit=UNITS[along],
                     station=station)
-
-
-def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
-    """The film at a limit point with its critical mode: the path's direction there."""
-    mode = moved(model, point.state, point.direction).positions - point.state.positions
-    shape = whole(model, replace(point.state, positions=mode))[1].positions
-    return film_surface(model, point.state, critical_mode=shape)
 
 
 def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], float]]:
