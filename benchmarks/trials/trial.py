@@ -165,7 +165,7 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     found, verdict = _judged(record, design, simulation, table, truth)
     gained = gain_of(simulation, table, design.causes, verdict,
                      number).overall if verdict is not None else None
-    return [replace(found, ratio=None if gained is None else gained.ratio)]
+    return [replace(found, ratio=None if gained is None else gained["ratio"])]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,

@@ -12,7 +12,7 @@ from jinja2 import Template
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
 from tympan.reports.template import embedded_picture, sentence, template
-from tympan.studies.diagnosis.result import load
+from tympan.studies.diagnosis.result import load_diagnosis
 from tympan.studies.diagnosis.validation.gain import LENGTHS
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
@@ -30,8 +30,7 @@ def build_diagnosis_page(folder: Path) -> Path:
     InputError
         When diagnosis.json or readings.csv is missing or damaged.
     """
-    saved = load(folder)
-    content, columns = saved.content, saved.columns
+    content, columns = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
     columns = {name: values[lengths] for name, values in columns.items()}
     table = Residuals(columns["specimen"], columns["mass_g"], columns["voltage_kV"],

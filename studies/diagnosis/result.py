@@ -22,16 +22,18 @@ from tympan.studies.diagnosis.inference.identifiability import (
     EffectIdentifiability,
     effect_identifiability,
 )
+from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.single_effects import SingleEffect, single_effects
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval
-from tympan.studies.diagnosis.next_experiment.proposals import Proposals, propose
+from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.text import AGAIN, limitations, where
-from tympan.studies.diagnosis.validation.gain import LENGTHS, GainReport, SplitGain, gain_of
-from tympan.studies.effects import EffectParameter, Setup
+from tympan.studies.diagnosis.validation.gain import LENGTHS, GainReport, gain_of
+from tympan.studies.effects import Setup
 from tympan.studies.files import write_csv, write_json, write_text
 
 Array = NDArray[np.float64]
@@ -52,8 +54,9 @@ class Diagnosis:
     ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
     finite elements on a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times
     each of some factors; ``chosen``: the hypothesis the extended model has, None when nothing is
-    wrong; ``gain`` on readings held out; ``proposals`` for the next experiment; ``single_effects``
-    each fitted alone; ``identifiability``: what these readings can tell.
+    wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and ``advice`` in a
+    sentence; ``single_effects`` each fitted alone; ``identifiability``: what these readings can
+    tell.
     """
 
     dataset: Dataset
@@ -64,7 +67,8 @@ class Diagnosis:
     swept: tuple[tuple[str, tuple[str, ...]], ...]
     chosen: Fit | None
     gain: GainReport
-    proposals: Proposals
+    proposals: tuple[Proposal, ...]
+    advice: str
     single_effects: tuple[SingleEffect, ...]
     identifiability: EffectIdentifiability
 
@@ -74,13 +78,13 @@ class Diagnosis:
            swept: tuple[tuple[str, tuple[str, ...]], ...] = (), seed: int = 0) -> Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
         causes = readings.causes
-        nominal = judgement.nominal.unknowns
         return cls(dataset, readings, simulation, judgement, model_error, swept,
                    chosen_fit(judgement),
                    gain_of(simulation, readings.table, causes, judgement, seed),
-                   propose(simulation, judgement, causes),
+                   *propose(simulation, judgement, causes),
                    single_effects(simulation, judgement, causes),
-                   effect_identifiability(simulation, judgement.table, nominal, causes))
+                   effect_identifiability(simulation, judgement.table, judgement.nominal.unknowns,
+                                          causes))
 
     @property
     def verdict(self) -> str:
@@ -95,51 +99,60 @@ class Diagnosis:
             return None
         return extended_setup(self.simulation, self.chosen.hypothesis, self.chosen.unknowns)
 
-    @property
-    def moves(self) -> bool:
-        """Whether the verdict or the named causes change with the priors' widths."""
-        usual = self.judgement.verdict, cause_names(self.judgement.named)
-        return any(verdict != usual for verdict in self.swept)
-
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
         judged, posterior = self.judgement, self.judgement.posterior
+        # Whether the verdict or the named causes change with the priors' widths.
+        moves = any(verdict != (judged.verdict, cause_names(judged.named))
+                    for verdict in self.swept)
         return {
             "dataset": self.dataset.name,
             "verdict": self.verdict,
-            "causes": self._causes(),
+            "causes": [] if posterior is None else self._causes(posterior),
             "indistinguishable": [sorted({cause.name for cause in group})
                                   for group in judged.indistinguishable],
             "misfit": self._misfit(),
-            "gain": _gain(self.gain),
+            "gain": self.gain.json(),
             "next_experiment": self._next_experiment(),
             "not_visible": sorted({cause.name for cause in judged.invisible}),
             "probability": {"nothing": 1.0 if posterior is None else posterior.nothing,
                             "unknown": 0.0 if posterior is None else posterior.discrepancy},
-            "attempts": [_single_effect(effect) for effect in self.single_effects],
+            "attempts": [{"effect": effect.cause.name, "which": effect.cause.which,
+                          "explains": effect.share,
+                          "parameters": _parameters(effect.fit, effect.cause),
+                          "prior_widths": effect.widths, "plausible": effect.plausible,
+                          "at_limit": effect.bounded} for effect in self.single_effects],
             "after": self._after(),
-            "baseline": _factors(judged.nominal),
-            "priors_swept": {"moves": self.moves,
-                             "verdicts": [verdict for verdict, _ in self.swept]},
+            "baseline": {name: dict(zip(("value", "low", "high"),
+                                        np.exp(interval(judged.nominal, number)).tolist(),
+                                        strict=True))
+                         for number, name in enumerate(("stiffness_factor",
+                                                        "permittivity_factor"))},
+            "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
             "knowable": [effect.json() for effect in self.identifiability.effects],
-            "warnings": limitations(self.dataset, self.readings, judged, self.model_error,
-                                    self.moves),
+            "warnings": limitations(self.dataset, self.readings, judged, self.model_error, moves),
         }
 
     def save(self, folder: Path) -> None:
         """Write the readings, the extended model and, last, diagnosis.json to a folder."""
         write_csv(folder / "readings.csv", _HEADER, self._rows())
-        for name, text in self._extended_files():
-            write_text(folder / "extended" / name, text)
+        setup = self.extended
+        if setup is not None:
+            write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
+            for specimen in setup.specimens:
+                try:
+                    suffix, text = "toml", specimen_to_toml(specimen)
+                except InputError as error:
+                    suffix, text = "txt", f"{error}\n"
+                write_text(folder / "extended" / f"{specimen.name}.{suffix}", text)
         write_json(folder / "diagnosis.json", self.json())
 
-    def _causes(self) -> list[Json]:
+    def _causes(self, posterior: Posterior) -> list[Json]:
         """The causes in question, most probable first, with their parameters."""
-        posterior, listed = self.judgement.posterior, []
-        for cause, probability in ({} if posterior is None else posterior.of_causes()).items():
-            if posterior is None or (probability < _LEAST
-                                     and cause not in self.judgement.suspects):
+        listed = []
+        for cause, probability in posterior.of_causes().items():
+            if probability < _LEAST and cause not in self.judgement.suspects:
                 continue
             fit = posterior.fit_of((cause,)) or posterior.with_cause(cause)
             if self.chosen is not None and cause in self.chosen.hypothesis:
@@ -151,15 +164,13 @@ class Diagnosis:
     def _misfit(self) -> Json:
         """What the calibrated nominal model leaves."""
         judged, table = self.judgement, self.judgement.table
-        lengths = np.isin(table.kind, LENGTHS)
         words = {pattern.name: pattern.words for pattern in judged.patterns}
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = table.value - judged.nominal.residual * table.sigma
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
         return {
-            "baseline_rmse_um": 1e6 * _rmse(judged.nominal.residual[lengths],
-                                            table.sigma[lengths]),
-            "noise_um": 1e6 * float(np.sqrt(np.mean(table.sigma[lengths] ** 2))),
+            "baseline_rmse_um": _rmse_um(judged.nominal.residual, table),
+            "noise_um": _rmse_um(np.ones(len(table)), table),
             "noise_from": self.readings.noise_from,
             "noise_over_stated": judged.test.noise,
             "p_value": judged.test.p_value,
@@ -175,9 +186,8 @@ class Diagnosis:
         """What the extended model leaves."""
         if self.chosen is None:
             return None
-        table, test = self.judgement.table, self.judgement.after
-        lengths = np.isin(table.kind, LENGTHS)
-        return {"rmse_um": 1e6 * _rmse(self.chosen.residual[lengths], table.sigma[lengths]),
+        test = self.judgement.after
+        return {"rmse_um": _rmse_um(self.chosen.residual, self.judgement.table),
                 "p_value": None if test is None else test.p_value,
                 "effects": [str(cause) for cause in self.chosen.hypothesis]}
 
@@ -185,58 +195,32 @@ class Diagnosis:
         """The best experiment; None where nothing is to be told apart."""
         if self.verdict == "unexplained":
             return {"what": AGAIN, "separates": [], "expected_chi_squared": None, "menu": []}
-        ranked = self.proposals.ranked
-        if not ranked:
+        if not self.proposals:
             return None
-        best = next((proposal for proposal in ranked if proposal.enough), ranked[0])
-        return {"what": self.proposals.sentence, "separates": list(best.effects),
-                "expected_chi_squared": best.expected,
-                "menu": [{"what": proposal.what, "separates": list(proposal.effects),
-                          "expected_chi_squared": proposal.expected,
-                          "enough": proposal.enough} for proposal in ranked]}
+        menu = [{"what": proposal.what, "separates": list(proposal.effects),
+                 "expected_chi_squared": proposal.expected, "enough": proposal.enough}
+                for proposal in self.proposals]
+        best = next((entry for entry in menu if entry["enough"]), menu[0])
+        return {"what": self.advice, "separates": best["separates"],
+                "expected_chi_squared": best["expected_chi_squared"], "menu": menu}
 
     def _rows(self) -> Iterator[tuple[object, ...]]:
         """The readings in SI, with what both models say."""
-        table, chosen = self.judgement.table, self.chosen or self.judgement.nominal
-        nominal = table.value - self.judgement.nominal.residual * table.sigma
-        best = table.value - chosen.residual * table.sigma
-        specimens = [specimen.name for specimen in self.simulation.setup.specimens]
-        elapsed = table.states.elapsed[table.state]
-        gram, kilovolt = quantity("1 g", "mass"), quantity("1 kV", "voltage")
-        for row in range(len(table)):
-            yield (str(table.file[row]), int(table.line[row]), str(table.kind[row]),
-                   specimens[int(table.specimen[row])], float(table.mass[row] / gram),
-                   float(table.voltage[row] / kilovolt), float(elapsed[row]),
-                   float(table.order[row]), float(table.value[row]), float(table.sigma[row]),
-                   float(nominal[row]), float(best[row]))
-
-    def _extended_files(self) -> Iterator[tuple[str, str]]:
-        """Names and texts of the extended model's files."""
-        setup = self.extended
-        if setup is None:
-            return
-        yield "rig.toml", rig_to_toml(setup.rig)
-        for specimen in setup.specimens:
-            try:
-                yield f"{specimen.name}.toml", specimen_to_toml(specimen)
-            except InputError as error:
-                yield f"{specimen.name}.txt", f"{error}\n"
+        table, nominal = self.judgement.table, self.judgement.nominal
+        specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
+        columns = (table.file, table.line, table.kind, specimens[table.specimen],
+                   table.mass / quantity("1 g", "mass"),
+                   table.voltage / quantity("1 kV", "voltage"),
+                   table.states.elapsed[table.state], table.order, table.value, table.sigma,
+                   table.value - nominal.residual * table.sigma,
+                   table.value - (self.chosen or nominal).residual * table.sigma)
+        return zip(*(column.tolist() for column in columns), strict=True)
 
 
-@dataclass(frozen=True, eq=False)
-class SavedDiagnosis:
-    """A diagnosis read from its folder.
+def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]]]:
+    """What :meth:`Diagnosis.save` wrote: the JSON object, and the columns of readings.csv by name.
 
-    ``content`` is its JSON object; ``columns`` are those of readings.csv by name, shape (rows,)
-    each, lengths in m: numbers but for file, kind and specimen.
-    """
-
-    content: Json
-    columns: dict[str, NDArray[Any]]
-
-
-def load(folder: Path) -> SavedDiagnosis:
-    """What :meth:`Diagnosis.save` wrote.
+    Columns have shape (rows,), lengths in m: numbers but for file, kind and specimen.
 
     Raises
     ------
@@ -252,7 +236,7 @@ def load(folder: Path) -> SavedDiagnosis:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"cannot be read: {error}; run tympan diagnose again",
                          file=folder) from None
-    return SavedDiagnosis(content, columns)
+    return content, columns
 
 
 def chosen_fit(judged: Judgement) -> Fit | None:
@@ -268,54 +252,23 @@ def cause_names(causes: tuple[Cause, ...]) -> tuple[str, ...]:
     return tuple(sorted(map(str, causes)))
 
 
-def _rmse(residual: Array, sigma: Array) -> float:
-    """Root mean square of residuals given over their noise [m]."""
-    return float(np.sqrt(np.mean((residual * sigma) ** 2)))
+def _rmse_um(residual: Array, table: ReadingTable) -> float:
+    """Root mean square of a table's lengths' residuals, given over their noise [µm]."""
+    lengths = np.isin(table.kind, LENGTHS)
+    return 1e6 * float(np.sqrt(np.mean((residual * table.sigma)[lengths] ** 2)))
 
 
 def _parameters(fit: Fit, cause: Cause) -> Json:
-    """The parameters of a cause at a fit, in the units to show, with 95 % limits."""
+    """The parameters of a cause at a fit, in the units to show, with 95 % limits.
+
+    None stands for what is infinite.
+    """
     parameters: Json = {}
     first = sizes_of(fit.hypothesis, cause).start
     for number, parameter in enumerate(cause.effect.parameters, first):
-        value, *limits = (_shown(parameter, size) for size in interval(fit, number))
-        low, high = sorted(limits, key=lambda limit: np.inf if limit is None else limit)
+        values = [parameter.shown(parameter.value(size)) for size in interval(fit, number)]
+        limits = sorted(values[1:], key=lambda limit: limit if np.isfinite(limit) else np.inf)
+        value, low, high = (item if np.isfinite(item) else None for item in (values[0], *limits))
         parameters[parameter.name] = {"value": value, "unit": parameter.unit, "low": low,
                                       "high": high}
     return parameters
-
-
-def _shown(parameter: EffectParameter, size: float) -> float | None:
-    """A size as the value to show; None where it is infinite."""
-    value = parameter.shown(parameter.value(size))
-    return value if np.isfinite(value) else None
-
-
-def _factors(nominal: Fit) -> Json:
-    """The refitted factors on stiffness and permittivity, with 95 % limits."""
-    factors = {}
-    for number, name in enumerate(("stiffness_factor", "permittivity_factor")):
-        value, low, high = np.exp(interval(nominal, number)).tolist()
-        factors[name] = {"value": value, "low": low, "high": high}
-    return factors
-
-
-def _single_effect(effect: SingleEffect) -> Json:
-    return {"effect": effect.cause.name, "which": effect.cause.which, "explains": effect.share,
-            "parameters": _parameters(effect.fit, effect.cause), "prior_widths": effect.widths,
-            "plausible": effect.plausible, "at_limit": effect.bounded}
-
-
-def _gain(report: GainReport) -> Json | None:
-    """The gain over all splits, and that of each."""
-    if report.overall is None:
-        return None
-    return {**asdict(report.overall), "splits": [_split(split) for split in report.splits],
-            "impossible": list(report.impossible)}
-
-
-def _split(split: SplitGain) -> Json:
-    errors = {key: 1e6 * value if np.isfinite(value) else None
-              for key, value in split.rmse.items()}
-    return {"held_out": split.split.held_out, "chosen": [str(cause) for cause in split.chosen],
-            "wrong": [str(cause) for cause in split.wrong], "rmse_um": errors, "note": split.note}

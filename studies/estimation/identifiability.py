@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,9 @@ _WORTH = 4.0
 CREDIBLE = 10.0
 #: A profile so many times narrower than the linearised limits comes of a fit that did not arrive.
 _DOUBTFUL = 5.0
-class Named(Protocol):
-    """A constant as the limits need it."""
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-
-    @property
-    def unit(self) -> str:
-        """Its unit."""
+#: How firmly what readings do not determine stays where the search began, in standard deviations
+#: per scale.
+_FIRM = 100.0
 
 
 @dataclass(frozen=True)
@@ -106,11 +99,10 @@ class Identifiability:
             "determined": self.determined,
             "constants": [vars(constant) for constant in self.constants],
             "not_determined": self.undetermined,
-            "combinations": [{"coefficients": dict(zip(names, combination.coefficients,
-                                                       strict=True)),
-                              "value": combination.value,
-                              "half_width": combination.half}
-                             for combination in self.combinations],
+            "combinations": [
+                {"coefficients": dict(zip(names, combination.coefficients, strict=True)),
+                 "value": combination.value, "half_width": combination.half}
+                for combination in self.combinations],
             "correlations": self.correlations.tolist(),
         }
 
@@ -125,11 +117,6 @@ def seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
     constants = slopes[:, :count] - free @ (free.T @ slopes[:, :count])
     _, singular, right = np.linalg.svd(constants, full_matrices=False)
     return singular, right
-
-
-#: How firmly what readings do not determine stays where the search began, in standard deviations
-#: per scale.
-_FIRM = 100.0
 
 
 def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
@@ -157,15 +144,15 @@ def covariance(jacobian: Array, sigma: float) -> Array:
     lengths = np.linalg.norm(jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
     _, singular, right = np.linalg.svd(jacobian / safe, full_matrices=False)
-    kept = singular > 1e-10 * singular[0]
-    unit = (right[kept].T / singular[kept] ** 2) @ right[kept]
+    seen_at_all = singular > 1e-10 * singular[0]
+    unit = (right[seen_at_all].T / singular[seen_at_all] ** 2) @ right[seen_at_all]
     result = sigma**2 * unit / np.outer(safe, safe)
-    hidden = (np.abs(right[~kept]) > 1e-6).any(axis=0) | (lengths == 0)
+    hidden = (np.abs(right[~seen_at_all]) > 1e-6).any(axis=0) | (lengths == 0)
     result[np.diag_indices_from(result)] = np.where(hidden, np.inf, np.diag(result))
     return np.asarray(result)
 
 
-def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Named],
+def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],
                     quantile: float, values_of: Callable[[int, float], float],
                     profiles: bool = True) -> Identifiability:
     """Limits at a minimum of a problem in units of the noise, each constant in units of its scale.
@@ -174,12 +161,14 @@ def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Name
     ----------
     best
         The minimum, shape (p,); what comes after the constants is left to fit.
+    names
+        Each constant's name and unit.
     values_of
         ``values_of(index, z)`` is a constant's value at z.
     profiles
         Without them the limits are linearised.
     """
-    count = len(constants)
+    count = len(names)
     singular, right = seen(problem, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
@@ -187,17 +176,17 @@ def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Name
     credible, wide = ((right.T * width**2) @ right
                       for width in (np.minimum(deviations, CREDIBLE), deviations))
     spread = quantile * np.sqrt(np.diag(credible))
-    held = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
-    free = settled_minimum(held, best) if profiles else best
+    anchored = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
+    free = settled_minimum(anchored, best) if profiles else best
     estimates, lines = [], []
-    for index, constant in enumerate(constants):
+    for index, (name, unit) in enumerate(names):
         z, half = float(best[index]), float(spread[index])
         inside = problem.low[index] < z < problem.high[index]
         linear = (max(z - half, float(problem.low[index])),
                   min(z + half, float(problem.high[index])))
         line = None
         if profiles and inside and half < _WORTH:
-            line = profile(held, free, index, quantile)
+            line = profile(anchored, free, index, quantile)
         lines.append(line)
         rough = linear if inside and half < DETERMINED else None
         if profiles:
@@ -206,7 +195,7 @@ def identifiability(problem: LeastSquares, best: Array, constants: Sequence[Name
             sure = rough and _limited(*rough, 2 * half / _DOUBTFUL)
         ends = [None if limits is None else values_of(index, limits[side])
                 for limits in (sure, rough) for side in (0, 1)]
-        estimates.append(Estimate(constant.name, constant.unit, values_of(index, z), *ends))
+        estimates.append(Estimate(name, unit, values_of(index, z), *ends))
     combinations = tuple(
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))

@@ -28,10 +28,6 @@ _FIRST, _LEAST, _MOST, _TINY = 1e-4, 1e-10, 1e8, 1e-14
 _SHORT = 1e-4
 
 
-class Unreachable(InputError):
-    """The model has no answer at the unknowns where a search begins."""
-
-
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """A problem at some unknowns.
@@ -126,10 +122,10 @@ class Minimum:
     evaluations: int
 
 
-def minimise(problem: LeastSquares, start: Array, held: Mask | None = None,
+def minimise(problem: LeastSquares, start: Array, fixed: Mask | None = None,
              precision: float = 1e-12, exact: float = 0.0, quick: float | None = None,
              iterations: int = 100) -> Minimum:
-    """The nearest minimum over the unknowns that are not ``held``.
+    """The nearest minimum over the unknowns that are not ``fixed``.
 
     Parameters
     ----------
@@ -142,10 +138,10 @@ def minimise(problem: LeastSquares, start: Array, held: Mask | None = None,
 
     Raises
     ------
-    Unreachable
+    InputError
         When the model cannot answer where the search begins.
     """
-    fixed = np.zeros(len(start), bool) if held is None else held
+    fixed = np.zeros(len(start), bool) if fixed is None else fixed
     separable = np.isin(np.arange(len(start)), problem.linear) & ~fixed
     if separable.any():
         problem, fixed = _separated(problem, separable), fixed | separable
@@ -153,8 +149,8 @@ def minimise(problem: LeastSquares, start: Array, held: Mask | None = None,
     point, evaluations = problem.at(unknowns), 1
     cost = problem.cost(unknowns, point)
     if not np.isfinite(cost):
-        raise Unreachable("the film does not hold with the constants the search begins at",
-                          key="constants")
+        raise InputError("the film does not hold with the constants the search begins at",
+                         key="constants")
     damping = 0.0 if quick is None else _FIRST
     for _ in range(iterations):
         slope = problem.slope(unknowns, point)

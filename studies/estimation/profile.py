@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 
 Array = NDArray[np.float64]
+#: A value of the unknown, and the rise of the misfit there [standard deviations].
+Place = tuple[float, float]
 
 #: How exactly a limit is met, as a share of the quantile.
 _MET = 0.01
@@ -59,102 +60,80 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
     limits are, as a share of the quantile.
     """
     point = problem.at(best)
+    least = point.squares
     others = np.arange(len(best)) != index
     # How the others move with it, to first order: the start of every fit.
     along = np.zeros(len(best))
     along[others] = -np.linalg.lstsq(point.jacobian[:, others], point.jacobian[:, index],
                                      rcond=1e-12)[0]
     along[index] = 1.0
-    sharp = float(np.linalg.norm(point.jacobian @ along))
-    walk = _Walk(problem, best, index, along, point.squares, quantile, met)
-    first = quantile / sharp if sharp > 0 else np.inf
-    low, high = walk.side(-first), walk.side(first)
-    values, rise = np.array(sorted(walk.seen, key=lambda place: place.at)).T
-    return Profile(values, rise, low, high, walk.evaluations)
+    exact, evaluations = _EXACT * met / _MET, 0
+    centre = float(best[index]), 0.0
+    places = [centre]
 
+    def refitted(last: Array, at: float) -> tuple[Array, float]:
+        """The unknowns with this one at a value, and the rise [standard deviations]."""
+        nonlocal evaluations
+        unknowns = np.clip(last + along * (at - last[index]), problem.low, problem.high)
+        unknowns[index] = at
+        point = problem.at(unknowns)
+        evaluations += 1
+        if not np.isfinite(point.squares):  # the model does not reach so far
+            return last, np.inf
+        basis = np.linalg.qr(point.jacobian[:, others])[0]
+        gain = float(np.linalg.norm(basis.T @ point.residual)) ** 2
+        if gain > _LITTLE * exact:
+            minimum = minimise(problem, unknowns, ~others, precision=0.0, exact=exact)
+            evaluations += minimum.evaluations
+            unknowns, point, gain = minimum.unknowns, minimum.point, 0.0
+        return unknowns, max(point.squares - gain - least, 0.0) ** 0.5
 
-class _Place(NamedTuple):
-    """A value of the unknown, and the rise of the misfit there [standard deviations]."""
-
-    at: float
-    rise: float
-
-
-@dataclass(eq=False)
-class _Walk:
-    """The way out from the minimum, one side after the other."""
-
-    problem: LeastSquares
-    best: Array
-    index: int
-    along: Array
-    least: float
-    quantile: float
-    met: float
-    evaluations: int = 0
-    seen: list[_Place] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.exact = _EXACT * self.met / _MET
-        self.centre = _Place(float(self.best[self.index]), 0.0)
-        self.seen.append(self.centre)
-
-    def side(self, step: float) -> float | None:
+    def limit(step: float) -> float | None:
         """Where the quantile is met on the side of ``step``, the first guess of how far."""
         sign = np.sign(step)
-        end = float((self.problem.low if sign < 0 else self.problem.high)[self.index])
-        inside, outside = self.centre, None
-        last, at = self.best, self.centre.at + step
-        same_side = 0
+        end = float((problem.low if sign < 0 else problem.high)[index])
+        inside: Place = centre
+        outside: Place | None = None
+        last, at, same_side = best, centre[0] + step, 0
         for _ in range(_MOST):
             at = float(sign * min(sign * at, sign * end))
-            refitted, rise = self._rise(last, at)
-            if rise < _FAR * self.quantile:
-                last = refitted
+            unknowns, rise = refitted(last, at)
+            if rise < _FAR * quantile:
+                last = unknowns
             if np.isfinite(rise):
-                self.seen.append(_Place(at, float(sign * rise)))
-            if abs(rise - self.quantile) < self.met * self.quantile:
+                places.append((at, float(sign * rise)))
+            if abs(rise - quantile) < met * quantile:
                 return at
-            if rise > self.quantile:
-                outside, same_side = _Place(at, rise), min(same_side, 0) - 1
+            if rise > quantile:
+                outside, same_side = (at, rise), min(same_side, 0) - 1
             elif at == end:
                 return None
             else:
-                inside, same_side = _Place(at, rise), max(same_side, 0) + 1
-            at = self._next(inside, outside, halve=abs(same_side) > 1)
-        return None if outside is None or not np.isfinite(outside.rise) else outside.at
+                inside, same_side = (at, rise), max(same_side, 0) + 1
+            at = _next(quantile, centre[0], inside, outside, halve=abs(same_side) > 1)
+        return None if outside is None or not np.isfinite(outside[1]) else outside[0]
 
-    def _next(self, inside: _Place, outside: _Place | None, halve: bool) -> float:
-        """A straight line through the last places, outward at most three times as far.
+    sharp = float(np.linalg.norm(point.jacobian @ along))
+    first = quantile / sharp if sharp > 0 else np.inf
+    low, high = limit(-first), limit(first)
+    values, rise = np.array(sorted(places, key=lambda place: place[0])).T
+    return Profile(values, rise, low, high, evaluations)
 
-        Where that moves but one end of the bracket, or the model does not reach, half way; by
-        factors, if the bracket spans more than one of ten.
-        """
-        if outside is not None and (halve or not np.isfinite(outside.rise)):
-            ends = np.sort([inside.at, outside.at])
-            wide = ends[0] > 0 and ends[1] > 10 * ends[0]
-            return float(np.sqrt(ends[0] * ends[1]) if wide else ends.mean())
-        if outside is not None:
-            share = (self.quantile - inside.rise) / (outside.rise - inside.rise)
-            return inside.at + min(max(share, 0.1), 0.95) * (outside.at - inside.at)
-        grown = min(self.quantile / inside.rise, 3.0) if inside.rise > 0 else 3.0
-        return self.centre.at + (inside.at - self.centre.at) * max(grown, 1.02)
 
-    def _rise(self, last: Array, at: float) -> tuple[Array, float]:
-        """The unknowns refitted with this one at a value, and the rise of the misfit."""
-        start = last + self.along * (at - last[self.index])
-        unknowns = np.clip(start, self.problem.low, self.problem.high)
-        unknowns[self.index] = at
-        point = self.problem.at(unknowns)
-        self.evaluations += 1
-        if not np.isfinite(point.squares):  # the model does not reach so far
-            return last, np.inf
-        held = np.arange(len(unknowns)) == self.index
-        gain = float(np.linalg.norm(np.linalg.qr(point.jacobian[:, ~held])[0].T
-                                    @ point.residual)) ** 2
-        if gain > _LITTLE * self.exact:
-            minimum = minimise(self.problem, unknowns, held, precision=0.0,
-                               exact=self.exact)
-            self.evaluations += minimum.evaluations
-            unknowns, point, gain = minimum.unknowns, minimum.point, 0.0
-        return unknowns, max(point.squares - gain - self.least, 0.0) ** 0.5
+def _next(quantile: float, centre: float, inside: Place, outside: Place | None,
+          halve: bool) -> float:
+    """A straight line through the last places, outward at most three times as far.
+
+    Where that moves but one end of the bracket, or the model does not reach, half way; by factors,
+    if the bracket spans more than one of ten.
+    """
+    at, rise = inside
+    if outside is None:
+        grown = min(quantile / rise, 3.0) if rise > 0 else 3.0
+        return centre + (at - centre) * max(grown, 1.02)
+    if halve or not np.isfinite(outside[1]):
+        ends = np.sort([at, outside[0]])
+        wide = ends[0] > 0 and ends[1] > 10 * ends[0]
+        return float(np.sqrt(ends[0] * ends[1]) if wide else ends.mean())
+    share = (quantile - rise) / (outside[1] - rise)
+    return at + min(max(share, 0.1), 0.95) * (outside[0] - at)

@@ -332,7 +332,9 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
         if settled and (moved < 1e-4 or known == count):
             break
-    judgement = identifiability(problem.misfit(sigma), z, CONSTANTS, noise.quantile,
+    judgement = identifiability(problem.misfit(sigma), z,
+                                [(constant.name, constant.unit) for constant in CONSTANTS],
+                                noise.quantile,
                                 lambda _, log: float(np.exp(log)), profiles)
     return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
                       time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)

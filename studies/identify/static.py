@@ -332,7 +332,8 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
             break
     residual = problem.residual(scale * z, "deflection")[0]
     noise = noise_of(float(residual @ residual), len(residual) - known, problem.noise)
-    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z, problem.constants,
+    judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z,
+                                [(constant.name, constant.unit) for constant in problem.constants],
                                 noise.quantile, lambda index, at: float(scale[index] * at),
                                 profiles and objective == "deflection")
     rmse = float(np.sqrt(np.mean(residual**2)))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,10 @@ from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 Array = NDArray[Any]
+#: What to tell the reader, by key.
+NOTES: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("notes.toml").read_text(encoding="utf-8"))
+
 #: 95 % limits, None where the readings set none.
 Limits = tuple[float | None, float | None]
 
@@ -36,19 +42,6 @@ CANCELLING = 50.0
 #: Stress in a search for minima is in units of so much of the readings; limits are met to such a
 #: share of the quantile.
 _FINE, _MET = 1e-8, 1e-3
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How to fit.
-
-    ``noise`` is the standard deviation of one reading [Pa], estimated where None; ``starts`` are
-    searched per shape constant; ``hold_out`` fits again without each mode.
-    """
-
-    noise: float | None = None
-    starts: int = 12
-    hold_out: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +136,7 @@ class LawFit:
     held_out: dict[str, float | None]
     range: tuple[float, float]
     inadmissible: tuple[float, float] | None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     @property
     def offered(self) -> bool:
@@ -161,8 +154,8 @@ class LawFit:
         rows = self.family.jacobian(stretch, across, self.values)
         with np.errstate(invalid="ignore"):
             variance = np.einsum("ni,ij,nj->n", rows, self.covariance, rows)
-        half = self.noise.quantile * np.sqrt(np.maximum(np.nan_to_num(variance, nan=np.inf,
-                                                                      posinf=np.inf), 0))
+            variance = np.nan_to_num(variance, nan=np.inf, posinf=np.inf)
+        half = self.noise.quantile * np.sqrt(np.maximum(variance, 0))
         return self.family.stress(stretch, across, self.values), half
 
     def json(self) -> dict[str, Any]:
@@ -198,80 +191,88 @@ class Comparison:
         """What stands between the best fit and its use."""
         best, first = self.best, self.fits[0]
         if best is None:
-            return ["none of the fitted laws is admissible over the stretches of the tests: none "
-                    "is offered"]
-        found = [f"{best.family.name}: {note}" for note in best.notes]
+            return [NOTES["none_offered"]]
+        warnings = [f"{best.family.name}: {note}" for note in best.notes]
         if first is not best:
-            found.append(f"{first.family.name} fits better by the criterion but is not admissible "
-                         f"over the stretches "
-                         "of the tests: not offered")
+            warnings.append(NOTES["best_not_offered"].format(name=first.family.name))
         if "equibiaxial" not in self.coupons.modes:
-            found.append("no equibiaxial test: a mounted film is stretched nearly equibiaxially")
-        found += self._overfitted(best)
+            warnings.append(NOTES["no_equibiaxial"])
+        warnings += self._overfitted(best)
         times = self.coupons.time[np.isfinite(self.coupons.time)]
         if len(times) and np.ptp(times) > 0:
-            found.append(f"readings from {times.min():g} to {times.max():g} s are taken as one "
-                         f"elastic response: "
-                         "relaxation is not fitted")
-        return found
+            warnings.append(NOTES["relaxation"].format(first=times.min(), last=times.max()))
+        return warnings
 
-    def _overfitted(self, best: LawFit) -> list[str]:
+    def _overfitted(self, best: LawFit) -> Iterator[str]:
         """Modes that the best law foretells far worse than another does."""
-        found = []
         for mode, error in best.held_out.items():
             errors = ((fit.held_out.get(mode), fit.family.name) for fit in self.fits if fit.offered)
             rivals = [(rival, name) for rival, name in errors if rival is not None]
             least, name = min(rivals, default=(float("inf"), ""))
             if error is None or error > 2 * least:
-                missed = "cannot follow" if error is None else f"misses by {error / 1e3:.3g} kPa"
-                found.append(f"{best.family.name} {missed} the {mode.replace('_', ' ')} readings "
-                             f"when they are held out"
-                             + (f", {name} by {least / 1e3:.3g} kPa"
-                                if name not in ("", best.family.name) else ""))
-        return found
+                rival = ("" if name in ("", best.family.name)
+                         else NOTES["rival"].format(name=name, error=least / 1e3))
+                yield NOTES["cannot_follow" if error is None else "misses"].format(
+                    name=best.family.name, mode=mode.replace("_", " "), error=(error or 0) / 1e3,
+                    rival=rival)
 
 
 def compare(coupons: Coupons, names: Sequence[str] | None = None,
-            settings: FitSettings | None = None) -> Comparison:
+            noise: float | None = None) -> Comparison:
     """Fit laws, all that the readings are enough for where none is named.
+
+    ``noise`` is the standard deviation of one reading [Pa], estimated where None.
 
     Raises
     ------
     InputError
         When a name is unknown or the readings are fewer than a named law needs.
     """
-    settings = settings or FitSettings()
     families = [_family(name, len(coupons)) for name in dict.fromkeys(names)] if names else [
         family for family in FAMILIES.values() if len(coupons) >= _needed(family)]
     if not families:
         raise InputError(f"must be at least {_needed(FAMILIES['neo_hooke'])} to fit any law",
-                         key="readings",
-                         given=len(coupons))
+                         key="readings", given=len(coupons))
     if largest_excess(*coupons.in_plane) < 1e-6:
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
-    fits = (fit_law(coupons, family, settings) for family in families)
-    return Comparison(coupons, tuple(sorted(fits, key=lambda item: item.criterion)))
+    fits = [fit_law(coupons, family, noise) for family in families]
+    return Comparison(coupons, tuple(sorted(fits, key=lambda fit: fit.criterion)))
 
 
-def fit_law(coupons: Coupons, family: Family, settings: FitSettings | None = None) -> LawFit:
-    """Fit one law: the best minimum that is admissible over the tests' stretches, else the best."""
-    settings = settings or FitSettings()
+def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts: int = 12,
+            hold_out: bool = True) -> LawFit:
+    """Fit one law: the best minimum that is admissible over the tests' stretches, else the best.
+
+    Parameters
+    ----------
+    noise
+        Standard deviation of one reading [Pa], estimated where None.
+    starts
+        How many are searched per shape constant.
+    hold_out
+        Fit again without each mode.
+    """
     curves = CouponCurves.of(coupons, family)
-    ends = curves.minima(settings.starts)
+    ends = curves.minima(starts)
     values, (material, failing) = _admissible(ends, family, coupons)
     squares = curves.squares(values)
-    noise = Noise.of(squares, len(coupons) - len(values), settings.noise)
-    spread = covariance(curves.jacobian(values), noise.sigma)
+    sigma = Noise.of(squares, len(coupons) - len(values), noise)
+    jacobian = curves.jacobian(values)
+    spread = covariance(jacobian, sigma.sigma)
+    lengths = np.linalg.norm(jacobian, axis=0)
+    # 1e300 where no reading sees a constant.
+    condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     result = LawFit(
         family=family, material=material, values=values,
-        limits=curves.limits(values, np.sqrt(np.diag(spread)), noise), covariance=spread,
-        noise=noise, squares=squares, readings=len(coupons),
-        criterion=_criterion(squares, len(coupons), len(values), settings.noise),
-        condition=_condition(curves.jacobian(values)),
-        held_out=_held_out(coupons, family, settings) if settings.hold_out else {},
+        limits=curves.limits(values, np.sqrt(np.diag(spread)), sigma), covariance=spread,
+        noise=sigma, squares=squares, readings=len(coupons),
+        criterion=_criterion(squares, len(coupons), len(values), noise),
+        condition=float(min(condition, 1e300)),
+        held_out=_held_out(coupons, family, starts) if hold_out else {},
         range=coupons.stretch_range, inadmissible=failing)
-    return _noted(result, curves, coupons, squares - curves.squares(ends[0]) > 0.01 * squares)
+    worse = squares - curves.squares(ends[0]) > 0.01 * squares
+    return replace(result, notes=tuple(_notes(result, curves, coupons, worse)))
 
 
 def material_lines(material: Material, stretch_range: tuple[float, float] | None = None) -> str:
@@ -317,28 +318,24 @@ def _family(name: str, readings: int) -> Family:
     return family
 
 
-def _admissible(found: list[Array], family: Family, coupons: Coupons
+def _admissible(ends: list[Array], family: Family, coupons: Coupons
                 ) -> tuple[Array, tuple[Material | None, tuple[float, float] | None]]:
     """The best admissible minimum, or the best, with its material and where that fails."""
-    judged = [(values, _judged(family, values, coupons)) for values in found]
+    judged = [(values, _judged(family, values, coupons)) for values in ends]
     return next((item for item in judged if item[1][0] is not None and item[1][1] is None),
                 judged[0])
 
 
-def _judged(family: Family, values: Array, coupons: Coupons) -> tuple[Material | None,
-                                                                      tuple[float, float] | None]:
+def _judged(family: Family, values: Array, coupons: Coupons
+            ) -> tuple[Material | None, tuple[float, float] | None]:
     try:
         material = family.material(values)
     except InputError:
         return None, None
-    if family.alike and _terms_cancel(family, values):
+    terms = values[:len(family.linear)] * values[len(family.linear):] if family.alike else values
+    if family.alike and np.abs(terms).sum() > CANCELLING * abs(terms.sum()):
         return None, None
     return material, inadmissible_stretch(material, *coupons.stretch_range)
-
-
-def _terms_cancel(family: Family, values: Array) -> bool:
-    terms = values[:len(family.linear)] * values[len(family.linear):]
-    return bool(np.abs(terms).sum() > CANCELLING * abs(terms.sum()))
 
 
 def _criterion(squares: float, readings: int, constants: int, noise: float | None) -> float:
@@ -350,93 +347,70 @@ def _criterion(squares: float, readings: int, constants: int, noise: float | Non
     return float(misfit + 2 * count + 2 * count * (count + 1) / (readings - count - 1))
 
 
-def _condition(columns: Array) -> float:
-    """Condition number of the sensitivities, scaled to length 1; 1e300 where one is missing."""
-    lengths = np.linalg.norm(columns, axis=0)
-    if not lengths.all():
-        return 1e300
-    return float(min(np.linalg.cond(columns / lengths), 1e300))
-
-
-def _held_out(coupons: Coupons, family: Family, settings: FitSettings) -> dict[str, float | None]:
+def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float | None]:
     """Error on each mode after a fit to the others."""
     errors: dict[str, float | None] = {}
     for mode in coupons.modes:
         rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
         if len(rest) < _needed(family):
             continue
-        ends = CouponCurves.of(rest, family).minima(max(2, settings.starts // 3))
+        ends = CouponCurves.of(rest, family).minima(max(2, starts // 3))
         values, _ = _admissible(ends, family, rest)
         missed = CouponCurves.of(tested, family).residual(values)
         errors[mode] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
     return errors
 
 
-def _noted(result: LawFit, curves: CouponCurves, coupons: Coupons, worse: bool) -> LawFit:
-    """The fit with what its reader must know."""
-    notes = [*_open_constants(result), *_open_modes(result, coupons)]
-    if result.material is None:
-        notes.append("the best constants have no meaning (a modulus that is not positive, or terms "
-                     "that cancel one "
-                     "another): not offered")
-    if result.inadmissible is not None:
-        notes.append(f"true stress falls with stretch at ({result.inadmissible[0]:.3g}, "
-                     f"{result.inadmissible[1]:.3g}), "
-                     f"within the tests' range {result.range[0]:.3g} to {result.range[1]:.3g}: not "
-                     f"offered")
+def _notes(fit: LawFit, curves: CouponCurves, coupons: Coupons, worse: bool) -> Iterator[str]:
+    """What a reader of the fit must know."""
+    yield from _open_constants(fit)
+    yield from _open_modes(fit, coupons)
+    if fit.material is None:
+        yield NOTES["no_meaning"]
+    if fit.inadmissible is not None:
+        yield NOTES["inadmissible"].format(at=fit.inadmissible, range=fit.range)
     elif worse:
-        notes.append("other constants fit better but are not admissible over the stretches of the "
-                     "tests")
-    if _systematic(curves.residual(result.values), coupons):
-        notes.append("the residuals run in long stretches of one sign: the law misses the shape of "
-                     "the curves, and the "
-                     "intervals tell of noise alone")
-    return replace(result, notes=tuple(notes))
+        yield NOTES["worse"]
+    if _systematic(curves.residual(fit.values), coupons):
+        yield NOTES["systematic"]
 
 
-def _open_constants(result: LawFit) -> list[str]:
+def _open_constants(fit: LawFit) -> Iterator[str]:
     """Constants and pairs of constants that the readings do not settle."""
-    names, linear, notes = result.family.constants, len(result.family.linear), []
-    for index, (name, value, (low, high)) in enumerate(zip(names, result.values, result.limits,
+    names, linear = fit.family.constants, len(fit.family.linear)
+    for index, (name, value, (low, high)) in enumerate(zip(names, fit.values, fit.limits,
                                                            strict=True)):
         unit, size = (" kPa", 1e3) if index < linear else ("", 1.0)
         if low is None or high is None:
             sides = " and ".join(side for side, limit in (("lower", low), ("upper", high))
                                  if limit is None)
-            notes.append(f"{name} is poorly determined: the readings set no {sides} limit")
+            yield NOTES["open"].format(name=name, sides=sides)
         elif high - low > 2 * WIDE * abs(value):
-            notes.append(f"{name} is poorly determined: {value / size:.4g}{unit}, 95 % limits "
-                         f"{low / size:.4g} and "
-                         f"{high / size:.4g}{unit}")
-    spread = np.sqrt(np.diag(result.covariance))
-    for one, other in combinations(range(len(names)), 2):
-        if np.isfinite(spread[[one, other]]).all() and spread[one] * spread[other] > 0:
-            correlation = result.covariance[one, other] / (spread[one] * spread[other])
+            yield NOTES["wide"].format(name=name, unit=unit, value=value / size, low=low / size,
+                                       high=high / size)
+    spread = np.sqrt(np.diag(fit.covariance))
+    for first, second in combinations(range(len(names)), 2):
+        product = spread[first] * spread[second]
+        if np.isfinite(spread[[first, second]]).all() and product > 0:
+            correlation = fit.covariance[first, second] / product
             if abs(correlation) > CORRELATED:
-                notes.append(f"{names[one]} and {names[other]} are poorly determined apart "
-                             f"(correlation "
-                             f"{correlation:.4f}): the readings see a combination of them")
-    return notes
+                yield NOTES["correlated"].format(first=names[first], second=names[second],
+                                                 correlation=correlation)
 
 
-def _open_modes(result: LawFit, coupons: Coupons) -> list[str]:
+def _open_modes(fit: LawFit, coupons: Coupons) -> Iterator[str]:
     """Modes not tested in which the fit's stress is uncertain by more than a tenth."""
-    notes = []
-    reach = coupons.stretch_range[1]
+    stretch = np.array([1 + (coupons.stretch_range[1] - 1) / 2])
     for mode in MODES:
-        if mode in coupons.modes or result.material is None:
+        if mode in coupons.modes or fit.material is None:
             continue
         # A law may not reach, in another mode, the stretch it was tested to in this one.
-        stretch = np.array([1 + (reach - 1) / 2])
-        if np.isposinf(np.real(result.material.derivatives(stretch,
-                                                           stretch ** MODES[mode])[0])).any():
+        if np.isposinf(np.real(fit.material.derivatives(stretch, stretch ** MODES[mode])[0])).any():
             continue
-        stress, half = result.predict(mode, stretch)
+        stress, half = fit.predict(mode, stretch)
         if half[0] > 0.1 * abs(stress[0]):
-            notes.append(f"untested in {mode.replace('_', ' ')}: at stretch {stretch[0]:.3g} its "
-                         f"stress there is "
-                         f"{stress[0] / 1e3:.4g} ± {half[0] / 1e3:.2g} kPa (95 %)")
-    return notes
+            yield NOTES["untested"].format(mode=mode.replace("_", " "), stretch=stretch[0],
+                                           stress=stress[0] / 1e3, half=half[0] / 1e3)
 
 
 def _systematic(residual: Array, coupons: Coupons) -> bool:

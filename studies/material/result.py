@@ -52,7 +52,7 @@ class MaterialFitResult:
         return self.numbers
 
     def save(self, folder: Path) -> None:
-        """Write ``fit.json``, ``coupon.csv``, ``curves.csv`` and, if one is offered, ``material.toml``."""
+        """Write fit.json, coupon.csv, curves.csv and, if a law is offered, material.toml."""
         remove(folder, "fit.json", "fit.png", "fit.svg", "material.toml")
         readings = {"mode": self.coupons.mode, "stretch": self.coupons.stretch,
                     "nominal_stress": self.coupons.stress, "specimen": self.coupons.specimen,

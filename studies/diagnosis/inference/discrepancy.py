@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.inference.fit import NUISANCE, Fit
 from tympan.studies.diagnosis.inference.residual_tests import ResidualPattern, orthonormal
@@ -26,20 +27,19 @@ def discrepancy_evidence(nominal: Fit, groups: tuple[ResidualPattern, ...], sigm
     sigma
         Noise of the readings, shape (rows,).
     """
-    found = []
+    evidence = []
     for group in groups:
         basis = orthonormal(group.columns / sigma[:, None])
         scale = (len(sigma) / max(basis.shape[1], 1)) ** 0.5
-        found += [_evidence(nominal, size * scale * basis) for size in _SIZES]
-    top = max(found)
-    return float(top + np.log(np.mean(np.exp(np.array(found) - top))))
+        evidence += [_evidence(nominal, size * scale * basis) for size in _SIZES]
+    return float(logsumexp(evidence) - np.log(len(evidence)))
 
 
 def _evidence(nominal: Fit, columns: Array) -> float:
-    """The same for given columns with standard normal coefficients."""
+    """With columns whose coefficients are standard normal."""
     residual = nominal.residual + nominal.jacobian @ nominal.unknowns
     spread = np.concatenate([NUISANCE * nominal.jacobian, columns], axis=1)
     inner = np.eye(spread.shape[1]) + spread.T @ spread
     along = spread.T @ residual
-    left = residual @ residual - along @ np.linalg.solve(inner, along)
-    return float(-0.5 * left - 0.5 * np.linalg.slogdet(inner)[1])
+    squares = residual @ residual - along @ np.linalg.solve(inner, along)
+    return float(-0.5 * squares - 0.5 * np.linalg.slogdet(inner)[1])

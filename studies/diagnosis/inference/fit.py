@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import (
     FACTORS,
@@ -21,13 +22,7 @@ from tympan.studies.diagnosis.reduced.hypothesis import (
     unknown_count,
 )
 from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
-from tympan.studies.estimation.least_squares import (
-    Evaluation,
-    LeastSquares,
-    Minimum,
-    Unreachable,
-    minimise,
-)
+from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, Minimum, minimise
 
 Array = NDArray[np.float64]
 
@@ -140,19 +135,16 @@ class _Search:
         """The minimum from a start, and the evidence by the curvature there."""
         try:
             minimum = minimise(self.problem, start, quick=_SMALL, iterations=_ITERATIONS)
-        except Unreachable:
-            return self._impossible(start)
+        except InputError:  # it cannot be at the states that were read
+            rows, count = len(self.table), len(start)
+            heave = self.simulation.heaves(self.hypothesis, start, self.table.states)
+            return Fit(self.hypothesis, start, self.bounds, np.full(rows, np.inf),
+                       np.zeros((rows, count)), np.eye(count), np.inf, -np.inf, heave,
+                       possible=False)
         point = minimum.point
         return Fit(self.hypothesis, minimum.unknowns, self.bounds, point.residual, -point.jacobian,
                    self.problem.curvature(point), minimum.cost,
                    self._log_mass(minimum) - minimum.cost, point.state)
-
-    def _impossible(self, start: Array) -> Fit:
-        """A hypothesis that cannot be at the states that were read."""
-        rows, count = len(self.table), len(start)
-        heave = self.simulation.heaves(self.hypothesis, start, self.table.states)
-        return Fit(self.hypothesis, start, self.bounds, np.full(rows, np.inf),
-                   np.zeros((rows, count)), np.eye(count), np.inf, -np.inf, heave, possible=False)
 
     def _log_mass(self, minimum: Minimum) -> float:
         """Logarithm of the integral of prior times likelihood, relative to its largest value.

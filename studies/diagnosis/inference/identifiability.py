@@ -1,13 +1,9 @@
-"""What can be known from some readings before they are made.
-
-What effects must reach to be seen and told apart.
-"""
+"""What can be known from readings before they are made: which effects are seen and told apart."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,28 +17,16 @@ from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
 
 Array = NDArray[np.float64]
 
+#: What causes do to readings over noise that stiffness and permittivity do not take up: columns of
+#: their parameters at a typical size, shape (rows, parameters).
+Signatures = dict[Cause, Array]
+
 #: Distances in χ²: seen in 95 % of all cases among many effects; told apart at odds of a hundred to
 #: one; not at all.
 SEEN, TOLD, SAME = 25.0, 9.2, 0.5
 
 #: The size at which effects are compared, in standard deviations of their priors.
 TYPICAL = 2.0
-
-
-@dataclass(frozen=True, eq=False)
-class Signature:
-    """What a cause does to readings over noise that stiffness and permittivity do not take up.
-
-    ``columns``: of its parameters at a typical size, shape (rows, parameters).
-    """
-
-    cause: Cause
-    columns: Array
-
-    @property
-    def strength(self) -> float:
-        """χ² of the typical size, of the parameter that shows most."""
-        return float((self.columns**2).sum(0).max())
 
 
 @dataclass(frozen=True)
@@ -81,22 +65,18 @@ class EffectIdentifiability:
 
 
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
-               causes: Sequence[Cause]) -> list[Signature]:
+               causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
     heave = simulation.heaves((), unknowns, table.states)
-    bounds = bounds_of(simulation, ())
-    taken = orthonormal(simulation.jacobian((), unknowns, table, heave, bounds) / table.sigma[:,
-                                                                                              None])
-    found = []
-    for cause in causes:
-        columns = [_left_over(simulation, cause, index, unknowns, table)
-                   for index in range(len(cause.effect.parameters))]
-        found.append(Signature(cause, without(taken, np.stack(columns, 1))))
-    return found
+    jacobian = simulation.jacobian((), unknowns, table, heave, bounds_of(simulation, ()))
+    taken = orthonormal(jacobian / table.sigma[:, None])
+    return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
+                                            for index in range(len(cause.effect.parameters))], 1))
+            for cause in causes}
 
 
-def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
-               table: ReadingTable) -> Array:
+def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
+           table: ReadingTable) -> Array:
     """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
@@ -109,57 +89,61 @@ def _left_over(simulation: Simulation, cause: Cause, index: int, unknowns: Array
         moved[SIZES][index] = share * cause.effect.parameters[index].deviation
         values = simulation.predict((cause,), np.clip(moved, *bounds), table)
         if np.isfinite(values).all():
-            refitted = fit(simulation, (), table.with_values(values),
-                           unknowns[FACTORS])
+            refitted = fit(simulation, (), table.with_values(values), unknowns[FACTORS])
             if refitted.possible:
                 return refitted.residual * TYPICAL / share
         share /= 2
 
 
-def distance(one: Signature, other: Signature) -> float:
+def visibility(signature: Array) -> float:
+    """χ² of the typical size, of the parameter that shows most."""
+    return float((signature**2).sum(0).max())
+
+
+def distance(signature: Array, other: Array) -> float:
     """χ² that remains of the first's typical readings when the other may explain them."""
-    column = one.columns[:, np.argmax((one.columns**2).sum(0))]
-    return float(np.sum(without(orthonormal(other.columns), column[:, None]) ** 2))
+    column = signature[:, np.argmax((signature**2).sum(0))]
+    return float(np.sum(without(orthonormal(other), column[:, None]) ** 2))
 
 
-def classes_of(found: Sequence[Signature]) -> tuple[tuple[Cause, ...],
-                                                    tuple[tuple[Cause, ...], ...]]:
+def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
     """Causes nobody can see at the typical size, and classes that nobody can tell apart."""
-    invisible = [one.cause for one in found if one.strength < SAME]
-    seen = [one for one in found if one.strength >= SAME]
-    classes: list[list[Signature]] = []
-    for one in seen:
+    invisible = tuple(cause for cause in signs if visibility(signs[cause]) < SAME)
+    classes: list[list[Cause]] = []
+    for cause in signs:
+        if cause in invisible:
+            continue
         home = next((group for group in classes
-                     if all(distance(one, other) < SAME and distance(other, one) < SAME
-                            for other in group)), None)
+                     if all(distance(signs[cause], signs[other]) < SAME
+                            and distance(signs[other], signs[cause]) < SAME for other in group)),
+                    None)
         if home is None:
-            classes.append([one])
+            classes.append([cause])
         else:
-            home.append(one)
-    return tuple(invisible), tuple(tuple(one.cause for one in group) for group in classes
-                                   if len(group) > 1)
+            home.append(cause)
+    return invisible, tuple(tuple(group) for group in classes if len(group) > 1)
 
 
 def effect_identifiability(simulation: Simulation, table: ReadingTable, unknowns: Array,
-             causes: Sequence[Cause]) -> EffectIdentifiability:
+                           causes: Sequence[Cause]) -> EffectIdentifiability:
     """What a table's readings can tell, whatever they will be."""
-    found = signatures(simulation, table, unknowns, causes)
-    invisible, classes = classes_of(found)
+    signs = signatures(simulation, table, unknowns, causes)
+    invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []
-    for one in found:
-        rivals = [other for other in found if other is not one and other.cause not in invisible
-                  and other.cause not in alike.get(one.cause, ())
-                  and other.cause.name != one.cause.name]
-        effects.append(_detectable(one, min(rivals, key=partial(distance, one), default=None)))
+    for cause in signs:
+        rivals = {other: distance(signs[cause], signs[other]) for other in signs
+                  if other.name != cause.name and other not in invisible
+                  and other not in alike.get(cause, ())}
+        effects.append(_detectable(cause, signs[cause], rivals))
     return EffectIdentifiability(tuple(effects), invisible, classes)
 
 
-def _detectable(one: Signature, nearest: Signature | None) -> Detectable:
-    """Sizes at which the strongest parameter is seen and told apart."""
-    index = int(np.argmax((one.columns**2).sum(0)))
-    parameter = one.cause.effect.parameters[index]
+def _detectable(cause: Cause, signature: Array, rivals: dict[Cause, float]) -> Detectable:
+    """Sizes at which the strongest parameter is seen, and told from the nearest of the rivals."""
+    parameter = cause.effect.parameters[int(np.argmax((signature**2).sum(0)))]
     typical = TYPICAL * parameter.deviation
+    rival = min(rivals, key=lambda other: rivals[other], default=None)
 
     def reached(needed: float, have: float) -> float | None:
         power = 0.25 if parameter.sign == "even" else 0.5
@@ -168,7 +152,7 @@ def _detectable(one: Signature, nearest: Signature | None) -> Detectable:
             return None
         return parameter.shown(parameter.value(size))
 
-    return Detectable(one.cause, parameter.name, parameter.unit, reached(SEEN, one.strength),
-                      reached(TOLD, one.strength if nearest is None else distance(one, nearest)),
-                      None if nearest is None else str(nearest.cause),
-                      parameter.shown(parameter.width))
+    return Detectable(
+        cause, parameter.name, parameter.unit, reached(SEEN, visibility(signature)),
+        reached(TOLD, visibility(signature) if rival is None else rivals[rival]),
+        None if rival is None else str(rival), parameter.shown(parameter.width))

@@ -1,12 +1,11 @@
-"""Hypotheses weighed against each other.
-
-Probabilities of causes, of none, and of something else.
-"""
+"""Hypotheses weighed: probabilities of causes, of none, and of something else."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +38,8 @@ class Posterior:
     @classmethod
     def of(cls, nominal: Fit, fits: Sequence[Fit], discrepancy_evidence: float) -> Posterior:
         """By evidence and prior."""
-        logs = np.array([nominal.evidence, discrepancy_evidence, *(one.evidence for one in fits)])
-        logs = logs + np.log([NOTHING, DISCREPANCY, *priors([one.hypothesis for one in fits])])
+        logs = np.array([nominal.evidence, discrepancy_evidence, *(fit.evidence for fit in fits)])
+        logs = logs + np.log([NOTHING, DISCREPANCY, *priors([fit.hypothesis for fit in fits])])
         weight = np.exp(logs - logs.max())
         weight /= weight.sum()
         return cls(nominal, tuple(fits), weight[2:], float(weight[0]), float(weight[1]))
@@ -52,11 +51,11 @@ class Posterior:
 
     def of_causes(self) -> dict[Cause, float]:
         """Probability of each cause given that something is wrong; most probable first."""
-        found: dict[Cause, float] = {}
-        for one, share in zip(self.fits, self.probabilities.tolist(), strict=True):
-            for cause in one.hypothesis:
-                found[cause] = found.get(cause, 0.0) + share / max(self.wrong, 1e-300)
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+        shares: dict[Cause, float] = {}
+        for fit, share in zip(self.fits, self.probabilities.tolist(), strict=True):
+            for cause in fit.hypothesis:
+                shares[cause] = shares.get(cause, 0.0) + share / max(self.wrong, 1e-300)
+        return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
     @property
     def best(self) -> Fit:
@@ -65,11 +64,11 @@ class Posterior:
 
     def fit_of(self, causes: Sequence[Cause]) -> Fit | None:
         """The fit of these causes together."""
-        return next((one for one in self.fits if set(one.hypothesis) == set(causes)), None)
+        return next((fit for fit in self.fits if set(fit.hypothesis) == set(causes)), None)
 
     def with_cause(self, cause: Cause) -> Fit:
         """The most probable hypothesis that has a cause."""
-        return self.fits[max((k for k, one in enumerate(self.fits) if cause in one.hypothesis),
+        return self.fits[max((k for k, fit in enumerate(self.fits) if cause in fit.hypothesis),
                              key=lambda k: self.probabilities[k])]
 
     def credible(self, share: float = 0.95) -> tuple[Fit, ...]:
@@ -82,15 +81,12 @@ class Posterior:
 
 def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     """Prior probabilities of hypotheses with one or two causes."""
-    weight = np.array([np.prod([1 / _variants(hypotheses, cause) for cause in one])
-                       for one in hypotheses])
-    single = np.array([len(one) == 1 for one in hypotheses], bool)
+    # How many specimens an effect may happen to.
+    variants = Counter(cause.name for cause in set(chain(*hypotheses)))
+    weight = np.array([np.prod([1 / variants[cause.name] for cause in hypothesis])
+                       for hypothesis in hypotheses])
+    single = np.array([len(hypothesis) == 1 for hypothesis in hypotheses], bool)
     for rows, mass in ((single, SINGLE), (~single, PAIR)):
         if rows.any():
             weight[rows] *= mass / weight[rows].sum()
     return weight
-
-
-def _variants(hypotheses: Sequence[Hypothesis], cause: Cause) -> int:
-    """How many specimens an effect may happen to."""
-    return len({other for one in hypotheses for other in one if other.name == cause.name})

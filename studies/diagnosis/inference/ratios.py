@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
+
+#: A stroke as read and as simulated, and the standard deviation of the one read [m].
+Stroke = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,6 @@ class Ratio:
         return (self.simulated - self.read) / self.noise
 
 
-@dataclass(frozen=True)
-class _Stroke:
-    read: float
-    simulated: float
-    sigma: float
-
-
 def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple[Ratio, ...]:
     """Ratios to the first specimen under the same mass, and to the specimen's smallest mass.
 
@@ -44,66 +40,54 @@ def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple
     strokes = _strokes(table, predicted)
     masses = sorted({mass for _, mass in strokes})
     first = min((number for number, _ in strokes), default=0)
-    return tuple(_shapes(strokes, masses, first, names)) + tuple(_masses(strokes, masses, names))
+    between = [_ratio("shape", f"{names[number]} over {names[first]} at {1e3 * mass:.4g} g",
+                      strokes[number, mass], strokes[first, mass])
+               for mass in masses for number, other in sorted(strokes)
+               if other == mass and number != first and (first, mass) in strokes]
+    loads = [_ratio("mass", f"{1e3 * mass:.4g} g over {1e3 * masses[0]:.4g} g, {names[number]}",
+                    strokes[number, mass], strokes[number, masses[0]])
+             for number, mass in sorted(strokes)
+             if mass != masses[0] and (number, masses[0]) in strokes]
+    return (*between, *loads)
 
 
-def _shapes(strokes: dict[tuple[int, float], _Stroke], masses: list[float], first: int,
-            names: Sequence[str]
-            ) -> Iterator[Ratio]:
-    for mass in masses:
-        base = strokes.get((first, mass))
-        for (number, own), stroke in sorted(strokes.items()):
-            if base is not None and own == mass and number != first:
-                yield _ratio("shape", f"{names[number]} over {names[first]} at {1e3 * mass:.4g} g",
-                             stroke, base)
+def _ratio(kind: str, what: str, stroke: Stroke, base: Stroke) -> Ratio:
+    (read, simulated, sigma), (base_read, base_simulated, base_sigma) = stroke, base
+    ratio = read / base_read
+    noise = abs(ratio) * float(np.hypot(sigma / read, base_sigma / base_read))
+    return Ratio(kind, what, ratio, simulated / base_simulated, noise)
 
 
-def _masses(strokes: dict[tuple[int, float], _Stroke], masses: list[float],
-            names: Sequence[str]) -> Iterator[Ratio]:
-    for (number, mass), stroke in sorted(strokes.items()):
-        base = strokes.get((number, masses[0]))
-        if base is not None and mass != masses[0]:
-            yield _ratio("mass",
-                         f"{1e3 * mass:.4g} g over {1e3 * masses[0]:.4g} g, {names[number]}",
-                         stroke, base)
-
-
-def _ratio(kind: str, what: str, one: _Stroke, base: _Stroke) -> Ratio:
-    read = one.read / base.read
-    noise = abs(read) * float(np.hypot(one.sigma / one.read, base.sigma / base.read))
-    return Ratio(kind, what, read, one.simulated / base.simulated, noise)
-
-
-def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], _Stroke]:
+def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], Stroke]:
     """Strokes by specimen and mass, those too small to divide by left out."""
-    found = {}
+    strokes = {}
     for number, mass in {(int(s), float(m)) for s, m in zip(table.specimen, table.mass,
                                                             strict=True)}:
-        own = (table.specimen == number) & (table.mass == mass)
-        stroke = _range(table, predicted, own) or _swing(table, predicted, own)
-        if stroke is not None and stroke.read > 5 * stroke.sigma and stroke.simulated > 0:
-            found[number, mass] = stroke
-    return found
+        ramp = (table.specimen == number) & (table.mass == mass)
+        stroke = _range(table, predicted, ramp) or _swing(table, predicted, ramp)
+        if stroke is not None and stroke[0] > 5 * stroke[2] and stroke[1] > 0:
+            strokes[number, mass] = stroke
+    return strokes
 
 
-def _range(table: ReadingTable, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
-    rows = own & (table.kind == "range")
+def _range(table: ReadingTable, predicted: Array, ramp: NDArray[np.bool_]) -> Stroke | None:
+    rows = ramp & (table.kind == "range")
     if not rows.any():
         return None
-    return _Stroke(float(table.value[rows].mean()), float(predicted[rows].mean()),
-                   _mean_sigma(table.sigma[rows]))
+    return (float(table.value[rows].mean()), float(predicted[rows].mean()),
+            _mean_sigma(table.sigma[rows]))
 
 
-def _swing(table: ReadingTable, predicted: Array, own: NDArray[np.bool_]) -> _Stroke | None:
-    rows = own & (table.kind == "displacement")
+def _swing(table: ReadingTable, predicted: Array, ramp: NDArray[np.bool_]) -> Stroke | None:
+    rows = ramp & (table.kind == "displacement")
     voltage = table.voltage
     if not rows.any() or np.ptp(voltage[rows]) == 0:
         return None
     top, rest = (rows & (voltage == end) for end in (voltage[rows].max(), voltage[rows].min()))
-    sigma = float(np.hypot(_mean_sigma(table.sigma[top]), _mean_sigma(table.sigma[rest])))
     read, simulated = (float(values[top].mean() - values[rest].mean())
                        for values in (table.value, predicted))
-    return _Stroke(read, simulated, sigma)
+    sigma = float(np.hypot(_mean_sigma(table.sigma[top]), _mean_sigma(table.sigma[rest])))
+    return read, simulated, sigma
 
 
 def _mean_sigma(sigma: Array) -> float:

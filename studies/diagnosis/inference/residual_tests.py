@@ -39,8 +39,8 @@ class ResidualPattern:
     columns: Array
 
 
-def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> tuple[ResidualPattern,
-                                                                                   ...]:
+def patterns(table: ReadingTable, names: Sequence[str],
+             predicted: Array) -> tuple[ResidualPattern, ...]:
     """The patterns of a table.
 
     ``names`` are its specimens', ``predicted`` what the nominal model says.

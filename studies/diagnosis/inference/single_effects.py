@@ -46,22 +46,14 @@ def single_effects(simulation: Simulation, judged: Judgement,
     if judged.posterior is None:
         return ()
     excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
-    found = []
+    effects = []
     for cause in causes:
         wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
         if wide.possible:
             share = (judged.nominal.chi_squared - wide.chi_squared) / excess
-            found.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), _widths(wide, cause),
-                                 _bounded(wide)))
-    return tuple(sorted(found, key=lambda attempt: -attempt.share))
-
-
-def _widths(fit: Fit, cause: Cause) -> float:
-    return float(max(abs(size) / parameter.deviation for size, parameter in zip(
-        fit.sizes(cause).tolist(), cause.effect.parameters, strict=True)))
-
-
-def _bounded(fit: Fit) -> bool:
-    """Whether a size that is not none is at a limit."""
-    sizes, (low, high) = fit.unknowns[SIZES], fit.bounds[:, SIZES]
-    return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
+            sizes, (low, high) = wide.unknowns[SIZES], wide.bounds[:, SIZES]
+            widths = max(abs(size) / parameter.deviation for size, parameter
+                         in zip(sizes.tolist(), cause.effect.parameters, strict=True))
+            bounded = bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
+            effects.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), widths, bounded))
+    return tuple(sorted(effects, key=lambda effect: -effect.share))

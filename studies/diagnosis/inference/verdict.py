@@ -33,20 +33,10 @@ _AT_BOUND = 1e-6
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 
-@dataclass(frozen=True)
-class Levels:
-    """What it takes.
-
-    ``alarm``: probability by noise alone below which something is wrong; ``adequate``: the same for
-    what a cause leaves, below which it does not explain the misfit; ``sure``: probability from
-    which a cause is named; ``discrepancy``: probability of none of the library from which
-    the verdict is unexplained.
-    """
-
-    alarm: float = 0.03
-    adequate: float = 0.01
-    sure: float = 0.9
-    discrepancy: float = 0.5
+#: What it takes: the probability by noise alone below which something is wrong, and below which
+#: what a cause leaves is not explained by it; the probability from which a cause is named, and that
+#: of none of the library from which the verdict is unexplained.
+ALARM, ADEQUATE, SURE, DISCREPANCY = 0.03, 0.01, 0.9, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +63,7 @@ class Judgement:
 
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-          stated: float = STATED,
-          levels: Levels = Levels(), widen: float = 1.0, seed: int = 0) -> Judgement:
+          stated: float = STATED, widen: float = 1.0, seed: int = 0) -> Judgement:
     """Judge readings.
 
     Parameters
@@ -95,63 +84,61 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     groups = patterns(table, names, table.value - nominal.residual * table.sigma)
     signs = signatures(simulation, table, nominal.unknowns, causes)
+    one_sided = frozenset(str(cause) for cause in causes
+                          if [parameter.sign for parameter in cause.effect.parameters]
+                          == ["positive"])
     tests = ResidualTests.of(table, nominal.jacobian, groups,
-                     {str(one.cause): one.columns for one in signs},
-                     frozenset(str(cause) for cause in causes if _one_sided(cause)), stated)
+                             {str(cause): columns for cause, columns in signs.items()},
+                             one_sided, stated)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
-    found = tests(nominal.residual, generator)
-    table = table.with_sigma(table.sigma * found.noise)
+    test = tests(nominal.residual, generator)
+    table = table.with_sigma(table.sigma * test.noise)
     nominal = fit(simulation, (), table, nominal.unknowns)
     invisible, classes = classes_of(signatures(simulation, table, nominal.unknowns, causes))
-    base = Judgement("nothing", table, nominal, found, groups, indistinguishable=classes,
+    base = Judgement("nothing", table, nominal, test, groups, indistinguishable=classes,
                      invisible=invisible)
-    if found.p_value >= levels.alarm:
+    if test.p_value >= ALARM:
         return base
     seen = [cause for cause in causes if cause not in invisible]
-    fits = [one for one in fit_all(simulation, hypotheses_of(seen), table, nominal.unknowns, widen)
-            if one.possible]
+    hypotheses = hypotheses_of(seen)
+    fits = [fit for fit in fit_all(simulation, hypotheses, table, nominal.unknowns, widen)
+            if fit.possible]
     posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, groups, table.sigma))
-    return _weighed(base, posterior, tests.freedom + stated, levels, generator)
+    return _weighed(base, posterior, tests.freedom + stated, generator)
 
 
-def _one_sided(cause: Cause) -> bool:
-    parameters = cause.effect.parameters
-    return len(parameters) == 1 and parameters[0].sign == "positive"
-
-
-def _weighed(base: Judgement, posterior: Posterior, freedom: float, levels: Levels,
-             generator: np.random.Generator
-             ) -> Judgement:
+def _weighed(base: Judgement, posterior: Posterior, freedom: float,
+             generator: np.random.Generator) -> Judgement:
     """The verdict when something is wrong."""
     probability = posterior.of_causes()
     after = adequacy(base, posterior.best, freedom, generator)
-    suspects = tuple(dict.fromkeys(cause for one in posterior.credible()
-                                   for cause in one.hypothesis))
-    known = replace(base, posterior=posterior, after=after, suspects=suspects)
-    unlike_any = posterior.discrepancy > levels.discrepancy * posterior.wrong
-    if unlike_any or after.p_value < levels.adequate:
-        return replace(known, verdict="unexplained")
-    sure = tuple(cause for cause, share in probability.items() if share >= levels.sure)
+    suspects = tuple(dict.fromkeys(cause for fit in posterior.credible()
+                                   for cause in fit.hypothesis))
+    weighed = replace(base, posterior=posterior, after=after, suspects=suspects)
+    unlike_any = posterior.discrepancy > DISCREPANCY * posterior.wrong
+    if unlike_any or after.p_value < ADEQUATE:
+        return replace(weighed, verdict="unexplained")
+    sure = tuple(cause for cause, share in probability.items() if share >= SURE)
     alone = posterior.fit_of(sure) if sure else None
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
-    if alone is None or alike or adequacy(base, alone, freedom,
-                                          generator).p_value < levels.adequate:
-        return replace(known, verdict="ambiguous")
-    return replace(known, verdict="named", named=sure)
+    if (alone is None or alike
+            or adequacy(base, alone, freedom, generator).p_value < ADEQUATE):
+        return replace(weighed, verdict="ambiguous")
+    return replace(weighed, verdict="named", named=sure)
 
 
-def adequacy(base: Judgement, one: Fit, freedom: float,
+def adequacy(base: Judgement, fit: Fit, freedom: float,
              generator: np.random.Generator) -> TestResult:
     """Whether what a hypothesis leaves is noise, known as well as before."""
-    tests = ResidualTests.of(base.table, one.jacobian, base.patterns, stated=0.0)
-    return tests.against(one.residual, freedom, generator)
+    tests = ResidualTests.of(base.table, fit.jacobian, base.patterns, stated=0.0)
+    return tests.against(fit.residual, freedom, generator)
 
 
-def interval(one: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:
+def interval(fit: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:
     """An unknown's most probable value and its limits; a bound that the value lies on is one."""
-    centre, width = float(one.unknowns[number]), float(one.deviations[number])
-    low, high = ((bound - centre) / width for bound in one.bounds[:, number])
+    centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
+    low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
     below, above = ndtr(low), ndtr(high)
     tail = (1 - share) / 2
     parts = (tail, 1 - tail)

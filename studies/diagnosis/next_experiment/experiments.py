@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,10 @@ from tympan.studies.diagnosis.reduced.hypothesis import FACTORS
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
+
+#: What to do and what it tells, in words.
+WORDS: dict[str, str] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 
 _HOUR = 3600.0
 _FORCE = 1e-3
@@ -58,8 +64,8 @@ class Readout:
         """Rows in states that the force laws cover, by the nominal model."""
         stiffness, permittivity = np.exp(self.nominal.unknowns[FACTORS])
         grids = [law.grid for law in self.simulation.laws]
-        heave, voltage_squared = (np.array(values)[table.states.specimen] for values in
-                         ([grid.heave for grid in grids], [grid.voltage_squared for grid in grids]))
+        heave, voltage_squared = np.array([[grid.heave, grid.voltage_squared]
+                                           for grid in grids])[table.states.specimen].T
         reached = self.simulation.heaves((), self.nominal.unknowns, table.states)
         seen = permittivity / stiffness * table.states.voltage**2
         inside = (reached <= heave) & (seen <= voltage_squared)
@@ -94,11 +100,12 @@ def between(readout: Readout) -> ReadingTable | None:
     """Readings at voltages halfway between those there are."""
     halves = []
     for specimen, mass in readout.ramps:
-        voltage = np.unique(readout.states.voltage[(readout.states.specimen == specimen)
-                                                 & (readout.states.mass == mass)])
+        ramp = (readout.states.specimen == specimen) & (readout.states.mass == mass)
+        voltage = np.unique(readout.states.voltage[ramp])
         halves += [(specimen, mass, half) for half in (voltage[1:] + voltage[:-1]) / 2]
-    found = np.array(halves).reshape(-1, 3)
-    return rows(_new_run(readout, *found.T), "displacement", readout.sigma) if len(found) else None
+    if not halves:
+        return None
+    return rows(_new_run(readout, *np.array(halves).T), "displacement", readout.sigma)
 
 
 def other_mass(readout: Readout, factor: float) -> ReadingTable:
@@ -116,9 +123,8 @@ def higher_voltages(readout: Readout, factor: float, count: int = 5) -> ReadingT
         return None
     voltage = top * (1 + (factor - 1) * np.arange(1, count + 1) / count)
     specimen, mass = np.repeat(readout.ramps, count, axis=0).T
-    return rows(_new_run(readout, specimen, mass, np.tile(voltage, len(readout.ramps))),
-                "displacement",
-                readout.sigma)
+    states = _new_run(readout, specimen, mass, np.tile(voltage, len(readout.ramps)))
+    return rows(states, "displacement", readout.sigma)
 
 
 def backwards(readout: Readout) -> ReadingTable | None:
@@ -138,8 +144,8 @@ def later(readout: Readout, runs: float) -> ReadingTable | None:
     if not length > 0:
         return None
     pause = max(runs * length, _HOUR)
-    return rows(replace(states, elapsed=states.elapsed + length + pause), "displacement",
-                readout.sigma)
+    again = replace(states, elapsed=states.elapsed + length + pause)
+    return rows(again, "displacement", readout.sigma)
 
 
 def capacitance(readout: Readout, share: float) -> ReadingTable:
@@ -158,32 +164,9 @@ def blocked_force(readout: Readout, share: float) -> ReadingTable:
     """The force on plates held where the masses bring them without voltage, to a share or 1 mN."""
     states = readout.states
     unloaded = replace(states, voltage=np.zeros(len(states)))
-    held = replace(states, heave=readout.simulation.heaves((), readout.nominal.unknowns, unloaded))
-    table = rows(held, "force", 1.0)
+    heave = readout.simulation.heaves((), readout.nominal.unknowns, unloaded)
+    table = rows(replace(states, heave=heave), "force", 1.0)
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
-
-
-_HANG = "hang {mass} on every specimen and read up to {voltage}"
-_RAISE = "raise the voltage further, up to {voltage}"
-
-#: What is on offer, with less effort first. Another shape is not: its film's force law would have
-#: to be computed.
-MENU = (
-    Experiment("make all readings once more", repeated),
-    Experiment("read at the voltages halfway between those read so far", between),
-    Experiment("make the same readings in reverse order right after the run", backwards),
-    Experiment("wait, and make all readings again from {time} after the run began",
-               partial(later, runs=4.0)),
-    *(Experiment(_HANG, partial(other_mass, factor=factor)) for factor in (0.5, 1.5, 2.0)),
-    *(Experiment(_RAISE, partial(higher_voltages, factor=factor)) for factor in (1.15, 1.4)),
-    Experiment("measure the film's capacitance in every state, to 1 %",
-               partial(capacitance, share=0.01)),
-    Experiment("measure the voltage on the film itself with a high-voltage probe, to 1 %",
-               partial(film_voltage, share=0.01)),
-    Experiment("hold the plates where the masses bring them without voltage and measure the force "
-               "on them up to "
-               "{voltage}, to 1 % or 1 mN", partial(blocked_force, share=0.01)),
-)
 
 
 def _new_run(readout: Readout, specimen: Array, mass: Array, voltage: Array) -> States:
@@ -192,3 +175,19 @@ def _new_run(readout: Readout, specimen: Array, mass: Array, voltage: Array) -> 
     direction = np.full(len(specimen), float(np.any(readout.states.direction != 0)))
     elapsed = pace * np.arange(float(len(specimen)))
     return States.of(specimen.astype(np.int64), mass, voltage, elapsed, direction)
+
+
+#: What is on offer, with less effort first. Another shape is not: its film's force law would have
+#: to be computed.
+MENU = (
+    Experiment(WORDS["repeated"], repeated),
+    Experiment(WORDS["between"], between),
+    Experiment(WORDS["backwards"], backwards),
+    Experiment(WORDS["later"], partial(later, runs=4.0)),
+    *(Experiment(WORDS["hang"], partial(other_mass, factor=factor)) for factor in (0.5, 1.5, 2.0)),
+    *(Experiment(WORDS["raise"], partial(higher_voltages, factor=factor))
+      for factor in (1.15, 1.4)),
+    Experiment(WORDS["capacitance"], partial(capacitance, share=0.01)),
+    Experiment(WORDS["film_voltage"], partial(film_voltage, share=0.01)),
+    Experiment(WORDS["blocked_force"], partial(blocked_force, share=0.01)),
+)

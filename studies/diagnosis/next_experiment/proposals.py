@@ -19,7 +19,7 @@ from tympan.studies.diagnosis.inference.fit import Fit, prior_widths
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
+from tympan.studies.diagnosis.next_experiment.experiments import MENU, WORDS, Experiment, Readout
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -64,32 +64,13 @@ class Proposal:
     @property
     def effects(self) -> tuple[str, str]:
         """The two in words."""
-        one, other = self.separates
-        return named(one), named(other)
-
-
-@dataclass(frozen=True)
-class Proposals:
-    """All that is possible of a menu, best first, and what to do in one sentence."""
-
-    ranked: tuple[Proposal, ...]
-    sentence: str
-
-
-@dataclass(frozen=True, eq=False)
-class Foreseen:
-    """What a rival expects of an experiment.
-
-    The new rows' values and their derivatives by its unknowns.
-    """
-
-    values: Array
-    jacobian: Array
+        first, second = (" with ".join(map(str, hypothesis)) for hypothesis in self.separates)
+        return first, second
 
 
 def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause],
-            menu: Sequence[Experiment] = MENU) -> Proposals:
-    """The experiments of a menu by what they would tell.
+            menu: Sequence[Experiment] = MENU) -> tuple[tuple[Proposal, ...], str]:
+    """All that is possible of a menu, by what it would tell, and what to do in one sentence.
 
     Parameters
     ----------
@@ -97,15 +78,15 @@ def propose(simulation: Simulation, judgement: Judgement, causes: Sequence[Cause
         What may be wrong: rivals that hold another cause are left out.
     """
     if judgement.posterior is None:
-        return Proposals((), "nothing was found to be wrong, so there is nothing to tell apart")
+        return (), WORDS["nothing_wrong"]
     fits, weights = rivals(judgement.posterior, causes)
     if len(fits) < 2:
-        return Proposals((), "there is only one explanation, so there is nothing to tell apart")
+        return (), WORDS["one_explanation"]
     readout = Readout(simulation, judgement.table, judgement.nominal)
-    found = [_proposal(experiment, readout, fits, weights) for experiment in menu]
-    ranked = tuple(sorted((one for one in found if one),
-                          key=lambda one: (round(one.value, 3), one.mean), reverse=True))
-    return Proposals(ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis)))
+    worths = [_proposal(experiment, readout, fits, weights) for experiment in menu]
+    ranked = tuple(sorted((proposal for proposal in worths if proposal), reverse=True,
+                          key=lambda proposal: (round(proposal.value, 3), proposal.mean)))
+    return ranked, _sentence(ranked, _apart(fits[0].hypothesis, fits[1].hypothesis))
 
 
 def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ...], Array]:
@@ -115,23 +96,22 @@ def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ..
     """
     order = sorted(zip(posterior.fits, posterior.probabilities.tolist(), strict=True),
                    key=lambda item: -item[1])
-    credible = {one.hypothesis for one in posterior.credible()}
-    found: list[Fit] = []
+    credible = {fit.hypothesis for fit in posterior.credible()}
+    chosen: list[Fit] = []
     shares: list[float] = []
-    for one, share in order:
-        own = set(one.hypothesis)
-        if not own <= set(causes):
+    for fit, share in order:
+        members = set(fit.hypothesis)
+        if not members <= set(causes):
             continue
-        home = next((k for k, other in enumerate(found) if own <= set(other.hypothesis)
-                     or own > set(other.hypothesis)),
-                    None)
+        home = next((number for number, other in enumerate(chosen)
+                     if members <= set(other.hypothesis) or members > set(other.hypothesis)), None)
         if home is not None:
             shares[home] += share
-        elif len(found) < 2 or (len(found) < _MOST_RIVALS and one.hypothesis in credible):
-            found.append(one)
+        elif len(chosen) < 2 or (len(chosen) < _MOST_RIVALS and fit.hypothesis in credible):
+            chosen.append(fit)
             shares.append(share)
     total = np.array(shares)
-    return tuple(found), total / max(total.sum(), 1e-300)
+    return tuple(chosen), total / max(total.sum(), 1e-300)
 
 
 def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
@@ -141,40 +121,33 @@ def _proposal(experiment: Experiment, readout: Readout, fits: Sequence[Fit],
     if table is None:
         return None
     distances = expected(readout.simulation, fits, table)
-    told = np.minimum(distances, distances.T)
-    chance = _chances(weights)
+    worst = np.minimum(distances, distances.T)
+    # The probability that one rival is true (rows) and another is to be told from it.
+    others = np.tile(weights + 1e-9, (len(weights), 1))
+    np.fill_diagonal(others, 0.0)
+    chance = (weights + 1e-9)[:, None] * others / others.sum(1, keepdims=True)
     value = float(np.sum(chance * np.minimum(distances, SEEN)) / chance.sum())
-    able = told >= TOLD
-    both = chance + chance.T
-    pair = np.unravel_index(np.argmax(np.where(able, both, 0.0) if able.any()
-                                      else both * (told + 1e-9)), told.shape)
-    one, other = sorted(int(number) for number in pair)
-    return Proposal(experiment.words(table), _apart(fits[one].hypothesis, fits[other].hypothesis),
-                    float(told[one, other]), value,
+    able, both = worst >= TOLD, chance + chance.T
+    merit = np.where(able, both, 0.0) if able.any() else both * (worst + 1e-9)
+    pair = np.unravel_index(np.argmax(merit), worst.shape)
+    first, second = sorted(int(number) for number in pair)
+    return Proposal(experiment.words(table),
+                    _apart(fits[first].hypothesis, fits[second].hypothesis),
+                    float(worst[first, second]), value,
                     float(np.sum(chance * distances) / chance.sum()))
 
 
-def _chances(weights: Array) -> Array:
-    """Probability that one rival is true (rows) and another is to be told from it."""
-    chance = np.tile(weights + 1e-9, (len(weights), 1))
-    np.fill_diagonal(chance, 0.0)
-    return np.asarray((weights + 1e-9)[:, None] * chance / chance.sum(1, keepdims=True))
-
-
 def possible(experiment: Experiment, readout: Readout, fits: Sequence[Fit]) -> ReadingTable | None:
-    """The new rows where the laws reach and every rival has an equilibrium.
-
-    None if there are none.
-    """
+    """The new rows where the laws reach and every rival has an equilibrium, None without any."""
     table = experiment.rows(readout)
     if table is None:
         return None
-    kept = readout.within_reach(table) & np.isfinite(table.sigma)
-    beyond = replace(table,
-                     states=replace(table.states, voltage=(1 + _MARGIN) * table.states.voltage))
-    for one in fits:
-        kept &= np.isfinite(readout.simulation.predict(one.hypothesis, one.unknowns, beyond))
-    return table[kept] if kept.any() else None
+    usable = readout.within_reach(table) & np.isfinite(table.sigma)
+    voltage = (1 + _MARGIN) * table.states.voltage
+    beyond = replace(table, states=replace(table.states, voltage=voltage))
+    for fit in fits:
+        usable &= np.isfinite(readout.simulation.predict(fit.hypothesis, fit.unknowns, beyond))
+    return table[usable] if usable.any() else None
 
 
 def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -> Array:
@@ -182,19 +155,17 @@ def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -
 
     What the other one loses, refitted to all rows.
     """
-    views = [_foreseen(simulation, one, table) for one in fits]
-    found = np.zeros((len(fits), len(fits)))
+    values, jacobians = [], []
+    for fit in fits:
+        heave = simulation.heaves(fit.hypothesis, fit.unknowns, table.states)
+        values.append(simulation.values(fit.hypothesis, fit.unknowns, table, heave))
+        jacobians.append(simulation.jacobian(fit.hypothesis, fit.unknowns, table, heave,
+                                             fit.bounds))
+    losses = np.zeros((len(fits), len(fits)))
     for true, other in permutations(range(len(fits)), 2):
-        difference = (views[true].values - views[other].values) / table.sigma
-        found[true, other] = _loss(fits[other], difference,
-                                   views[other].jacobian / table.sigma[:, None])
-    return found
-
-
-def _foreseen(simulation: Simulation, one: Fit, table: ReadingTable) -> Foreseen:
-    heave = simulation.heaves(one.hypothesis, one.unknowns, table.states)
-    return Foreseen(simulation.values(one.hypothesis, one.unknowns, table, heave),
-                    simulation.jacobian(one.hypothesis, one.unknowns, table, heave, one.bounds))
+        losses[true, other] = _loss(fits[other], (values[true] - values[other]) / table.sigma,
+                                    jacobians[other] / table.sigma[:, None])
+    return losses
 
 
 def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
@@ -218,24 +189,19 @@ def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
     return max(loss, 0.0)
 
 
-def _apart(one: Hypothesis, other: Hypothesis) -> tuple[Hypothesis, Hypothesis]:
+def _apart(first: Hypothesis, second: Hypothesis) -> tuple[Hypothesis, Hypothesis]:
     """Two hypotheses without what they share."""
-    shared = set(one) & set(other)
-    return tuple(cause for cause in one if cause not in shared), tuple(cause for cause in other
-                                                                       if cause not in shared)
+    return (tuple(cause for cause in first if cause not in second),
+            tuple(cause for cause in second if cause not in first))
 
 
-def named(hypothesis: Hypothesis) -> str:
-    """A hypothesis in words."""
-    return " with ".join(map(str, hypothesis))
-
-
-def _sentence(ranked: Sequence[Proposal], first: tuple[Hypothesis, Hypothesis]) -> str:
+def _sentence(ranked: Sequence[Proposal], pair: tuple[Hypothesis, Hypothesis]) -> str:
     """What to do; and whether the two most probable rivals stay together whatever is done."""
-    none = f"no experiment on this menu separates {named(first[0])} and {named(first[1])}"
-    best = next((one for one in ranked if one.enough), None)
+    first, second = (" with ".join(map(str, hypothesis)) for hypothesis in pair)
+    none = WORDS["none"].format(first=first, second=second)
+    best = next((proposal for proposal in ranked if proposal.enough), None)
     if best is None:
         return none
-    told = any(one.enough and one.separates == first for one in ranked)
-    words = f"{best.what}: this would tell {best.effects[0]} from {best.effects[1]}"
-    return words if told else f"{words}; {none}"
+    words = WORDS["best"].format(what=best.what, first=best.effects[0], second=best.effects[1])
+    apart = any(proposal.enough and proposal.separates == pair for proposal in ranked)
+    return words if apart else f"{words}; {none}"

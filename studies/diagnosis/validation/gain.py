@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.inference.fit import Fit, fit_all, nominal_fit
-from tympan.studies.diagnosis.inference.identifiability import SAME, signatures
+from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
 from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -33,19 +34,10 @@ LENGTHS = ("displacement", "range")
 #: Share of the largest voltage up to which the extended model is fitted when it is tested above.
 LOW_VOLTAGES = 0.7
 
+#: What is held out: its kind ("shape", "specimen", "mass" or "voltage"), its name, and the rows.
+Split = tuple[str, str, Rows]
+
 _FEWEST_ROWS, _FEWEST_LEFT, _FEWEST_RAMPS, _SHORTLIST, _DRAWS = 6, 2, 3, 5, 4000
-
-
-@dataclass(frozen=True, eq=False)
-class Split:
-    """Readings held out: ``kind`` is "shape", "specimen", "mass" or "voltage".
-
-    ``test`` are the rows, shape (rows,).
-    """
-
-    kind: str
-    held_out: str
-    test: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,82 +46,75 @@ class SplitGain:
 
     Parameters
     ----------
+    kind, held_out, test
+        The split.
     chosen, wrong
         The causes chosen on the training part, and the best ones there that share none with them
         nor with their class; empty where there are none.
-    noise
-        Standard deviation of the readings, shape (rows,) [m], as have all that follow.
-    before, after, process, rival
-        Readings minus predictions of the nominal model refitted, of the extended model, of the
-        nominal model plus a Gaussian process, and of the best wrong cause.
+    errors
+        Shape (rows,) [m] each: "noise" is the standard deviation of the readings; "before",
+        "after", "process" and "rival" are readings minus predictions of the nominal model refitted,
+        of the extended model, of the nominal model plus a Gaussian process, and of the best wrong
+        cause. Readings where the nominal or the extended model has no equilibrium are left out.
     ramp
         Specimen and mass of the rows, numbered.
-    lost
-        Test readings left out because the nominal or the extended model has no equilibrium there.
     note
         Why the split says nothing of the gain; empty where it does.
     """
 
-    split: Split
+    kind: str
+    held_out: str
+    test: Rows
     chosen: Hypothesis
     wrong: Hypothesis
-    noise: Array
-    before: Array
-    after: Array
-    process: Array
-    rival: Array
+    errors: dict[str, Array]
     ramp: NDArray[np.int64]
-    lost: int
     note: str = ""
 
     @property
     def rmse(self) -> dict[str, float]:
-        """Root mean squares [m] of "before", "after", "process", "rival" and "noise".
-
-        Nan where there is none.
-        """
-        return {name: _rms(getattr(self, name)) for name in ("before", "after", "process", "rival",
-                                                             "noise")}
+        """Root mean squares [m] of the errors, nan where there are none."""
+        finite = {name: values[np.isfinite(values)] for name, values in self.errors.items()}
+        return {name: float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+                for name, values in finite.items()}
 
     @property
     def ratio(self) -> float:
         """Error beyond noise after over before."""
-        before, after, noise = (float(np.sum(values**2))
-                                for values in (self.before, self.after, self.noise))
-        return float(excess_ratio(before, after, noise, len(self.noise)))
+        before, after, noise = (float(np.sum(self.errors[name]**2))
+                                for name in ("before", "after", "noise"))
+        return float(excess_ratio(before, after, noise, len(self.errors["noise"])))
 
-
-@dataclass(frozen=True)
-class Gain:
-    """The gain over all splits.
-
-    ``low`` and ``high`` are 95 % limits of the ratio, None where ramps are too few.
-    """
-
-    held_out: str
-    rmse_before_um: float
-    rmse_after_um: float
-    ratio: float
-    low: float | None
-    high: float | None
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return {"held_out": self.held_out, "chosen": [str(cause) for cause in self.chosen],
+                "wrong": [str(cause) for cause in self.wrong],
+                "rmse_um": {name: 1e6 * value if np.isfinite(value) else None
+                            for name, value in self.rmse.items()},
+                "note": self.note}
 
 
 @dataclass(frozen=True, eq=False)
 class GainReport:
-    """The gain, None where nothing could be held out; each split.
+    """The gain ``overall``, each split, and in words which splits there are not, and why.
 
-    And in words which splits there are not, and why.
+    ``overall`` has what was "held_out", "rmse_before_um", "rmse_after_um", the "ratio" of the
+    errors beyond noise and its 95 % limits "low" and "high", None where ramps are too few. It is
+    None where nothing could be held out.
     """
 
-    overall: Gain | None
+    overall: dict[str, Any] | None
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
 
+    def json(self) -> dict[str, Any] | None:
+        """As a JSON object."""
+        return self.overall and {**self.overall, "splits": [split.json() for split in self.splits],
+                                 "impossible": list(self.impossible)}
+
 
 def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-            judgement: Judgement,
-            seed: int = 0
-            ) -> GainReport:
+            judgement: Judgement, seed: int = 0) -> GainReport:
     """The gain of extending the model by causes chosen anew on each training part.
 
     The noise is the one the judgement found. Where the training part cannot show a cause that all
@@ -147,136 +132,113 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     return GainReport(_overall(tested, seed), tested, impossible)
 
 
-def splits_of(simulation: Simulation, table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str,
-                                                                                             ...]]:
+def splits_of(simulation: Simulation,
+              table: ReadingTable) -> tuple[tuple[Split, ...], tuple[str, ...]]:
     """The splits that leave enough to train on and to test, and in words those that do not."""
     specimens = simulation.setup.specimens
-    frames = [(one.frame, one.plate) for one in specimens]
+    frames = [(specimen.frame, specimen.plate) for specimen in specimens]
     shape = np.array([frames.index(frame) for frame in frames])[table.specimen]
     masses, mass = np.unique(table.mass, return_inverse=True)
-    found: list[Split] = []
-    for number in np.unique(shape):
-        named = [one.name for one, frame in zip(specimens, frames, strict=True)
-                 if frame == frames[number]]
-        found.append(Split("shape", " and ".join(named), shape == number))
-    if len(np.unique(shape)) < len(np.unique(table.specimen)):
-        found += [Split("specimen", specimens[k].name, table.specimen == k)
-                  for k in np.unique(table.specimen)]
-    found += [Split("mass", f"{1e3 * one:.5g} g", mass.ravel() == k)
-              for k, one in enumerate(masses)]
     edge = LOW_VOLTAGES * float(np.abs(table.voltage).max(initial=0.0))
-    found.append(Split("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
-    reasons = [_unfit(split, table, shape) for split in found]
-    impossible = [f"{split.held_out} cannot be held out: {reason}"
-                  for split, reason in zip(found, reasons, strict=True) if reason]
-    return tuple(split for split, reason in zip(found, reasons, strict=True)
-                 if not reason), tuple(impossible)
+    splits: list[Split] = []
+    for number in np.unique(shape):
+        names = [specimen.name for specimen, frame in zip(specimens, frames, strict=True)
+                 if frame == frames[number]]
+        splits.append(("shape", " and ".join(names), shape == number))
+    if len(np.unique(shape)) < len(np.unique(table.specimen)):
+        splits += [("specimen", specimens[number].name, table.specimen == number)
+                   for number in np.unique(table.specimen)]
+    splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
+               for number, value in enumerate(masses)]
+    splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
+    levels = {"shape": shape, "specimen": table.specimen, "mass": _ramps(table),
+              "voltage": np.abs(table.voltage)}
+    reasons = [_unfit(kind, test, table, levels[kind]) for kind, _, test in splits]
+    return (tuple(split for split, reason in zip(splits, reasons, strict=True) if not reason),
+            tuple(f"{name} cannot be held out: {reason}"
+                  for (_, name, _), reason in zip(splits, reasons, strict=True) if reason))
 
 
-def _unfit(split: Split, table: ReadingTable, shape: NDArray[np.int64]) -> str:
+def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> str:
     """Why a split cannot be made; empty where it can."""
-    train = ~split.test
-    if not np.any(split.test & np.isin(table.kind, LENGTHS)):
+    if not np.any(test & np.isin(table.kind, LENGTHS)):
         return "no displacements would be held out"
-    if train.sum() < _FEWEST_ROWS:
+    if np.sum(~test) < _FEWEST_ROWS:
         return f"fewer than {_FEWEST_ROWS} readings would be left"
-    left = {"shape": shape, "specimen": table.specimen, "mass": _ramps(table),
-            "voltage": np.abs(table.voltage)}
-    if len(np.unique(left[split.kind][train])) < _FEWEST_LEFT:
-        name = {"mass": "ramp", "voltage": "voltage"}.get(split.kind, split.kind)
-        return f"fewer than {_FEWEST_LEFT} {name}s would be left"
+    if len(np.unique(levels[~test])) < _FEWEST_LEFT:
+        return f"fewer than {_FEWEST_LEFT} {'ramp' if kind == 'mass' else kind}s would be left"
     return ""
 
 
 def _ramps(table: ReadingTable) -> NDArray[np.int64]:
     """Number of the specimen and mass of each row."""
-    _, numbers = np.unique(np.stack([table.specimen.astype(float), table.mass], 1), axis=0,
-                           return_inverse=True)
-    return np.asarray(numbers.ravel(), dtype=np.int64)
+    ramps = np.stack([table.specimen.astype(float), table.mass], 1)
+    return np.unique(ramps, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
 
 
 def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
             classes: tuple[tuple[Cause, ...], ...], best: Hypothesis) -> SplitGain:
     """The models trained on one part and tested on the other."""
-    train = compact(table[~split.test])
-    counted = split.test & np.isin(table.kind, LENGTHS)
+    kind, held_out, rows = split
+    train = compact(table[~rows])
+    counted = rows & np.isin(table.kind, LENGTHS)
     test = compact(table[counted])
-    known = {simulation.setup.specimens[k].name for k in np.unique(train.specimen)}
+    names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     nominal = nominal_fit(simulation, train)
-    choice = choose(simulation, train, [cause for cause in causes if cause.which in (None, *known)],
-                    nominal, classes)
-    chosen, wrong = choice.best or nominal, choice.wrong
-    error = {name: _errors(simulation, one, test)
-             for name, one in (("before", nominal), ("after", chosen))}
-    error["rival"] = _errors(simulation, wrong, test) if wrong else np.full(len(test), np.nan)
+    fitted, wrong, odds = choose(
+        simulation, train, [cause for cause in causes if cause.which in (None, *names)], nominal,
+        classes)
+    chosen = fitted or nominal
+
+    def error(fit: Fit) -> Array:
+        return test.value - simulation.predict(fit.hypothesis, fit.unknowns, test)
+
+    before, after = error(nominal), error(chosen)
     process = GaussianProcess.trained(train, nominal.residual * train.sigma)
-    error["process"] = error["before"] - process.predicted(test)
-    kept = np.isfinite(error["before"] + error["after"])
-    note = _unlearnable(simulation, train, nominal, best, split.held_out)
-    if not note and choice.odds < 1:
-        note = f"nothing is seen to be wrong while {split.held_out} is held out"
-    if not kept.any():
+    errors = {"before": before, "after": after, "process": before - process.predicted(test),
+              "rival": error(wrong) if wrong else np.full(len(test), np.nan), "noise": test.sigma}
+    solved = np.isfinite(before + after)
+    hidden = [cause for cause, signature in signatures(simulation, train, nominal.unknowns,
+                                                       best).items() if visibility(signature) < SAME]
+    note = f"{hidden[0]} cannot be learned while {held_out} is held out" if hidden else ""
+    if not note and odds < 1:
+        note = f"nothing is seen to be wrong while {held_out} is held out"
+    if not solved.any():
         note = "the models have no equilibrium where readings were held out"
-    return SplitGain(split, chosen.hypothesis, wrong.hypothesis if wrong else (), test.sigma[kept],
-                     error["before"][kept], error["after"][kept], error["process"][kept],
-                     error["rival"][kept],
-                     _ramps(table)[counted][kept], int((~kept).sum()), note)
-
-
-def _unlearnable(simulation: Simulation, train: ReadingTable, nominal: Fit, best: Hypothesis,
-                 held_out: str) -> str:
-    """Why the training part cannot show a cause that all readings speak for; empty if it can."""
-    blind = [one.cause for one in signatures(simulation, train, nominal.unknowns, best)
-             if one.strength < SAME]
-    return f"{blind[0]} cannot be learned while {held_out} is held out" if blind else ""
-
-
-def _errors(simulation: Simulation, one: Fit, table: ReadingTable) -> Array:
-    """Readings minus predictions [m]; nan where there is no equilibrium."""
-    return table.value - simulation.predict(one.hypothesis, one.unknowns, table)
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The best fit and the best one that is wrong, None where there is none.
-
-    Odds that there is a cause at all.
-    """
-
-    best: Fit | None
-    wrong: Fit | None
-    odds: float
+    return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
+                     {name: values[solved] for name, values in errors.items()},
+                     _ramps(table)[counted][solved], note)
 
 
 def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
-           classes: Sequence[Sequence[Cause]] = ()) -> Choice:
-    """The most probable causes for a table, and the best that share none with them nor their class.
+           classes: Sequence[Sequence[Cause]] = ()) -> tuple[Fit | None, Fit | None, float]:
+    """The most probable causes, the best that share none with them nor their class, and odds.
 
-    Each cause alone, the best of them with every other, and pairs of the best few are weighed.
+    The odds are that there is a cause at all. Each cause alone, the best of them with every other,
+    and pairs of the best few are weighed.
     """
     prior = dict(zip(hypotheses_of(causes), np.log(priors(hypotheses_of(causes))).tolist(),
                      strict=True))
-    singles = _ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns),
-                      prior)
+
+    def ranked(fits: Sequence[Fit]) -> list[Fit]:
+        """The most probable first; without those that have no equilibria."""
+        return sorted((fit for fit in fits if fit.possible),
+                      key=lambda fit: -(fit.evidence + prior[fit.hypothesis]))
+
+    singles = ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns))
     if not singles:
-        return Choice(None, None, 0.0)
-    order = [one.hypothesis[0] for one in singles]
+        return None, None, 0.0
+    order = [single.hypothesis[0] for single in singles]
     pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
              and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
-    ranked = _ranked([*singles,
-                      *fit_all(simulation, pairs, table, nominal.unknowns, fitted=singles)], prior)
-    taken = set(ranked[0].hypothesis)
+    fits = ranked([*singles,
+                   *fit_all(simulation, pairs, table, nominal.unknowns, fitted=singles)])
+    taken = set(fits[0].hypothesis)
     taken |= {cause for group in classes if taken & set(group) for cause in group}
-    weights = [one.evidence + prior[one.hypothesis] - nominal.evidence - np.log(NOTHING)
-               for one in ranked]
-    return Choice(ranked[0], next((one for one in ranked if not taken & set(one.hypothesis)), None),
-                  float(np.exp(min(logsumexp(weights), 700.0))))
-
-
-def _ranked(fits: Sequence[Fit], prior: dict[Hypothesis, float]) -> list[Fit]:
-    """Fits by probability, the most probable first; without those that have no equilibria."""
-    return sorted((one for one in fits if one.possible),
-                  key=lambda one: -(one.evidence + prior[one.hypothesis]))
+    weights = [fit.evidence + prior[fit.hypothesis] - nominal.evidence - np.log(NOTHING)
+               for fit in fits]
+    return (fits[0], next((fit for fit in fits if not taken & set(fit.hypothesis)), None),
+            float(np.exp(min(logsumexp(weights), 700.0))))
 
 
 def compact(table: ReadingTable) -> ReadingTable:
@@ -299,13 +261,14 @@ def excess_ratio(before: Array | float, after: Array | float, noise: Array | flo
     return np.asarray(np.sqrt(np.maximum(after - noise, 0.0) / np.maximum(before - noise, least)))
 
 
-def _overall(splits: Sequence[SplitGain], seed: int) -> Gain | None:
+def _overall(splits: Sequence[SplitGain], seed: int) -> dict[str, Any] | None:
     """All splits together; the interval by drawing ramps with replacement."""
-    told = [one for one in splits if not one.note]
-    if not told:
+    splits = [split for split in splits if not split.note]
+    if not splits:
         return None
-    ramps, number = np.unique(np.concatenate([one.ramp for one in told]), return_inverse=True)
-    columns = [np.concatenate([getattr(one, name) for one in told]) ** 2
+    ramps, number = np.unique(np.concatenate([split.ramp for split in splits]),
+                              return_inverse=True)
+    columns = [np.concatenate([split.errors[name] for split in splits]) ** 2
                for name in ("before", "after", "noise")]
     sums = np.stack([np.bincount(number, values) for values in (*columns, np.ones(len(number)))])
     before, after, _, count = sums.sum(1)
@@ -315,22 +278,10 @@ def _overall(splits: Sequence[SplitGain], seed: int) -> Gain | None:
         drawn = generator.multinomial(len(ramps), np.full(len(ramps), 1 / len(ramps)),
                                       _DRAWS) @ sums.T
         low, high = (float(limit) for limit in np.quantile(excess_ratio(*drawn.T), (0.025, 0.975)))
-    return Gain(_words(told), 1e6 * float(np.sqrt(before / count)),
-                1e6 * float(np.sqrt(after / count)),
-                float(excess_ratio(*sums.sum(1))), low, high)
-
-
-def _words(splits: Sequence[SplitGain]) -> str:
-    """What was held out."""
-    kinds = {kind: [one.split.held_out for one in splits if one.split.kind == kind]
+    names = {kind: ", ".join(split.held_out for split in splits if split.kind == kind)
              for kind in ("shape", "specimen", "mass", "voltage")}
-    parts = [f"each {kind} in turn ({', '.join(names)})" if kind != "voltage"
-             else f"all readings {names[0]}"
-             for kind, names in kinds.items() if names]
-    return "; ".join(parts)
-
-
-def _rms(values: Array) -> float:
-    """Root mean square of what is finite."""
-    kept = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(kept**2))) if len(kept) else float("nan")
+    words = [f"all readings {name}" if kind == "voltage" else f"each {kind} in turn ({name})"
+             for kind, name in names.items() if name]
+    return {"held_out": "; ".join(words), "rmse_before_um": 1e6 * float(np.sqrt(before / count)),
+            "rmse_after_um": 1e6 * float(np.sqrt(after / count)),
+            "ratio": float(excess_ratio(*sums.sum(1))), "low": low, "high": high}

@@ -20,7 +20,6 @@ from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.fit import (
     CouponCurves,
-    FitSettings,
     _admissible,
     compare,
     fit_law,
@@ -91,7 +90,7 @@ def test_every_family_is_recovered() -> None:
 def test_constants_are_recovered_from_closed_forms(name: str) -> None:
     stress, constants = KNOWN[name]
     data = coupons(stress, constants)
-    found = fit_law(data, FAMILIES[name], FitSettings(starts=4))
+    found = fit_law(data, FAMILIES[name], starts=4)
     assert found.values == pytest.approx(constants, rel=1e-5)
     assert found.rmse < 1e-5 * np.abs(data.stress).max()
     assert found.offered
@@ -129,7 +128,7 @@ def test_intervals_cover_as_often_as_they_say(name: str, trials: int, given: flo
     hits = np.zeros(len(constants), int)
     for seed in range(trials):
         data = coupons(stress, constants, count=5, noise=800.0, seed=seed)
-        limits = fit_law(data, FAMILIES[name], FitSettings(given, 2, hold_out=False)).limits
+        limits = fit_law(data, FAMILIES[name], given, 2, hold_out=False).limits
         hits += [(low is None or low < value) and (high is None or value < high)
                  for (low, high), value in zip(limits, constants, strict=True)]
     assert (hits >= binom.ppf(0.001, trials, 0.95)).all()
@@ -151,7 +150,7 @@ def test_profile_intervals_are_t_intervals_where_the_law_is_linear() -> None:
 
 def test_noise_is_estimated_or_given() -> None:
     data = coupons(mooney, (8e3, 500.0), count=200, noise=700.0, seed=1)
-    estimated, given = (fit_law(data, FAMILIES["mooney_rivlin"], FitSettings(noise))
+    estimated, given = (fit_law(data, FAMILIES["mooney_rivlin"], noise)
                         for noise in (None, 1400.0))
     assert estimated.noise.sigma == pytest.approx(700, rel=0.08)
     widths = [fitted.limits[0][1] - fitted.limits[0][0] for fitted in (estimated, given)]
@@ -246,7 +245,7 @@ def test_treloar_s_rubber() -> None:
     stretch, stress = np.concatenate(list(parts.values())).T
     none = np.full(len(mode), "")
     data = Coupons(mode, stretch, stress * 98.0665e3, none, none, np.full(len(mode), np.nan))
-    three, gent, one = (fit_law(data, FAMILIES[name], FitSettings(starts=6, hold_out=False))
+    three, gent, one = (fit_law(data, FAMILIES[name], starts=6, hold_out=False)
                         for name in ("ogden_3", "gent", "neo_hooke"))
     assert three.rmse < 0.1e6 < gent.rmse < 0.2e6 < 0.5e6 < one.rmse
     assert three.offered

@@ -62,8 +62,8 @@ def test_drift_is_told_by_time(three_shapes: Simulation) -> None:
     of the kind."""
     causes = [Cause("drift"), Cause("parallel_spring")]
     table = read(three_shapes, design(SIGMA / 4), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
-    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
-                    (REPEAT, BETWEEN, BACKWARDS, LATER)).ranked
+    found, _ = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
+                       (REPEAT, BETWEEN, BACKWARDS, LATER))
     assert found[0].enough
     assert found[0].what == BACKWARDS.what or found[0].what.startswith("wait")
     assert found[0].mean > 3 * max(one.mean for one in found
@@ -80,12 +80,12 @@ def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simula
                                                             channel: Experiment) -> None:
     causes = [Cause(true), Cause(rival)]
     table = read(three_shapes, design(SIGMA), (causes[0],), [size_of(causes[0], 2.0)], seed=4)
-    found = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
-                    (REPEAT, BETWEEN, channel))
-    assert found.ranked[0].what == channel.what
-    assert found.ranked[0].enough
-    assert set(found.ranked[0].effects) == {true, rival}
-    assert found.sentence.startswith(channel.what)
+    ranked, words = propose(three_shapes, judged_between(three_shapes, table, causes), causes,
+                            (REPEAT, BETWEEN, channel))
+    assert ranked[0].what == channel.what
+    assert ranked[0].enough
+    assert set(ranked[0].effects) == {true, rival}
+    assert words.startswith(channel.what)
 
 
 def test_that_nothing_on_the_menu_helps_is_said(three_shapes: Simulation) -> None:
@@ -93,16 +93,16 @@ def test_that_nothing_on_the_menu_helps_is_said(three_shapes: Simulation) -> Non
     causes = [Cause("sensor_gain"), Cause("amplifier_gain")]
     table = read(three_shapes, design(SIGMA), (causes[0],), [0.02], seed=7)
     judgement = judged_between(three_shapes, table, causes)
-    found = propose(three_shapes, judgement, causes, (REPEAT, BETWEEN))
-    assert not any(one.enough for one in found.ranked)
-    assert found.sentence == "no experiment on this menu separates sensor_gain and amplifier_gain"
+    ranked, words = propose(three_shapes, judgement, causes, (REPEAT, BETWEEN))
+    assert not any(proposal.enough for proposal in ranked)
+    assert words == "no experiment on this menu separates sensor_gain and amplifier_gain"
 
 
 def test_nothing_wrong_needs_no_experiment(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=3)
     judgement = judge(three_shapes, table, every_cause(three_shapes))
     assert judgement.verdict == "nothing"
-    assert propose(three_shapes, judgement, every_cause(three_shapes)).ranked == ()
+    assert propose(three_shapes, judgement, every_cause(three_shapes))[0] == ()
 
 
 def test_times_are_needed_to_wait(three_shapes: Simulation) -> None:
@@ -177,8 +177,7 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
         if new is not None:
             found[experiment.words(new)] = worth(simulation, judgement, (cause,), unknowns, new,
                                                  others)
-    best, proposed = max(found.values()), found[propose(simulation, judgement,
-                                                        causes).ranked[0].what]
+    best, proposed = max(found.values()), found[propose(simulation, judgement, causes)[0][0].what]
     return Trial(proposed / max(best, 1e-9), best >= TOLD)
 
 

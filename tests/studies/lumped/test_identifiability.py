@@ -16,7 +16,7 @@ from tympan.studies.estimation.identifiability import identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
 from tympan.studies.estimation.noise import noise_of
 from tympan.studies.estimation.profile import profile
-from tympan.studies.identify.static import Constant, identify_static
+from tympan.studies.identify.static import identify_static
 
 QUANTILE = 1.959964
 
@@ -107,7 +107,7 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
 def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     """Saturating towards its upper bound, exp(−5) against a noise of 0.1; and a pair seen only as
     its sum."""
-    names = [Constant(name, "1", 0.0, 1.0, 0.0, 0.0) for name in ("a", "b")]
+    names = [("a", "1"), ("b", "1")]
     saturating = LeastSquares.of(lambda z: (np.array([np.exp(-z[0]) - np.exp(-1.5), z[1]]) / 0.1,
                                    np.array([[-np.exp(-z[0]), 0.0], [0.0, 1.0]]) / 0.1),
                         *box(2, -5.0, 5.0))

@@ -44,7 +44,7 @@ def show_material(options: argparse.Namespace) -> None:
 def fit_material(options: argparse.Namespace) -> None:
     """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
     from tympan.studies.data.coupon import read_coupons
-    from tympan.studies.material.fit import FitSettings, compare
+    from tympan.studies.material.fit import compare
     from tympan.studies.material.result import material_fit_result
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
@@ -53,7 +53,7 @@ def fit_material(options: argparse.Namespace) -> None:
     names = None if not options.law or "all" in options.law else options.law
     coupons = read_coupons(options.coupons)
     try:
-        comparison = compare(coupons, names, FitSettings(noise))
+        comparison = compare(coupons, names, noise)
     except InputError as error:
         raise error.located(file=options.coupons) from None
     finish(options, material_fit_result(comparison, options.coupons),
