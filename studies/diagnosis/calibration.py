@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws.scaled import scaled
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Film, Specimen
+from tympan.geometry.specimen import Film
 from tympan.studies.case import build_model
 from tympan.studies.diagnosis.inference.fit import Fit, nominal_fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -46,26 +46,28 @@ def calibrated(setup: Setup, table: ReadingTable) -> tuple[Simulation, Fit]:
         When the films cannot be solved, or no stiffness and permittivity make equilibria of the
         states that were read.
     """
-    heave, voltage_squared = _first_reach(setup, table)
+    heave, voltage_squared = _reach(setup, table)
     for _ in range(_ROUNDS):
-        simulation = Simulation(setup, _nominal(setup, heave, voltage_squared))
-        found = nominal_fit(simulation, table)
-        wanted = _needed(simulation, found, table)
-        have = np.array([[law.grid.heave, law.grid.voltage_squared] for law in simulation.laws]).T
-        if found.possible and np.all(wanted <= 1.05 * np.array([heave, voltage_squared])):
-            break
+        try:
+            simulation = Simulation(setup, nominal_laws(setup, heave, voltage_squared))
+        except NotSampled as error:
+            raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
+                             given=", ".join(film.name for film in setup.specimens)) from None
+        fit = nominal_fit(simulation, table)
+        wanted = _reach(setup, table, simulation, fit)
+        reached = np.array([law.grid.voltage_squared for law in simulation.laws])
+        if fit.possible and np.all(wanted <= 1.05 * np.array([heave, voltage_squared])):
+            return simulation, fit
         # Never less than before: a fit held back by the reach of its laws must not take that reach
         # away.
-        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if found.possible
-                           else 1.5 * heave)
-        voltage_squared = np.where(have[1] < 0.99 * voltage_squared, voltage_squared,
-                          np.maximum(voltage_squared, np.minimum(wanted[1], 2 * voltage_squared)))
-    if not found.possible:
+        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if fit.possible else 1.5 * heave)
+        further = np.maximum(voltage_squared, np.minimum(wanted[1], 2 * voltage_squared))
+        voltage_squared = np.where(reached < 0.99 * voltage_squared, voltage_squared, further)
+    if not fit.possible:
         raise InputError("no stiffness and permittivity make equilibria of all states that were "
-                         "read: are masses, "
-                         "voltages and sizes right?", key="readings",
+                         "read: are masses, voltages and sizes right?", key="readings",
                          given=f"{len(table)} readings")
-    return simulation, found
+    return simulation, fit
 
 
 def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
@@ -75,95 +77,72 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
 
 
-def _nominal(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
-    try:
-        return tuple(nominal_law(setup, specimen.name, float(w), float(q))
-                     for specimen, w, q in zip(setup.specimens, heave, voltage_squared,
-                                               strict=True))
-    except NotSampled as error:
-        raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
-                         given=", ".join(one.name for one in setup.specimens)) from None
+def nominal_laws(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
+    """Each film's force law without effects, up to a heave [m] and a U² [V²] or less.
 
-
-def _first_reach(setup: Setup, table: ReadingTable) -> tuple[Array, Array]:
-    """Heaves and U² to begin with, for each specimen.
-
-    By the largest readings, or a share of the gap.
+    Raises
+    ------
+    NotSampled
+        When a film cannot be solved.
     """
-    heaves, voltages_squared = [], []
-    for number, specimen in enumerate(setup.specimens):
-        own = (table.specimen == number) & (table.kind == "displacement")
-        largest = float(np.abs(table.value[own]).max(initial=0.0))
-        heaves.append(min(max(_ROOM[0] * largest, 0.01 * specimen.gap), _LARGEST * specimen.gap)
-                      if own.any()
-                      else 0.2 * specimen.gap)
-        voltages_squared.append(_ROOM[1] * largest_voltage_squared(setup, table, number))
-    return np.array(heaves), np.maximum(voltages_squared, 1e4)
+    return tuple(nominal_law(setup, specimen.name, float(w), float(q))
+                 for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
 
 
 def largest_voltage_squared(setup: Setup, table: ReadingTable, number: int) -> float:
     """The largest U² a specimen's film sees."""
-    states, own = table.states, table.states.specimen == number
-    seen = np.asarray(setup.rig.film_voltage(states.voltage[own], states.direction[own]))
+    states = table.states[table.states.specimen == number]
+    seen = np.asarray(setup.rig.film_voltage(states.voltage, states.direction))
     return float((seen**2).max(initial=0.0))
 
 
-def _needed(simulation: Simulation, found: Fit, table: ReadingTable) -> Array:
-    """Heaves and U² that the fit and its surroundings need, shape (2, specimens)."""
-    heave = np.nan_to_num(simulation.heaves((), found.unknowns,
-                                            table.states)) if found.possible else None
-    share = 1.0
-    if found.possible:
-        share = float(np.exp(found.unknowns[PERMITTIVITY] - found.unknowns[STIFFNESS]))
-    heaves, voltages_squared = _first_reach(simulation.setup, table)
-    for number, specimen in enumerate(simulation.setup.specimens):
-        own = table.states.specimen == number
-        largest = largest_voltage_squared(simulation.setup, table, number)
-        voltages_squared[number] = max(_ROOM[1] * share * largest, 1e4)
+def _reach(setup: Setup, table: ReadingTable, simulation: Simulation | None = None,
+           fit: Fit | None = None) -> Array:
+    """Heaves and U² needed, shape (2, specimens): by the readings, else by a fit where possible."""
+    heave, share = None, 1.0
+    if simulation is not None and fit is not None and fit.possible:
+        heave = np.nan_to_num(simulation.heaves((), fit.unknowns, table.states))
+        share = float(np.exp(fit.unknowns[PERMITTIVITY] - fit.unknowns[STIFFNESS]))
+    reach = np.zeros((2, len(setup.specimens)))
+    for number, specimen in enumerate(setup.specimens):
+        read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         if heave is not None:
-            largest = max(_ROOM[0] * heave[own].max(initial=0.0), 0.01 * specimen.gap)
-            heaves[number] = min(largest, _LARGEST * specimen.gap)
-    return np.array([heaves, voltages_squared])
+            read = np.maximum(heave[table.states.specimen == number], 0.0)
+        largest = max(_ROOM[0] * float(np.abs(read).max(initial=0.0)), 0.01 * specimen.gap)
+        reach[0, number] = min(largest, _LARGEST * specimen.gap) if len(read) else (
+            0.2 * specimen.gap)
+        squared = _ROOM[1] * share * largest_voltage_squared(setup, table, number)
+        reach[1, number] = max(squared, 1e4)
+    return reach
 
 
-def refitted(setup: Setup, unknowns: Array) -> Setup:
-    """The setup with the stiffness and the permittivity found."""
+def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
+    """The setup with stiffness, permittivity and effects as found."""
     stiffness, permittivity = np.exp(unknowns[FACTORS]).tolist()
 
     def change(film: Film) -> Film:
         return replace(film, material=scaled(film.material, stiffness),
                        relative_permittivity=film.relative_permittivity * permittivity)
 
-    return setup.with_films(change)
+    return extended(simulation.setup.with_films(change), simulation.uses(hypothesis, unknowns))
 
 
-def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:
-    """The setup with stiffness, permittivity and effects as found."""
-    return extended(refitted(simulation.setup, unknowns), simulation.uses(hypothesis, unknowns))
-
-
-def law_error(simulation: Simulation, one: Fit, table: ReadingTable, count: int = 6) -> float:
+def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int = 6) -> float:
     """Largest error of the reduced heaves [m] at a fit, against finite elements on a fine mesh.
 
     At ``count`` of the states, from small to large heaves; states the finite elements do not reach
     are left out.
     """
-    setup = extended_setup(simulation, one.hypothesis, one.unknowns)
+    setup = extended_setup(simulation, fit.hypothesis, fit.unknowns)
     free = np.flatnonzero(np.isnan(table.states.heave))
-    order = free[np.argsort(one.heave[free])]
+    order = free[np.argsort(fit.heave[free])]
     chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
-    worst = 0.0
+    rig, states, worst = setup.rig, table.states, 0.0
     for state in chosen.tolist():
-        states = table.states
-        specimen: Specimen = setup.specimens[int(states.specimen[state])]
-        model = build_model(specimen, FINE, setup.rig.loading)
-        voltage = setup.rig.film_voltage(float(states.voltage[state]),
-                                         float(states.direction[state]))
-        outcome = equilibrium(model, setup.rig.force(float(states.mass[state]), model.plate_area),
-                              voltage,
-                              setup.rig.gas_pressure)
+        model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
+        voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
+        force = rig.force(float(states.mass[state]), model.plate_area)
+        outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
-            worst = max(worst, abs(outcome.state.plate.deflection - float(one.heave[state])))
+            worst = max(worst, abs(outcome.state.plate.deflection - float(fit.heave[state])))
     return worst
-
-

@@ -17,7 +17,14 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import Lumped
 from tympan.studies.diagnosis.reduced.axes import HeldFilm, edited, film_axes
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, grid_of, law_through, samples
+from tympan.studies.diagnosis.reduced.force_law import (
+    ForceLaw,
+    Grid,
+    grid_of,
+    law_through,
+    sampled_film,
+    samples,
+)
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -37,8 +44,8 @@ def lumped(setup: Setup, weights: Mapping[str, tuple[float, ...]] = {}) -> Setup
     InputError
         Where weights are missing or no mixture.
     """
-    return replace(setup, specimens=tuple(Lumped.of(one, weights.get(one.name, (1.0,)))
-                                          for one in setup.specimens))
+    return replace(setup, specimens=tuple(Lumped.of(specimen, weights.get(specimen.name, (1.0,)))
+                                          for specimen in setup.specimens))
 
 
 def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
@@ -50,32 +57,26 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
         For what the lumped model has no place for: gas pressure, a film's weight, a weight beside
         the plate's centre.
     """
-    return tuple(_law(setup, one.name, grid) for one, grid in zip(setup.specimens, grids,
-                                                                  strict=True))
+    return tuple(_law(setup, specimen.name, grid)
+                 for specimen, grid in zip(setup.specimens, grids, strict=True))
 
 
 def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
     film = HeldFilm.of(setup, name)
     if film.heavy or not grid.odd or film.loading.arm != (0.0, 0.0):
         raise InputError("must be without gas pressure, weight of its own and offset weights in "
-                         "the lumped model",
-                         key="specimen", given=name)
+                         "the lumped model", key="specimen", given=name)
     nominal = lumped_nodes(film.specimen, grid)
-    every = film_axes(setup, name)
-    moved = [lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid)
-             for axis in every]
-    axes = tuple(axis for axis, nodes in zip(every, moved, strict=True)
-                 if not np.array_equal(nodes, nominal))
-    where = samples(axes)
-    nodes = [lumped_nodes(edited(setup, name, [axes[index] for index in sample.axes],
-                             [axes[index].size(at) for index, at in zip(sample.axes, sample.at,
-                                                                        strict=True)]).specimen,
-                      grid_of(grid, sample)) for sample in where]
-    return law_through(grid, axes, where, [pair[0] for pair in nodes], [pair[1] for pair in nodes])
+    axes = tuple(axis for axis in film_axes(setup, name) if not np.array_equal(
+        lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid), nominal))
+    places = samples(axes)
+    return law_through(grid, axes, places, [
+        lumped_nodes(sampled_film(setup, name, axes, sample).specimen, grid_of(grid, sample))
+        for sample in places])
 
 
-def lumped_nodes(specimen: Specimen, grid: Grid) -> Array:
-    """Force [N] and capacitance [F] at the nodes of a grid, shape (2, heaves, voltages)."""
+def lumped_nodes(specimen: Specimen, grid: Grid) -> tuple[Array, Array]:
+    """Force [N] and capacitance [F] at the nodes of a grid, shape (heaves, voltages) each."""
     if not isinstance(specimen, Lumped):
         raise InputError("must be a specimen of the lumped model", key="specimen",
                          given=specimen.name)
@@ -83,4 +84,4 @@ def lumped_nodes(specimen: Specimen, grid: Grid) -> Array:
     force = [[specimen.force(heave, voltage_squared**0.5) for voltage_squared in voltages_squared]
              for heave in heaves]
     capacitance = [[specimen.capacitance(heave)] * len(voltages_squared) for heave in heaves]
-    return np.array([force, capacitance])
+    return np.array(force), np.array(capacitance)

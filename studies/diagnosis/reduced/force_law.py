@@ -9,17 +9,22 @@ and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.reduced.axes import Axis
+from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, edited
+from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
+
+#: Where a film is solved: numbers of some axes and the coordinates there, the others 0.
+Sample = tuple[tuple[int, float], ...]
 
 #: Coordinates at which an axis is sampled besides 0.
 TWO_SIDED, ONE_SIDED = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0), (0.3, 0.65, 1.0)
@@ -45,8 +50,8 @@ class Grid:
         """Heaves [m] and U² [V²]."""
         x, q = _points(self.heaves), _points(self.voltages)
         shares = (1 + x) / 2
-        return self.heave * (np.sqrt(shares) if self.odd
-                             else shares), self.voltage_squared * (1 + q) / 2
+        heaves = self.heave * (np.sqrt(shares) if self.odd else shares)
+        return heaves, self.voltage_squared * (1 + q) / 2
 
     def coarse(self) -> Grid:
         """The grid for pairs of effects."""
@@ -79,8 +84,8 @@ def _polynomials(x: Array, count: int) -> Array:
     values = np.empty((len(x), count))
     values[:, 0] = 1.0
     for degree in range(1, count):
-        values[:, degree] = x if degree == 1 else 2 * x * values[:, degree - 1] - values[:,
-                                                                                         degree - 2]
+        values[:, degree] = x if degree == 1 else (2 * x * values[:, degree - 1]
+                                                   - values[:, degree - 2])
     return values
 
 
@@ -93,9 +98,7 @@ def _points(count: int) -> Array:
 def _derivative(count: int) -> Array:
     """Matrix D with T'(x) = T(x) D for the first Chebyshev polynomials."""
     matrix = np.zeros((count, count))
-    for column in range(1, count):
-        slope = chebyshev.chebder(np.eye(count)[column])
-        matrix[: len(slope), column] = slope
+    matrix[: count - 1] = chebyshev.chebder(np.eye(count))
     return matrix
 
 
@@ -151,93 +154,92 @@ def _force_surface(law: ForceLaw, coordinates: tuple[float, ...]) -> ForceSurfac
     used = at != 0
     terms = np.flatnonzero(~law.powers[:, ~used].any(axis=1))
     weights = np.prod(at[used] ** law.powers[np.ix_(terms, used)], axis=1)
-    force, capacitance = ((weights @ values.reshape(len(values),
-                                                    -1)[terms]).reshape(values.shape[1:])
-                          for values in (law.force, law.capacitance))
+    force, capacitance = (
+        (weights @ values.reshape(len(values), -1)[terms]).reshape(values.shape[1:])
+        for values in (law.force, law.capacitance))
     return ForceSurface(law.grid, force, capacitance)
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Where on the axes a film is solved: coordinates of some axes, the others 0."""
-
-    axes: tuple[int, ...]
-    at: tuple[float, ...]
-
-    def coordinates(self, count: int) -> Array:
-        """Of all axes."""
-        full = np.zeros(count)
-        full[list(self.axes)] = self.at
-        return full
 
 
 def samples(axes: tuple[Axis, ...]) -> list[Sample]:
     """Where to solve: the nominal film, each axis alone, each pair of axes."""
-    found = [Sample((), ())]
+    places: list[Sample] = [()]
     for index, axis in enumerate(axes):
-        found += [Sample((index,), (at,)) for at in (TWO_SIDED if axis.two_sided else ONE_SIDED)]
-    for one, two in combinations(range(len(axes)), 2):
-        high = CORNERS[1]
-        found.append(Sample((one, two), (high, high)))
-        if axes[one].two_sided:
-            found.append(Sample((one, two), (-high, high)))
-        elif axes[two].two_sided:
-            found.append(Sample((one, two), (high, -high)))
-    return found
+        places += [((index, at),) for at in _alone(axis)]
+    low, high = CORNERS
+    for first, second in combinations(range(len(axes)), 2):
+        places.append(((first, high), (second, high)))
+        if axes[first].two_sided:
+            places.append(((first, low), (second, high)))
+        elif axes[second].two_sided:
+            places.append(((first, high), (second, low)))
+    return places
 
 
-def law_through(grid: Grid, axes: tuple[Axis, ...], where: list[Sample], force: list[Array],
-           capacitance: list[Array]
-           ) -> ForceLaw:
-    """The law through samples at the nodes of the grid, of pairs at those of the coarse one.
+def _alone(axis: Axis) -> tuple[float, ...]:
+    return TWO_SIDED if axis.two_sided else ONE_SIDED
+
+
+def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
+    """A specimen's film at a sample."""
+    return edited(setup, name, [axes[index] for index, _ in sample],
+                  [axes[index].size(at) for index, at in sample])
+
+
+def grid_of(grid: Grid, sample: Sample) -> Grid:
+    """The grid on which a sample is solved."""
+    return grid if len(sample) < 2 else grid.coarse()
+
+
+def law_through(grid: Grid, axes: tuple[Axis, ...], places: list[Sample],
+                nodes: list[tuple[Array, Array]]) -> ForceLaw:
+    """The law through force and capacitance at samples, of pairs at the coarse grid's nodes.
 
     Values are nan where a film could not be solved. The nominal film's are continued along the
     voltage there, those of one axis along it, so that they bend nothing where there are some;
     of pairs, what they add is continued.
     """
     powers = _powers(axes)
-    over = [values / grid_of(grid, sample).nodes[0][:, None] if grid.odd else values
-            for sample, values in zip(where, force, strict=True)]
-    design = np.stack([np.prod(sample.coordinates(len(axes))[None, :] ** powers, axis=1)
-                       for sample in where])
-    single = np.array([len(sample.axes) < 2 for sample in where])
-    own = (powers > 0).sum(1) < 2
+    coordinates = np.zeros((len(places), len(axes)))
+    for row, sample in enumerate(places):
+        for index, at in sample:
+            coordinates[row, index] = at
+    design = np.prod(coordinates[:, None, :] ** powers, axis=2)
+    single = np.array([len(sample) < 2 for sample in places])
+    alone = (powers > 0).sum(1) < 2
+    over = [force / grid_of(grid, sample).nodes[0][:, None] if grid.odd else force
+            for sample, (force, _) in zip(places, nodes, strict=True)]
     coefficients = []
-    for values in (over, capacitance):
-        ones = [one for one, alone in zip(where, single, strict=True) if alone]
-        known = _along_axes(grid, ones,
-                            [item for item, alone in zip(values, single, strict=True) if alone])
-        flat = np.stack([_padded(grid, item) for item in known]).reshape(len(known), -1)
-        full = np.zeros((len(powers), flat.shape[1]))
-        full[own] = np.linalg.lstsq(design[np.ix_(single, own)], flat, rcond=None)[0]
+    for values in (over, [capacitance for _, capacitance in nodes]):
+        completed = _along_axes(grid, [sample for sample in places if len(sample) < 2],
+                                list(compress(values, single)))
+        full = np.zeros((len(powers), grid.heaves * grid.voltages))
+        full[alone] = np.linalg.lstsq(design[np.ix_(single, alone)], _flat(grid, completed),
+                                      rcond=None)[0]
         if not single.all():
-            expected = _on_coarse(grid, design[np.ix_(~single, own)] @ full[own])
-            pairs = [item for item, alone in zip(values, single, strict=True) if not alone]
+            expected = _on_coarse(grid, design[np.ix_(~single, alone)] @ full[alone])
             added = [_along_voltage(grid.coarse(), item - sums)
-                     for item, sums in zip(pairs, expected, strict=True)]
-            rest = np.stack([_padded(grid, item) for item in added]).reshape(len(added), -1)
-            full[~own] = np.linalg.lstsq(design[np.ix_(~single, ~own)], rest, rcond=None)[0]
+                     for item, sums in zip(compress(values, ~single), expected, strict=True)]
+            full[~alone] = np.linalg.lstsq(design[np.ix_(~single, ~alone)], _flat(grid, added),
+                                           rcond=None)[0]
         coefficients.append(full.reshape(len(powers), grid.heaves, grid.voltages))
     return ForceLaw(grid, axes, powers, coefficients[0], coefficients[1])
 
 
-def _along_axes(grid: Grid, where: list[Sample], values: list[Array]) -> list[Array]:
+def _along_axes(grid: Grid, places: list[Sample], values: list[Array]) -> list[Array]:
     """Values of the nominal film and single axes, completed by polynomials along the axes."""
-    nominal = next(_along_voltage(grid, item) for sample, item in zip(where, values, strict=True)
-                   if not sample.axes)
-    found = []
-    for sample, item in zip(where, values, strict=True):
-        item = nominal.copy() if not sample.axes else item.copy()
-        for node in np.argwhere(np.isnan(item)):
-            place = tuple(node)
-            known = {0.0: nominal[place]} | {other.at[0]: values[number][place]
-                                             for number, other in enumerate(where)
-                                             if other.axes == sample.axes
-                                             and np.isfinite(values[number][place])}
-            item[place] = np.polyval(np.polyfit(list(known), list(known.values()), len(known) - 1),
-                                     sample.at[0])
-        found.append(item)
-    return found
+    nominal = _along_voltage(grid, values[places.index(())])
+    completed = []
+    for sample, item in zip(places, values, strict=True):
+        item = item.copy() if sample else nominal.copy()
+        for node in map(tuple, np.argwhere(np.isnan(item))):
+            (axis, at), = sample
+            solved = {0.0: nominal[node]} | {
+                other[0][1]: value[node] for other, value in zip(places, values, strict=True)
+                if other and other[0][0] == axis and np.isfinite(value[node])}
+            line = np.polyfit(list(solved), list(solved.values()), len(solved) - 1)
+            item[node] = np.polyval(line, at)
+        completed.append(item)
+    return completed
 
 
 def _along_voltage(grid: Grid, values: Array) -> Array:
@@ -257,31 +259,26 @@ def _along_voltage(grid: Grid, values: Array) -> Array:
     return values
 
 
-def grid_of(grid: Grid, sample: Sample) -> Grid:
-    """The grid on which a sample is solved."""
-    return grid if len(sample.axes) < 2 else grid.coarse()
-
-
 def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
     """Powers of the axes in each term: each alone, and products of two."""
     unit = np.eye(len(axes), dtype=np.int64)
     rows = [np.zeros(len(axes), dtype=np.int64)]
     for index, axis in enumerate(axes):
-        rows += [unit[index] * power
-                 for power in range(1, 1 + len(TWO_SIDED if axis.two_sided else ONE_SIDED))]
-    rows += [unit[one] + unit[two] for one, two in combinations(range(len(axes)), 2)]
+        rows += [unit[index] * power for power in range(1, 1 + len(_alone(axis)))]
+    rows += [unit[first] + unit[second] for first, second in combinations(range(len(axes)), 2)]
     return np.array(rows).reshape(len(rows), len(axes))
 
 
-def _padded(grid: Grid, values: Array) -> Array:
-    """Coefficients on the fine grid."""
-    found = grid.coefficients(values)
-    wanted = zip((grid.heaves, grid.voltages), found.shape, strict=True)
-    return np.pad(found, [(0, full - have) for full, have in wanted])
+def _flat(grid: Grid, values: list[Array]) -> Array:
+    """Coefficients on the fine grid, shape (count, heaves · voltages)."""
+    full = np.zeros((len(values), grid.heaves, grid.voltages))
+    for row, item in zip(full, values, strict=True):
+        row[: item.shape[0], : item.shape[1]] = grid.coefficients(item)
+    return full.reshape(len(values), -1)
 
 
 def _on_coarse(grid: Grid, flat: Array) -> Array:
-    """Values at the coarse nodes of the fine grid's polynomials, shape (count, heaves, voltages)."""
+    """Values of the fine polynomials at the coarse nodes, shape (count, heaves, voltages)."""
     coarse = grid.coarse()
     v, q = (chebyshev.chebvander(_points(few), many - 1)
             for few, many in ((coarse.heaves, grid.heaves), (coarse.voltages, grid.voltages)))

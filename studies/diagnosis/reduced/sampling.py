@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +16,23 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, edited, film_axes
+from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, film_axes
 from tympan.studies.diagnosis.reduced.force_law import (
     ForceLaw,
     Grid,
     Sample,
     grid_of,
     law_through,
+    sampled_film,
     samples,
 )
 from tympan.studies.effects import Setup
+from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
+
+#: A setup, the name of a specimen, its grid and axes, and samples to be solved together.
+Task = tuple[Setup, str, Grid, tuple[Axis, ...], tuple[Sample, ...]]
 
 #: The mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
@@ -61,10 +64,7 @@ class NotSampled(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film at a grid's nodes: force [N], capacitance [F], shape (heaves, voltages); states.
-
-    Model.
-    """
+    """A film's force [N] and capacitance [F], shape (heaves, voltages), states, and its model."""
 
     force: Array
     capacitance: Array
@@ -73,8 +73,7 @@ class Nodes:
 
 
 def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None = None,
-             strict: bool = False
-             ) -> Nodes:
+             strict: bool = False) -> Nodes:
     """Solve a film at the nodes of a grid, beginning from a similar one where the meshes agree.
 
     Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict``
@@ -93,13 +92,14 @@ def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None 
         states.append([])
         for j, voltage_squared in enumerate(voltages_squared):
             guess = _guess(model.discretisation.reference.shape, near, states, i, j)
-            found = _solved(model, guess, heave, voltage_squared, film.gas_pressure)
-            if found is None:
+            solution = _solved(model, guess, heave, voltage_squared, film.gas_pressure)
+            if solution is None:
                 if j < _FEWEST or strict:
                     raise NotSampled(voltage_squared)
                 break
-            force[i, j], capacitance[i, j] = found.state.force, model.capacitance(found.state)
-            states[-1].append(found.state)
+            force[i, j] = solution.state.force
+            capacitance[i, j] = model.capacitance(solution.state)
+            states[-1].append(solution.state)
     return Nodes(force, capacitance, states, model)
 
 
@@ -132,45 +132,33 @@ def _solved(model: Model, guess: State | None, heave: float, voltage_squared: fl
             pressure: float) -> Solution | None:
     """The film with its plate held."""
     guess = model.mounted() if guess is None else guess
-    found = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
-                   (held_plate(heave),))
-    if found.converged:
-        return found
+    solution = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
+                      (held_plate(heave),))
+    if solution.converged:
+        return solution
     start = newton(model, model.mounted().under(pressure=pressure), ("force",), (held_plate(0.0),))
     outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
-@dataclass(frozen=True)
-class SamplingTask:
-    """Some samples of one specimen's film, to be solved together."""
-
-    setup: Setup
-    name: str
-    grid: Grid
-    axes: tuple[Axis, ...]
-    samples: tuple[Sample, ...]
-    settings: Settings = COARSE
-
-    def run(self) -> list[tuple[Array, Array]]:
-        """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
-        known: dict[tuple[object, ...], Nodes] = {}
-        found = []
-        for sample in sorted(self.samples, key=lambda sample: len(sample.axes)):
-            axes = [self.axes[index] for index in sample.axes]
-            sizes = [axis.size(at) for axis, at in zip(axes, sample.at, strict=True)]
-            grid = grid_of(self.grid, sample)
-            nominal = (grid, meshed_outlines(self.setup.specimen(self.name)))
-            if nominal not in known:
-                known[nominal] = at_nodes(HeldFilm.of(self.setup, self.name), grid, self.settings)
-            film = edited(self.setup, self.name, axes, sizes)
-            own = grid, meshed_outlines(film.specimen)
-            nodes = at_nodes(film, grid, self.settings,
-                             known.get(own, known[nominal])) if axes else known[nominal]
-            known.setdefault(own, nodes)
-            found.append((sample, (nodes.force, nodes.capacitance)))
-        results = dict(found)
-        return [results[sample] for sample in self.samples]
+def _sampled(task: Task) -> list[tuple[Array, Array]]:
+    """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
+    setup, name, full, axes, places = task
+    similar: dict[tuple[object, ...], Nodes] = {}
+    results = {}
+    for sample in sorted(places, key=len):
+        grid = grid_of(full, sample)
+        nominal = (grid, meshed_outlines(setup.specimen(name)))
+        if nominal not in similar:
+            similar[nominal] = at_nodes(HeldFilm.of(setup, name), grid, COARSE)
+        film = sampled_film(setup, name, axes, sample)
+        outlines = grid, meshed_outlines(film.specimen)
+        nodes = similar[nominal]
+        if sample:
+            nodes = at_nodes(film, grid, COARSE, similar.get(outlines, nodes))
+        similar.setdefault(outlines, nodes)
+        results[sample] = nodes.force, nodes.capacitance
+    return [results[sample] for sample in places]
 
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
@@ -185,12 +173,12 @@ def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -
             if voltage_squared < 1.0:
                 raise
         else:
-            return law_through(grid, (), [Sample((), ())], [nodes.force], [nodes.capacitance])
+            return law_through(grid, (), [()], [(nodes.force, nodes.capacitance)])
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
-               progress: Callable[[int, int],
-                                  None] = lambda done, all_of_them: None) -> tuple[ForceLaw, ...]:
+               progress: Callable[[int, int], None] = lambda done, all_of_them: None
+               ) -> tuple[ForceLaw, ...]:
     """The force law of every specimen, with the axes of every effect in the library.
 
     Raises
@@ -198,42 +186,26 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     NotSampled
         Where a film has no solution within its grid.
     """
-    names = [specimen.name for specimen in setup.specimens]
-    axes = [film_axes(setup, name) for name in names]
-    tasks: list[SamplingTask] = []
-    owners: list[int] = []
-    for number, (name, grid, own) in enumerate(zip(names, grids, axes, strict=True)):
-        every = sorted(samples(own),
-                       key=lambda sample: (len(sample.axes) > 1, _mesh_of(own, sample)))
-        chunks = [tuple(every[k : k + _CHUNK]) for k in range(0, len(every), _CHUNK)]
-        tasks += [SamplingTask(setup, name, grid, own, chunk) for chunk in chunks]
-        owners += [number] * len(chunks)
-    results = list(_run(tasks, workers, progress))
+    tasks: list[Task] = []
+    for specimen, grid in zip(setup.specimens, grids, strict=True):
+        axes = film_axes(setup, specimen.name)
+
+        def mesh(sample: Sample, axes: tuple[Axis, ...] = axes) -> tuple[bool, list[object]]:
+            # What may need its own mesh; samples on one mesh are solved by one process.
+            return len(sample) > 1, [(axes[index].effect, at) for index, at in sample]
+
+        every = sorted(samples(axes), key=mesh)
+        tasks += [(setup, specimen.name, grid, axes, tuple(every[first : first + _CHUNK]))
+                  for first in range(0, len(every), _CHUNK)]
+    results = []
+    for done, result in enumerate(mapped(_sampled, tasks, min(workers, len(tasks)))):
+        progress(done, len(tasks))
+        results.append(result)
     laws = []
-    for number, (grid, own) in enumerate(zip(grids, axes, strict=True)):
-        where = [sample for task, owner in zip(tasks, owners, strict=True) if owner == number
-                 for sample in task.samples]
-        nodes = [pair for result, owner in zip(results, owners, strict=True) if owner == number
-                 for pair in result]
-        laws.append(law_through(grid, own, where, [pair[0] for pair in nodes],
-                           [pair[1] for pair in nodes]))
+    for specimen, grid in zip(setup.specimens, grids, strict=True):
+        solved = [(task, result) for task, result in zip(tasks, results, strict=True)
+                  if task[1] == specimen.name]
+        laws.append(law_through(grid, solved[0][0][3],
+                                [sample for task, _ in solved for sample in task[4]],
+                                [nodes for _, result in solved for nodes in result]))
     return tuple(laws)
-
-
-def _mesh_of(axes: tuple[Axis, ...], sample: Sample) -> tuple[tuple[str, float], ...]:
-    """What of a sample may need its own mesh; samples on one mesh are solved by one process."""
-    return tuple((axes[index].effect, at) for index, at in zip(sample.axes, sample.at, strict=True))
-
-
-def _run(tasks: Sequence[SamplingTask], workers: int, progress: Callable[[int, int], None]
-         ) -> Iterable[list[tuple[Array, Array]]]:
-    """Results in the order of the tasks."""
-    if workers < 2 or len(tasks) < 2:
-        for done, task in enumerate(tasks):
-            progress(done, len(tasks))
-            yield task.run()
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for done, result in enumerate(pool.map(SamplingTask.run, tasks)):
-            progress(done, len(tasks))
-            yield result

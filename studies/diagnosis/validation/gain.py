@@ -198,9 +198,11 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     errors = {"before": before, "after": after, "process": before - process.predicted(test),
               "rival": error(wrong) if wrong else np.full(len(test), np.nan), "noise": test.sigma}
     solved = np.isfinite(before + after)
-    hidden = [cause for cause, signature in signatures(simulation, train, nominal.unknowns,
-                                                       best).items() if visibility(signature) < SAME]
-    note = f"{hidden[0]} cannot be learned while {held_out} is held out" if hidden else ""
+    signs = signatures(simulation, train, nominal.unknowns, best)
+    hidden = [cause for cause in signs if visibility(signs[cause]) < SAME]
+    note = ""
+    if hidden:
+        note = f"{hidden[0]} cannot be learned while {held_out} is held out"
     if not note and odds < 1:
         note = f"nothing is seen to be wrong while {held_out} is held out"
     if not solved.any():

@@ -57,7 +57,7 @@ def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
     from tympan.studies.files import write_json
 
     with shares("films") as progress:
-        record = plan_readings(dataset, options.workers, progress).json()
+        record = plan_readings(dataset, options.workers, progress)
     if options.output is not None:
         write_json(options.output / "plan.json", record)
     if options.json:
