@@ -67,13 +67,11 @@ class States:
 
 @dataclass(frozen=True, eq=False)
 class ReadingTable:
-    """Rows to predict.
+    """Rows to predict: their ``kind`` and the ``state`` read.
 
-    ``kind``; the ``state`` read and for a range the one it is counted from (``since``, else -1).
-
-    ``value`` is what was read and ``sigma`` its standard deviation, in SI; ``order`` the place in
-    the sequence, nan where not known; ``file`` and ``line`` say where a row is from; ``run`` which
-    ramp it belongs to.
+    For a range also the state it is counted from (``since``, else -1). ``value`` is what was read
+    and ``sigma`` its standard deviation, in SI; ``order`` the place in the sequence, nan where not
+    known; ``file`` and ``line`` say where a row is from; ``run`` which ramp it belongs to.
     """
 
     states: States
@@ -92,9 +90,9 @@ class ReadingTable:
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> ReadingTable:
         """Some of the rows; states are all kept."""
-        named = {name: getattr(self, name)[rows] for name in self.__dataclass_fields__
-                 if name != "states"}
-        return ReadingTable(self.states, **named)
+        return ReadingTable(self.states, *(getattr(self, name)[rows]
+                                           for name in self.__dataclass_fields__
+                                           if name != "states"))
 
     @property
     def specimen(self) -> Numbers:
@@ -126,21 +124,19 @@ class ReadingTable:
 
     def joined(self, other: ReadingTable) -> ReadingTable:
         """These rows and others."""
-        named = {name: np.concatenate([getattr(self, name), getattr(other, name)])
-                 for name in self.__dataclass_fields__ if name not in ("states", "state", "since")}
         count = len(self.states)
-        return ReadingTable(self.states.joined(other.states),
-                     state=np.concatenate([self.state, other.state + count]),
-                     since=np.concatenate([self.since, np.where(other.since < 0, -1,
-                                                                other.since + count)]), **named)
+        moved = replace(other, state=other.state + count,
+                        since=np.where(other.since < 0, -1, other.since + count))
+        return ReadingTable(self.states.joined(other.states), *(
+            np.concatenate([getattr(self, name), getattr(moved, name)])
+            for name in self.__dataclass_fields__ if name != "states"))
 
 
 def rows(states: States, kind: Kind, sigma: float | Array,
          value: Array | None = None) -> ReadingTable:
     """One row of a kind for each state."""
     count = len(states)
+    none = np.full(count, "")
     return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1),
-                 np.zeros(count) if value is None
-                 else value, np.broadcast_to(np.asarray(sigma, float), (count,)).copy(),
-                 np.full(count, np.nan),
-                 np.full(count, ""), np.full(count, ""), np.zeros(count, dtype=np.int64))
+                        np.zeros(count) if value is None else value, np.full(count, sigma, float),
+                        np.full(count, np.nan), none, none, np.zeros(count, dtype=np.int64))

@@ -6,6 +6,7 @@ Many readings of nearly one state become one.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,12 +72,12 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     """
     used = {name for table in (dataset.static, dataset.ranges) if table is not None
             for name in table.specimen.tolist()}
-    setup = Setup(tuple(one for one in dataset.specimens if one.name in used), dataset.rig)
+    setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
+                  dataset.rig)
     count = sum(len(table) for table in (dataset.static, dataset.ranges) if table is not None)
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
-                         f"and permittivity "
-                         "alone take two of them", key="readings", given=count)
+                         "and permittivity alone take two of them", key="readings", given=count)
     for slip in slips_of_unit(dataset):
         raise InputError(slip, key=dataset.name)
     numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
@@ -85,10 +86,7 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
         parts += _static(dataset.static, numbers, reading_sigma(dataset))
     if dataset.ranges is not None:
         parts.append(_ranges(dataset.ranges, numbers))
-    table = parts[0]
-    for part in parts[1:]:
-        table = table.joined(part)
-    return _with_noise(dataset, setup, table)
+    return _with_noise(dataset, setup, reduce(ReadingTable.joined, parts))
 
 
 def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> PreparedReadings:
@@ -122,22 +120,20 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
     direction = np.where(readings.direction == "up", 1.0,
                          np.where(readings.direction == "down", -1.0, 0.0))
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
-                       readings.voltage,
-                       np.nan_to_num(readings.elapsed), direction)
+                       readings.voltage, np.nan_to_num(readings.elapsed), direction)
 
     def located(table: ReadingTable) -> ReadingTable:
         return replace(table, order=readings.order, run=readings.run,
-                       file=np.full(len(readings), "static.csv"),
-                       line=readings.line)
+                       file=np.full(len(readings), "static.csv"), line=readings.line)
 
-    found = [located(rows(states, "displacement", sigma, readings.displacement))]
-    kinds: dict[str, Kind] = {"capacitance": "capacitance", "film_voltage": "film_voltage"}
-    for name, kind in kinds.items():
-        values = getattr(readings, name)
+    tables = [located(rows(states, "displacement", sigma, readings.displacement))]
+    kinds: tuple[Kind, ...] = ("capacitance", "film_voltage")
+    for kind in kinds:
+        values = getattr(readings, kind)
         if (seen := np.isfinite(values)).any():
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
-            found.append(located(rows(states, kind, noise, values))[seen])
-    return found
+            tables.append(located(rows(states, kind, noise, values))[seen])
+    return tables
 
 
 def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
@@ -147,9 +143,8 @@ def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     states = States.of(specimen, ranges.mass, ranges.voltage_max).joined(
         States.of(specimen, ranges.mass, ranges.voltage_min))
     return ReadingTable(states, np.full(count, "range"), np.arange(count), count + np.arange(count),
-                 ranges.range,
-                 ranges.sigma, np.full(count, np.nan), np.full(count, ""),
-                 np.full(count, "range.csv"), ranges.line)
+                        ranges.range, ranges.sigma, np.full(count, np.nan), np.full(count, ""),
+                        np.full(count, "range.csv"), ranges.line)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:
@@ -162,9 +157,8 @@ def averaged(table: ReadingTable) -> ReadingTable:
     elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
     kind = np.unique(table.kind, return_inverse=True)[1]
     key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state],
-                    elapsed[table.state],
-                    states.direction[table.state], np.where(table.since < 0, -1, table.line)],
-                   axis=1)
+                    elapsed[table.state], states.direction[table.state],
+                    np.where(table.since < 0, -1, table.line)], axis=1)
     _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True,
                                        return_counts=True)
     group = group.ravel()
@@ -180,8 +174,8 @@ def averaged(table: ReadingTable) -> ReadingTable:
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))
     merged = merged.joined(states[table.since[first][origin]])
+    order = np.full(len(first), np.nan)
+    if np.isfinite(table.order).all():
+        order = mean(table.order)
     return ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
-                        sigma,
-                 mean(np.nan_to_num(table.order)) if np.isfinite(table.order).all()
-                 else np.full(len(first), np.nan),
-                 table.run[first], table.file[first], table.line[first])
+                        sigma, order, table.run[first], table.file[first], table.line[first])

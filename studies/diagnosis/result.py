@@ -24,8 +24,12 @@ from tympan.studies.diagnosis.inference.identifiability import (
 )
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.single_effects import SingleEffect, single_effects
-from tympan.studies.diagnosis.inference.verdict import Judgement, interval
+from tympan.studies.diagnosis.inference.verdict import (
+    Judgement,
+    SingleEffect,
+    interval,
+    single_effects,
+)
 from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings

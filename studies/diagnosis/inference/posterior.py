@@ -9,8 +9,10 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.fit import Fit
+from tympan.studies.diagnosis.inference.fit import NUISANCE, Fit
+from tympan.studies.diagnosis.inference.residual_tests import ResidualPattern, orthonormal
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 
 Array = NDArray[np.float64]
@@ -19,6 +21,9 @@ Array = NDArray[np.float64]
 #: then that it is one effect of the library, two, or none of them. Effects share theirs equally, an
 #: effect on one specimen among these.
 NOTHING, SINGLE, PAIR, DISCREPANCY = 0.5, 0.3, 0.1, 0.1
+
+#: Sizes a discrepancy may have over the noise, each as probable as the other.
+_SIZES = np.geomspace(0.3, 100.0, 12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,3 +95,33 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
         if rows.any():
             weight[rows] *= mass / weight[rows].sum()
     return weight
+
+
+def discrepancy_evidence(nominal: Fit, groups: tuple[ResidualPattern, ...], sigma: Array) -> float:
+    """Logarithm of the readings' probability if the nominal model is off by some smooth pattern.
+
+    A pattern's columns have independent normal coefficients that make it a typical size, the same
+    for one pattern of the table at a time or for all; the nominal model is taken as linear about
+    its fit.
+
+    Parameters
+    ----------
+    sigma
+        Noise of the readings, shape (rows,).
+    """
+    evidence = []
+    for group in groups:
+        basis = orthonormal(group.columns / sigma[:, None])
+        scale = (len(sigma) / max(basis.shape[1], 1)) ** 0.5
+        evidence += [_evidence(nominal, size * scale * basis) for size in _SIZES]
+    return float(logsumexp(evidence) - np.log(len(evidence)))
+
+
+def _evidence(nominal: Fit, columns: Array) -> float:
+    """With columns whose coefficients are standard normal."""
+    residual = nominal.residual + nominal.jacobian @ nominal.unknowns
+    spread = np.concatenate([NUISANCE * nominal.jacobian, columns], axis=1)
+    inner = np.eye(spread.shape[1]) + spread.T @ spread
+    along = spread.T @ residual
+    squares = residual @ residual - along @ np.linalg.solve(inner, along)
+    return float(-0.5 * squares - 0.5 * np.linalg.slogdet(inner)[1])

@@ -19,6 +19,19 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 
 Array = NDArray[np.float64]
 
+#: What a misfit is, by the first word of its pattern's name; {1} is the rest of it.
+WORDS = {
+    "level": "all readings are off by about the same length",
+    "voltage": "the way it depends on voltage is wrong",
+    "specimen": "{1} is off against the other specimens",
+    "mass": "the way it depends on mass is wrong",
+    "order": "readings wander with their order",
+    "time": "readings wander with the time since the run began",
+    "direction": "readings differ on the way up and on the way down",
+    "fitted": "large deflections are off against small ones",
+    "ramps": "single ramps are off in different ways",
+}
+
 _DEGREE = 4
 _RANK = 1e-6
 _DRAWS = 4000
@@ -46,31 +59,33 @@ def patterns(table: ReadingTable, names: Sequence[str],
     ``names`` are its specimens', ``predicted`` what the nominal model says.
     """
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
-    voltage, mass = _voltage(table), _standard(table.mass)
-    common = [ResidualPattern("level", "all readings are off by about the same length",
-                      size[:, None] * voltage[:, :1]),
-              ResidualPattern("voltage", "the way it depends on voltage is wrong",
-                      size[:, None] * voltage[:, 1:])]
-    shapes = [ResidualPattern(f"specimen {names[k]}",
-                              f"{names[k]} is off against the other specimens",
-                      (size * own)[:, None] * voltage[:, :3]) for k, own in _contrasts(table)]
-    loads = [ResidualPattern("mass", "the way it depends on mass is wrong",
-                     (size * mass)[:, None] * voltage[:, :3])]
-    further = [ResidualPattern("fitted value", "large deflections are off against small ones",
-                       np.stack([predicted, predicted * abs(predicted) / size.max()], 1))]
-    found = [*common, *shapes, *loads, *_in_time(table, size, voltage), *further]
-    whole = np.concatenate([pattern.columns for pattern in found] + [_ramps(table, size, voltage)],
-                           axis=1)
-    found.append(ResidualPattern("ramps", "single ramps are off in different ways", whole))
-    return tuple(pattern for pattern in found if np.abs(pattern.columns).max(initial=0.0) > 0)
+    voltage, numbers = _legendre(table.voltage**2), np.unique(table.specimen)
+    few = voltage[:, :3]
+    columns = {"level": size[:, None] * voltage[:, :1], "voltage": size[:, None] * voltage[:, 1:]}
+    for number in numbers if len(numbers) > 1 else ():
+        contrast = _standard((table.specimen == number).astype(float))
+        columns[f"specimen {names[number]}"] = (size * contrast)[:, None] * few
+    columns["mass"] = (size * _standard(table.mass))[:, None] * few
+    elapsed = np.nan_to_num(table.states.elapsed[table.state])
+    for name, values in (("order", np.nan_to_num(table.order)), ("time", elapsed)):
+        if np.ptp(values) > 0:
+            line = _standard(values)
+            columns[name] = size[:, None] * np.stack([line, line**2 - 1], 1)
+    direction = table.states.direction[table.state]
+    if np.ptp(direction) > 0:
+        columns["direction"] = (size * direction)[:, None] * few
+    columns["fitted value"] = np.stack([predicted, predicted * abs(predicted) / size.max()], 1)
+    columns["ramps"] = np.concatenate([*columns.values(), _ramps(table, size, voltage)], axis=1)
+    return tuple(ResidualPattern(name, WORDS[name.split()[0]].format(*name.split(" ", 1)), values)
+                 for name, values in columns.items()
+                 if np.abs(values).max(initial=0.0) > 0)
 
 
-def _voltage(table: ReadingTable) -> Array:
+def _legendre(squared: Array) -> Array:
     """Legendre polynomials in U², shape (rows, up to 5)."""
-    squared = table.voltage**2
-    distinct = len(np.unique(squared))
     share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
-    return np.asarray(legendre.legvander(share, max(0, min(_DEGREE, distinct - 2))), float)
+    degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
+    return np.asarray(legendre.legvander(share, degree), float)
 
 
 def _standard(values: Array) -> Array:
@@ -81,40 +96,13 @@ def _standard(values: Array) -> Array:
     return np.asarray((values - values.mean()) / spread)
 
 
-def _contrasts(table: ReadingTable) -> list[tuple[int, Array]]:
-    """For each specimen that has readings, where there are several: its rows against the others."""
-    numbers = np.unique(table.specimen)
-    return [(int(k), _standard((table.specimen == k).astype(float)))
-            for k in numbers] if len(numbers) > 1 else []
-
-
-def _in_time(table: ReadingTable, size: Array, voltage: Array) -> list[ResidualPattern]:
-    found = []
-    elapsed = np.nan_to_num(table.states.elapsed[table.state])
-    for name, values in (("order", np.nan_to_num(table.order)), ("time", elapsed)):
-        if np.ptp(values) > 0:
-            line = _standard(values)
-            what = "their order" if name == "order" else "the time since the run began"
-            words = f"readings wander with {what}"
-            found.append(ResidualPattern(name, words, size[:, None] * np.stack([line, line**2 - 1],
-                                                                               1)))
-    direction = table.states.direction[table.state]
-    if np.ptp(direction) > 0:
-        found.append(ResidualPattern("direction", "readings differ on the way up and on the way "
-                                                  "down",
-                             (size * direction)[:, None] * voltage[:, :3]))
-    return found
-
-
 def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
     """A polynomial for each specimen under each mass that leaves some scatter."""
     keys = np.stack([table.specimen.astype(float), table.mass], 1)
-    ramps, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    columns = []
-    for number in range(len(ramps)):
-        own = (group.ravel() == number).astype(float) * size
-        degree = min(voltage.shape[1], max(1, int(count[number]) // 2))
-        columns.append(own[:, None] * voltage[:, :degree])
+    _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    columns = [((group.ravel() == number).astype(float) * size)[:, None]
+               * voltage[:, : min(voltage.shape[1], max(1, rows // 2))]
+               for number, rows in enumerate(count.tolist())]
     return np.concatenate(columns, axis=1)
 
 
@@ -169,8 +157,8 @@ class ResidualTests:
             Degrees of freedom of the stated noise; 0 where there is none.
         """
         taken = orthonormal(jacobian)
-        columns = {group.name: group.columns / table.sigma[:, None] for group in groups} | (further
-                                                                                            or {})
+        columns = {group.name: group.columns / table.sigma[:, None] for group in groups}
+        columns |= further or {}
         free = {name: without(taken, values) for name, values in columns.items()}
         bases = {name: orthonormal(values, np.abs(columns[name]).max())
                  for name, values in free.items()}
@@ -190,11 +178,11 @@ class ResidualTests:
 
     def noise(self, residual: Array) -> float:
         """Scatter about smooth curves and stated noise together, over the stated one."""
-        own = np.concatenate([self.smooth, self.taken], axis=1)
-        rough = float(residual @ residual) - float(np.sum((own.T @ residual) ** 2))
+        spanned = np.concatenate([self.smooth, self.taken], axis=1)
+        rough = float(residual @ residual) - float(np.sum((spanned.T @ residual) ** 2))
         if self.stated > 0 and self.freedom > 0:
-            rough = min(rough,
-                        self.freedom * float(f_distribution.isf(_ROUGH, self.freedom, self.stated)))
+            most = float(f_distribution.isf(_ROUGH, self.freedom, self.stated))
+            rough = min(rough, self.freedom * most)
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
     def __call__(self, residual: Array, generator: np.random.Generator) -> TestResult:
@@ -206,17 +194,16 @@ class ResidualTests:
         """Test residuals against a noise known with some degrees of freedom."""
         inner = self.smooth.T @ residual
         small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
-        own = {name: float(self._p(name, basis.T @ inner[:, None], np.array([noise]), freedom)[0])
-               for name, basis in small.items()}
-        least = min(own.values(), default=1.0)
+        p_values = {name: float(self._p(name, basis.T @ inner[:, None], np.array([noise]),
+                                        freedom)[0]) for name, basis in small.items()}
+        least = min(p_values.values(), default=1.0)
         draws = generator.standard_normal((self.smooth.shape[1], _DRAWS))
         scatter = np.sqrt(generator.chisquare(freedom, _DRAWS) / freedom)
         every = [self._p(name, basis.T @ draws, scatter, freedom) for name, basis in small.items()]
         corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
-        bound = min(1.0, least * len(own)) if own else 1.0
-        return TestResult(own, min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound,
-                          noise,
-                     freedom)
+        bound = min(1.0, least * len(p_values)) if p_values else 1.0
+        p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
+        return TestResult(p_values, p_value, noise, freedom)
 
     def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:
         """Probabilities of as much or more by noise alone.
@@ -224,10 +211,10 @@ class ResidualTests:
         ``parts``, shape (columns, draws), over ``noise``.
         """
         count = parts.shape[0]
-        found = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
+        tail = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
         if name in self.one_sided:
-            return np.asarray(np.where(parts[0] > 0, found / 2, 1 - found / 2))
-        return np.asarray(found)
+            return np.asarray(np.where(parts[0] > 0, tail / 2, 1 - tail / 2))
+        return np.asarray(tail)
 
 
 def orthonormal(columns: Array, scale: float = 0.0) -> Array:
@@ -237,12 +224,12 @@ def orthonormal(columns: Array, scale: float = 0.0) -> Array:
     """
     if not columns.shape[1]:
         return columns
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     least = max(_RANK * float(sizes.max(initial=0.0)), 1e-9 * scale * len(columns) ** 0.5, 1e-300)
-    return np.asarray(left[:, sizes > least])
+    return np.asarray(basis[:, sizes > least])
 
 
 def without(basis: Array, columns: Array) -> Array:
     """Columns less their part in the span of an orthonormal basis."""
-    left = columns - basis @ (basis.T @ columns)
-    return np.asarray(left - basis @ (basis.T @ left))
+    rest = columns - basis @ (basis.T @ columns)
+    return np.asarray(rest - basis @ (basis.T @ rest))

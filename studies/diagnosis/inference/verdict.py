@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.discrepancy import discrepancy_evidence
 from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.inference.identifiability import classes_of, signatures
-from tympan.studies.diagnosis.inference.posterior import Posterior
+from tympan.studies.diagnosis.inference.posterior import Posterior, discrepancy_evidence
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
     ResidualPattern,
@@ -22,13 +21,17 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     patterns,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, hypotheses_of
+from tympan.studies.diagnosis.reduced.hypothesis import SIZES, Cause, hypotheses_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 Array = NDArray[np.float64]
 
 #: Standard deviations within which a value lies on a bound.
 _AT_BOUND = 1e-6
+
+#: Factor on the widths of the priors of effects tried alone: what is left of them holds back only
+#: what nothing asks for.
+_WIDE = 10.0
 
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
@@ -146,3 +149,46 @@ def interval(fit: Fit, number: int, share: float = 0.95) -> tuple[float, float, 
         parts = (0.0, share) if low >= -_AT_BOUND else (1 - share, 1.0)
     limits = [float(centre + width * ndtri(below + part * (above - below))) for part in parts]
     return centre, min(limits[0], centre), max(limits[1], centre)
+
+
+@dataclass(frozen=True, eq=False)
+class SingleEffect:
+    """One effect fitted with hardly any prior.
+
+    ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
+    parameter in standard deviations of its prior; ``bounded``: whether it stopped at a limit of its
+    parameters or of the reduced model.
+    """
+
+    cause: Cause
+    fit: Fit
+    share: float
+    widths: float
+    bounded: bool
+
+    @property
+    def plausible(self) -> bool:
+        """Whether the size is one such actuators have: within two standard deviations."""
+        return self.widths <= 2.0
+
+
+def single_effects(simulation: Simulation, judged: Judgement,
+                   causes: Sequence[Cause]) -> tuple[SingleEffect, ...]:
+    """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
+
+    Those too that are not visible at a usual size: at an unusual one they may be.
+    """
+    if judged.posterior is None:
+        return ()
+    excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
+    effects = []
+    for cause in causes:
+        wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
+        if wide.possible:
+            share = (judged.nominal.chi_squared - wide.chi_squared) / excess
+            sizes, (low, high) = wide.unknowns[SIZES], wide.bounds[:, SIZES]
+            widths = max(abs(size) / parameter.deviation for size, parameter
+                         in zip(sizes.tolist(), cause.effect.parameters, strict=True))
+            bounded = bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
+            effects.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), widths, bounded))
+    return tuple(sorted(effects, key=lambda effect: -effect.share))

@@ -1,7 +1,4 @@
-"""The numbers a film's force law depends on besides heave and voltage.
-
-Parameters of effects that change the film.
-"""
+"""What a film's force law depends on besides heave and voltage: parameters of effects."""
 
 from __future__ import annotations
 
@@ -74,11 +71,6 @@ class HeldFilm:
         return bool(self.loading.gravity or self.gas_pressure)
 
 
-def uses(effect: Effect, index: int, size: float) -> tuple[float, ...]:
-    """Sizes of an effect's parameters: one given, the others none."""
-    return tuple(size if number == index else 0.0 for number in range(len(effect.parameters)))
-
-
 def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]) -> HeldFilm:
     """The film with some effects; sizes of parameters of the same effect are applied together."""
     together: dict[str, list[float]] = {}
@@ -93,13 +85,13 @@ def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]
 def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
     """The axes of a specimen's film."""
     nominal = HeldFilm.of(setup, name)
-    found = []
+    axes = []
     for effect in EFFECTS.values():
         for index, parameter in enumerate(effect.parameters):
             axis = _axis(setup, name, effect, index, parameter)
             if axis is not None and edited(setup, name, (axis,), (axis.span,)) != nominal:
-                found.append(axis)
-    return tuple(found)
+                axes.append(axis)
+    return tuple(axes)
 
 
 def changes_rig(setup: Setup, effect: Effect) -> bool:

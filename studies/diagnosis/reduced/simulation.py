@@ -74,9 +74,9 @@ class Simulation:
                 break
         force, stiffness = view.balance(heave)
         with np.errstate(all="ignore"):
-            lost = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
+            gone = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
                            | (heave >= (1 + _BEYOND) * reach))
-        return np.where(lost | view.beyond, np.nan, heave)
+        return np.where(gone | view.beyond, np.nan, heave)
 
     def values(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable,
                heave: Array) -> Array:
@@ -102,14 +102,15 @@ class Simulation:
         by_heave = (here.shown(table, heave + tiny) - here.shown(table, heave - tiny)) / (2 * tiny)
         free = np.isnan(table.states.heave)
         columns = []
-        for number, step in enumerate(_steps(hypothesis)):
+        deviations = [parameter.deviation for parameter in parameters_of(hypothesis)]
+        for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
             step = -step if unknowns[number] + step > bounds[1, number] else step
             moved = unknowns.copy()
             moved[number] += step
             there = _View(self, hypothesis, moved, table.states)
             shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
-            columns.append(((there.shown(table, heave) - value) + _through(table, by_heave, shift,
-                                                                           here)) / step)
+            change = there.shown(table, heave) - value
+            columns.append((change + _through(table, by_heave, shift, here)) / step)
         return np.stack(columns, axis=1)
 
     @cached_property
@@ -117,11 +118,6 @@ class Simulation:
         """Effects that edit the rig."""
         return frozenset(name for name, effect in EFFECTS.items()
                          if changes_rig(self.setup, effect))
-
-
-def _steps(hypothesis: Hypothesis) -> list[float]:
-    """Steps of the unknowns for differences."""
-    return [1e-6, 1e-6] + [1e-6 * parameter.deviation for parameter in parameters_of(hypothesis)]
 
 
 def _through(table: ReadingTable, by_heave: Array, shift: Array, view: _View) -> Array:
@@ -180,7 +176,7 @@ class _View:
         force = force + self.rig.spring * heave
         rate = rate + self.rig.spring
         if self.rig.biases:
-            more = np.array([[bias.derivatives(one)[1:] for one in heave.tolist()]
+            more = np.array([[bias.derivatives(at)[1:] for at in heave.tolist()]
                              for bias in self.rig.biases]).sum(0)
             force, rate = force + more[:, 0], rate + more[:, 1]
         return force - self.load, rate
@@ -204,19 +200,17 @@ class _View:
             elif kind == "range":
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind == "capacitance":
-                shown[rows] = self._capacitance(heave)[at]
+                of_states = np.empty(len(heave))
+                for group, surface in zip(self.groups, self.surfaces, strict=False):
+                    if len(group):
+                        of_states[group] = surface.capacitance(heave[group],
+                                                               self.voltage_squared[group])
+                shown[rows] = self.permittivity * of_states[at]
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
             else:
                 shown[rows] = (self.balance(heave)[0] + self.load)[at]
         return shown
-
-    def _capacitance(self, heave: Array) -> Array:
-        found = np.empty(len(heave))
-        for rows, surface in zip(self.groups, self.surfaces, strict=False):
-            if len(rows):
-                found[rows] = surface.capacitance(heave[rows], self.voltage_squared[rows])
-        return self.permittivity * found
 
 
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:

@@ -15,8 +15,7 @@ from tympan.studies.diagnosis.inference import residual_tests
 from tympan.studies.diagnosis.inference.fit import NUISANCE, fit
 from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.single_effects import single_effects
-from tympan.studies.diagnosis.inference.verdict import interval, judge
+from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, hypotheses_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
