@@ -159,7 +159,6 @@ class Lumped(Specimen):
     profile: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no mixture."""
         super().__post_init__()
         count = len(radii_of(self.frame))
         if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:

@@ -282,8 +282,8 @@ class DynamicFit:
                          "the misfit as noise, and it is not")
         if isinstance(self.problem.statics, Exact):
             equal = ", equal weights" if self.problem.statics.weights is None else ", the weights"
-            warnings.append(f"there is no static.csv: the films' own material{equal} and permittivity "
-                         "are taken as exact")
+            warnings.append(f"there is no static.csv: the films' own material{equal} and "
+                            "permittivity are taken as exact")
         if self.waited:
             often = min(record.interval for record in self.problem.records)
             warnings.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "

@@ -114,7 +114,7 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
     places: dict[tuple[int, float, str], list[int]] = {}
     for row, key in enumerate(keys):
         places.setdefault(key, []).append(row)
-    found = []
+    records = []
     for (number, mass, run), rows in places.items():
         order = np.array(rows)[np.argsort(table.t[rows], kind="stable")]
         if len(order) < 5:
@@ -122,7 +122,7 @@ def records_of(dataset: Any) -> tuple[Record, ...]:
                              key=f"transient.csv, {names[number]}, run {run}",
                              given=len(order))
         time = table.t[order]
-        found.append(Record(number, mass, run, time, table.displacement[order],
-                            drive_of(time, table.voltage[order]),
-                            float(np.median(np.diff(time))), float(table.displacement[order[0]])))
-    return tuple(found)
+        records.append(Record(number, mass, run, time, table.displacement[order],
+                              drive_of(time, table.voltage[order]),
+                              float(np.median(np.diff(time))), float(table.displacement[order[0]])))
+    return tuple(records)

@@ -186,8 +186,8 @@ class StaticProblem:
         squared = np.asarray(self.rig.film_voltage(voltage))[:, None] ** 2
         elastic, electric = (circles.pull(part, y[:, None])[1:] for part in parts)
         # Both linear in the constants: shape (constants, points, circles).
-        pulls, stiffs = (np.concatenate([stretched.reshape(-1, *drawn.shape), squared * drawn[None]])
-                         for stretched, drawn in zip(elastic, electric, strict=True))
+        pulls, stiffs = (np.concatenate([film.reshape(-1, *drawn.shape), squared * drawn[None]])
+                         for film, drawn in zip(elastic, electric, strict=True))
         weights, linear = np.array(self.weights(number, values)), values[:len(pulls)]
         slopes = np.zeros((len(y), len(self.constants)))
         slopes[:, :len(linear)] = (pulls @ weights).T

@@ -35,7 +35,6 @@ class Viscous:
     eta2: float = field(default_factory=lambda: known("eta_2"))
 
     def __post_init__(self) -> None:
-        """Refuse what stores or dissipates a negative energy."""
         if not (min(np.real([self.k1, self.eta2])) >= 0 and np.real(self.eta1) > 0):
             raise InputError("k1 and eta2 must not be negative, eta1 must be positive",
                              key="viscous", given=f"{self.k1}, {self.eta1}, {self.eta2}")
@@ -68,7 +67,6 @@ class Actuator:
     permittivity: Any = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no mixture, no mass, and what of a rig this model does not have."""
         alpha = np.real(self.weights)
         if alpha.shape[-1] != self.count or alpha.min() < -_SLIGHT \
                 or np.abs(alpha.sum(axis=-1) - 1).max() > _SLIGHT:

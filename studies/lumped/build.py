@@ -53,7 +53,6 @@ class BuildSettings:
     viscous: Viscous = field(default_factory=Viscous)
 
     def __post_init__(self) -> None:
-        """Refuse loads that are none."""
         if not self.masses or not self.voltages:
             raise InputError("there must be a mass and a voltage", key="masses, voltages")
         for mass in self.masses:
@@ -83,9 +82,9 @@ class Built:
     """A model, the field model it is built from, and the cones beside it.
 
     ``field_deflection`` [m] and ``field_capacitance`` [F] are the field model's at rest, shape
-    (masses, voltages). ``frequencies`` are of small undamped vibrations along the load at the lowest and the highest
-    voltage under the first mass [Hz]: of the model, and of the field model, nan where that has
-    none.
+    (masses, voltages). ``frequencies`` are of small undamped vibrations along the load at the
+    lowest and the highest voltage under the first mass [Hz]: of the model, and of the field model,
+    nan where that has none.
     """
 
     settings: BuildSettings

@@ -85,7 +85,8 @@ class Sine:
     def __post_init__(self) -> None:
         if not (0 < self.period < np.inf and 0 < self.cycles <= 1e4):
             raise InputError("needs a positive period and more than 0, at most 10000 cycles",
-                             key="signal", given=f"period {self.period:g} s, {self.cycles:g} cycles")
+                             key="signal",
+                             given=f"period {self.period:g} s, {self.cycles:g} cycles")
         if not self.peak <= _HIGHEST:
             raise InputError("must stay within 1000 kV", key="signal",
                              given=f"{self.peak / 1e3:g} kV")

@@ -15,7 +15,7 @@ def findings(replica: Replica) -> tuple[Finding, ...]:
     """All of them, with the lost parameters and the ranges of a replica."""
     missing = replica.missing
     return (sign(missing), softening(missing), cone(missing),
-            lost_cells(replica.fits["rest"], replica.others, replica.smallest_worst, replica.allowed,
-                       replica.fits["levels"]),
+            lost_cells(replica.fits["rest"], replica.others, replica.smallest_worst,
+                       replica.allowed, replica.fits["levels"]),
             mass_ratio(missing, replica.rest_ranges, replica.level_ranges, replica.random_ranges),
             energy(missing), checks())

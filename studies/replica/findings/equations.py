@@ -1,4 +1,4 @@
-"""What the paper's equations and tables say by themselves: Eq. (8)'s law, Eq. (11)'s signs, sums."""
+"""What the paper's equations and tables say themselves: Eq. (8)'s law, Eq. (11)'s signs, sums."""
 
 from __future__ import annotations
 

@@ -113,7 +113,8 @@ def mass_ratio(missing: MissingParameters, rest: Array, levels: Array, whole: Ar
         (evidence("weights", masses),
          *(evidence(f"{what}, {name}", float(value)) for what, values in (
              ("Table 2", growth), ("at rest", at_rest), ("smallest at rest", least),
-             ("ends of levels", at_ends), ("all samples", moving)) for name, value in zip(NAMES, values, strict=True)),
+             ("ends of levels", at_ends), ("all samples", moving))
+           for name, value in zip(NAMES, values, strict=True)),
          *(evidence(f"unaccounted mass, {name}", float(value), "kg")
            for name, value in zip(NAMES, extra, strict=True)),
          evidence("film without prestress", cubic),
