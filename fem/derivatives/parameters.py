@@ -80,7 +80,7 @@ def _load(name: Load) -> ModelParameter:
 
 
 def _length(path: Sequence[str]) -> ModelParameter:
-    """A length of frame, plate or electrode; odd along the axis of an offset, a rotation in both."""
+    """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         motion = velocities(model.discretisation, model.specimen).of(path)
         return moved_by(model, state, with_change(model.specimen, path, change), change * motion)

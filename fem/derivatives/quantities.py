@@ -114,8 +114,8 @@ def largest(field: Field, power: int = 64) -> Quantity:
     def slope(model: Model, state: State) -> Parts:
         weights = model.discretisation.weights
         h = _at_points(field, model, state)
-        share = weights / weights.sum()
-        return _by_strain(model, state, field, (h / _norm(h, weights, power)) ** (power - 1) * share)
+        slopes = (h / _norm(h, weights, power)) ** (power - 1)
+        return _by_strain(model, state, field, slopes * (weights / weights.sum()))
 
     return Quantity(value, slope)
 

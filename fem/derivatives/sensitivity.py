@@ -38,14 +38,8 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
              names: Sequence[str]) -> dict[str, float]:
     """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
-    Parameters
-    ----------
-    equilibrium
-        Of the model. An outcome or a solution brings its factors; a bare state is factorised anew.
-    quantity
-        One of :mod:`tympan.fem.derivatives.quantities`, or of your own.
-    names
-        Of :func:`~tympan.fem.derivatives.parameters.parameters`.
+    An outcome or a solution brings its factors; a bare state is factorised anew. The names are
+    those of :func:`~tympan.fem.derivatives.parameters.parameters`.
 
     Raises
     ------
@@ -98,15 +92,8 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
     """Derivatives of a limit load, such as the U² of pull-in [V²], by parameters.
 
     At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p /
-    φ·∂R/∂λ: no solve.
-
-    Parameters
-    ----------
-    critical
-        The limit point, such as :attr:`tympan.fem.equilibrium.ramp.Outcome.critical`.
-    load
-        The load that has its limit there, such as
-        :attr:`tympan.fem.equilibrium.ramp.Outcome.limited`.
+    φ·∂R/∂λ: no solve. The point and its load are such as ``critical`` and ``limited`` of an
+    :class:`~tympan.fem.equilibrium.ramp.Outcome`.
 
     Raises
     ------
@@ -130,12 +117,3 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
             stepped = parameter.changed(model, state, 1j * STEP)
             result[name] = float(-residual.by(*stepped)[0] / share)
     return result
-
-
-def morphed(model: Model, state: State, name: str, change: float) -> tuple[Model, State]:
-    """Model and a starting state after a finite change of one parameter, on the same elements.
-
-    A length moves the nodes linearly; so frames and plates that are circles or ellipses keep their
-    shape exactly, and the edges of electrodes to first order in the change.
-    """
-    return parameters(model, [name])[name].changed(model, state, change)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
 from tympan.fem.membrane.enclosed_volume import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
@@ -35,7 +35,8 @@ class Stiffness:
         mesh, pressure, (sw, dw) = self.model.discretisation, self.state.pressure, self.weighted
         change = mesh.deformation(motion)
         by_stress = np.matmul(dw, strains(self.deformation, change)[..., None])[..., 0]
-        elements = _gathered(mesh, _piola(change, sw) + _piola(self.deformation, by_stress))
+        elements = gathered(mesh.gradients, first_piola(change, sw)
+                            + first_piola(self.deformation, by_stress))
         if pressure:
             local = motion[mesh.connectivity].reshape(len(elements), -1, 1)
             elements -= pressure * np.matmul(self._volume_stiffness, local).reshape(elements.shape)
@@ -62,7 +63,7 @@ class Stiffness:
     def forces(self) -> Array:
         """Nodal forces of film, gas and own weight, without what acts on the plate [N]."""
         mesh = self.model.discretisation
-        elements = _gathered(mesh, _piola(self.deformation, self.weighted[0]))
+        elements = element_forces(mesh.gradients, self.deformation, self.weighted[0])
         if self.state.pressure:
             elements -= self.state.pressure * self.volume_forces
         return mesh.scatter(elements) - self.model.weight
@@ -97,15 +98,3 @@ def strains(f: Array, change: Array) -> Array:
     product = np.matmul(f.swapaxes(-1, -2), change)
     return np.stack([product[..., 0, 0], product[..., 1, 1],
                      product[..., 0, 1] + product[..., 1, 0]], axis=-1)
-
-
-def _piola(f: Array, weighted: Array) -> Array:
-    """F S, its two columns first: shape (2, elements, points, 3)."""
-    return np.stack([weighted[..., 0, None] * f[..., 0] + weighted[..., 2, None] * f[..., 1],
-                     weighted[..., 2, None] * f[..., 0] + weighted[..., 1, None] * f[..., 1]])
-
-
-def _gathered(mesh: Discretisation, piola: Array) -> Array:
-    g = mesh.gradients
-    return np.asarray(np.matmul(g[..., 0].transpose(0, 2, 1), piola[0])
-                      + np.matmul(g[..., 1].transpose(0, 2, 1), piola[1]))

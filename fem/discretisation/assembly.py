@@ -29,12 +29,19 @@ def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
         Second Piola–Kirchhoff (S₁₁, S₂₂, S₁₂) times the volume of the point, shape (elements,
         points, 3).
     """
-    elements, points, local, _ = gradients.shape
-    piola = np.empty((elements, points, 2, 3), dtype=np.result_type(f, stress))
-    piola[..., 0, :] = f[..., 0] * stress[..., None, 0] + f[..., 1] * stress[..., None, 2]
-    piola[..., 1, :] = f[..., 0] * stress[..., None, 2] + f[..., 1] * stress[..., None, 1]
-    columns = gradients.transpose(0, 2, 1, 3).reshape(elements, local, points * 2)
-    return np.asarray(np.matmul(columns, piola.reshape(elements, points * 2, 3)))
+    return gathered(gradients, first_piola(f, stress))
+
+
+def first_piola(f: Array, stress: Array) -> Array:
+    """F S by its two columns, shape (2, elements, points, 3)."""
+    a, b, s = f[..., 0], f[..., 1], stress[..., None]
+    return np.stack([a * s[..., 0, :] + b * s[..., 2, :], a * s[..., 2, :] + b * s[..., 1, :]])
+
+
+def gathered(gradients: Array, piola: Array) -> Array:
+    """What stresses at the points do to the elements' nodes, shape (elements, local, 3)."""
+    return np.asarray(np.matmul(gradients[..., 0].transpose(0, 2, 1), piola[0])
+                      + np.matmul(gradients[..., 1].transpose(0, 2, 1), piola[1]))
 
 
 def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,

@@ -75,21 +75,10 @@ class Solution:
 def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
            constraints: tuple[Constraint, ...] = (),
            settings: NewtonSettings = NewtonSettings(), subspace: Subspace = FULL) -> Solution:
-    """Solve for the equilibrium near a guess.
+    """Solve for the equilibrium near a guess, whose loads are given, but for those that are free.
 
-    Parameters
-    ----------
-    guess
-        Start; its loads are given, but for those that are free.
-    free
-        Loads to be found, one for each constraint.
-    constraints
-        Equations in place of the free loads: a deflection, a charge, a length along the path.
-    subspace
-        Which motions of the film are allowed.
+    There is one constraint for each free load; the subspace says which motions are allowed.
 
-    Notes
-    -----
     Damping and convergence are those of NLEQ-ERR (Deuflhard, *Newton Methods for Nonlinear
     Problems*, 2004, §3.3.3): a step is accepted when the simplified correction at its end is
     shorter than the correction that led there. The test compares displacements with displacements,

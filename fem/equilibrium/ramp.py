@@ -40,8 +40,6 @@ _WRINKLED = ("the film has lost tension: it would wrinkle before the load is rea
 _UNFOLLOWED = ("the path could not be followed: the film has lost tension and would wrinkle, or "
                "strains without bound")
 
-_WORDS: dict[Load, str] = {"force": "load", "voltage": "voltage", "pressure": "pressure"}
-
 
 @dataclass(frozen=True)
 class PathSettings:
@@ -103,25 +101,11 @@ class Outcome:
 def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.0,
                 start: Solution | None = None,
                 settings: PathSettings = PathSettings()) -> Outcome:
-    """The equilibrium under a force on the plate, a gas pressure and a voltage across the film.
+    """The equilibrium under a force on the plate [N], a voltage [V] and a gas pressure [Pa].
 
-    Parameters
-    ----------
-    force
-        On the plate along the load [N].
-    voltage
-        Across the film [V].
-    pressure
-        Of the gas below film and plate [Pa], pushing them along the load.
-    start
-        A converged solution to start from; by default the flat mounted film, loaded first and then
-        charged.
-
-    Returns
-    -------
-    Outcome
-        "equilibrium" is stable under these loads and connected to the start without passing a limit
-        point.
+    Force and gas, which is below film and plate, push along the load. ``start`` is a converged
+    solution; by default the flat mounted film, loaded first and then charged. An "equilibrium" is
+    stable under these loads and connected to the start without passing a limit point.
     """
     solution = start or _first(model, settings)
     outcome = Outcome("equilibrium" if solution.converged else "not_converged", solution,
@@ -149,28 +133,23 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
-    solution = newton(model, _pushed_out(model), ("force",), (held_plate(_PUSHED * model.size),),
-                      settings.newton)
+    # A cone from the frame to the lifted plate.
+    cone, deflection = model.mounted(), _PUSHED * model.size
+    x, y, _ = cone.positions.T
+    to_frame, to_plate = (np.abs(edge.level(x, y))
+                          for edge in (model.specimen.frame, model.specimen.plate))
+    cone.positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
+    guess = replace(cone, plate=cone.plate.raised_to(deflection))
+    solution = newton(model, guess, ("force",), (held_plate(deflection),), settings.newton)
     if solution.converged and solution.state.force > 0:
         return solution
     advice = "the film is slack when mounted, and still when the plate is pushed out"
     return replace(solution, converged=False, advice=advice)
 
 
-def _pushed_out(model: Model) -> State:
-    """A cone from the frame to the lifted plate."""
-    mounted, deflection = model.mounted(), _PUSHED * model.size
-    positions = mounted.positions
-    x, y, _ = positions.T
-    to_frame = np.abs(model.specimen.frame.level(x, y))
-    to_plate = np.abs(model.specimen.plate.level(x, y))
-    positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
-    return replace(mounted, plate=mounted.plate.raised_to(deflection))
-
-
 def voltage_path(model: Model, force: float, voltages: list[float], pressure: float = 0.0,
                  settings: PathSettings = PathSettings()) -> Iterator[Outcome]:
-    """Equilibria at voltages [V] under one force, each started from the last one found.
+    """Equilibria at voltages [V] under a force [N], each started from the last one found.
 
     Voltages at or above one that has no equilibrium have none either and are not searched.
     """
@@ -198,7 +177,10 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
     while solution.converged and done < 1:
         share = min(1.0, done + step)
         target = origin + share * (deflection - origin)
-        guess = _lifted(model, solution, target)
+        guess, tangent = solution.state, solution.tangent
+        if tangent is not None and tangent.free == ("force",):  # the force follows the deflection
+            motion, loads = tangent.along()
+            guess = moved(model, guess, motion, target - guess.plate.deflection, loads)
         guess = guess.under(voltage=squared + share * (voltage**2 - squared))
         solution.release()
         trial = newton(model, guess, ("force",), (held_plate(target),), settings.newton)
@@ -208,17 +190,6 @@ def held(model: Model, deflection: float, voltage: float = 0.0, start: Solution 
             advice = trial.advice
             break
     return Outcome("equilibrium" if done == 1 else "not_converged", solution, advice)
-
-
-def _lifted(model: Model, solution: Solution, deflection: float) -> State:
-    """Predictor for another deflection, the force following."""
-    tangent = solution.tangent
-    assert tangent is not None
-    if tangent.free != ("force",):
-        return solution.state
-    motion, loads = tangent.along()
-    change = deflection - solution.state.plate.deflection
-    return moved(model, solution.state, motion, change, loads)
 
 
 @dataclass(frozen=True)
@@ -253,15 +224,14 @@ class Ramp:
             if (step := step / 2) < max(self.settings.handover * (before + done), 1e-12):
                 outcome = self._by_arc_length(solution, in_tension)
                 if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
-                    advice = f"{STRAINED} before the {_WORDS[self.load]} is reached"
-                    return replace(outcome, advice=advice)
+                    return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
 
     def _by_arc_length(self, start: Solution, in_tension: Solution) -> Outcome:
         """With all motions while the film resists them, then with smooth ones that cannot wrinkle.
 
-        ``in_tension`` is the last solution before ``start`` whose film is in tension everywhere.
+        ``in_tension``: the last solution up to ``start`` whose film is in tension everywhere.
         """
         outcome = Outcome("not_converged", start)
         wrinkles = start.wrinkling > 0
@@ -289,8 +259,9 @@ class Ramp:
     def _along_branch(self, start: Solution, subspace: Subspace) -> Outcome:
         """To where the branch reaches the target, turns back (pull-in), or cannot be followed."""
         load, target = self.load, self.target
-        branch = Branch(self.model, load, subspace=subspace, newton=self.settings.newton,
-                        arc=self.settings.arc)
+        settings = self.settings
+        branch = Branch(self.model, load, subspace=subspace, newton=settings.newton,
+                        arc=settings.arc)
         sense = 1 if target >= start.state.load(load) else -1
         stable = start
         for before, after in pairwise(branch.points(start.state, sense)):
@@ -309,7 +280,7 @@ class Ramp:
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
                 return self._pulled_in(stable, after, "loses its stability")
-            if after.state.plate.deflection > self.settings.reach * self.model.size:
+            if after.state.plate.deflection > settings.reach * self.model.size:
                 break
             if subspace is FULL:
                 stable = after.solution
@@ -328,7 +299,7 @@ class Ramp:
 
     def _pulled_in(self, last: Solution, critical: PathPoint, verb: str = "pulls in") -> Outcome:
         return Outcome("no_equilibrium", last,
-                       f"the film {verb} before the {_WORDS[self.load]} is reached",
+                       f"the film {verb} before the {self._word} is reached",
                        critical.state.load(self.load), self.load, critical)
 
     def _confirmed(self, pull_ins: list[Outcome], reached: bool) -> Outcome:
@@ -338,29 +309,27 @@ class Ramp:
         same, short of the target by more than they may differ, and none before may have ``reached``
         it.
         """
-        settings, (*before, last) = self.settings, pull_ins
-        if self._unbalanced(last) < settings.unbalanced:
+        settings, last = self.settings, pull_ins[-1]
+        unbalanced = [self.model.unbalanced(pull_in.critical.state)
+                      for pull_in in pull_ins if pull_in.critical is not None]
+        if unbalanced[-1] < settings.unbalanced:
             return last
-        for other in before:
-            limits = np.array([_limit(other), _limit(last)])
-            alike = np.ptp(limits) < settings.agreement * np.abs(limits).max()
-            short = np.abs(self.target - limits) > settings.agreement * np.abs(limits)
+        limits = np.array([pull_in.limit for pull_in in pull_ins], dtype=float)
+        for other in range(len(pull_ins) - 1):
+            pair = limits[[other, -1]]
+            alike = np.ptp(pair) < settings.agreement * np.abs(pair).max()
+            short = np.abs(self.target - pair) > settings.agreement * np.abs(pair)
             if alike and not reached and short.all():
-                best = min(other, last, key=self._unbalanced)
-                spread = max(abs(_limit(pull_in) / _limit(best) - 1) for pull_in in pull_ins)
-                return replace(best, spread=spread)
+                best = other if unbalanced[other] <= unbalanced[-1] else -1
+                spread = float(np.abs(limits / limits[best] - 1).max())
+                return replace(pull_ins[best], spread=spread)
         return Outcome("not_converged", last.solution,
-                       f"the film has lost tension: short of the {_WORDS[self.load]} it pulls "
+                       f"the film has lost tension: short of the {self._word} it pulls "
                        "in or wrinkles, and which depends on the mesh; a finer one may tell")
 
-    def _unbalanced(self, pull_in: Outcome) -> float:
-        assert pull_in.critical is not None
-        return self.model.unbalanced(pull_in.critical.state)
-
-
-def _limit(pull_in: Outcome) -> float:
-    assert pull_in.limit is not None
-    return pull_in.limit
+    @property
+    def _word(self) -> str:
+        return "load" if self.load == "force" else self.load
 
 
 def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:

@@ -109,13 +109,9 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
                 quadrature: bool = False) -> EdgeFields:
     """Fields along the edges of a named boundary of the mesh.
 
-    Parameters
-    ----------
-    quadrature
-        Gauss points, for integrals; otherwise equally spaced points with both ends, for pictures.
-
-    On the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a
-    cut across the line to the plate's centre.
+    At Gauss points for integrals (``quadrature``), otherwise at equally spaced points with both
+    ends, for pictures. On the edges of plate and frame ``plate_traction`` is that on the edge
+    itself; elsewhere on a cut across the line to the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)

@@ -41,8 +41,5 @@ def film_integrals(model: Model, states: Sequence[State]) -> FilmIntegrals:
     edge[mesh.plate_nodes] = 1.0
     lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
                      edge[mesh.connectivity][:, None, :, None])[..., 0]
-    rise = f[..., 2, :]
-    work = (stress[..., 0] * rise[..., 0] + stress[..., 2] * rise[..., 1]) * lift[..., 0]
-    work += (stress[..., 2] * rise[..., 0] + stress[..., 1] * rise[..., 1]) * lift[..., 1]
-    reaction = work.sum(axis=(1, 2)) * mesh.mirrored
-    return FilmIntegrals(reaction, -2 * energy.imag / STEP, energy.real)
+    work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], stress[..., [[0, 2], [2, 1]]], lift)
+    return FilmIntegrals(work * mesh.mirrored, -2 * energy.imag / STEP, energy.real)

@@ -23,18 +23,13 @@ _LEAST = 0.02  #: share of the largest amplitude below which a swing is not coun
 
 
 def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
-    """A name for each mode.
+    """A name for each mode; the model is that of the whole film.
 
     ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than
     half of the kinetic energy, most of it in that freedom. Otherwise ``film``; with ``(m, n)`` for
     m nodal diameters and n nodal circles between the edges when frame, plate and prestretch are
     round and nine tenths of the displacement along the load follow such a pattern; and ``film, in
     plane`` when the film moves across the load.
-
-    Parameters
-    ----------
-    model
-        That of the whole film, as :func:`tympan.fem.results.fields.whole` makes it.
     """
     return tuple(_plate_name(share) or _film_name(model, shape)
                  for share, shape in zip(modes.shares, modes.shapes, strict=True))
@@ -74,10 +69,7 @@ def _pattern(points: Array, height: Array) -> tuple[int, int] | None:
         if np.sum((height - design @ coefficients) ** 2) < (1 - _MAINLY) * np.sum(height**2):
             profiles = coefficients.reshape(-1, _DEGREE + 1)
             leading = profiles.T @ np.linalg.svd(profiles)[0][:, 0]
-            return order, _sign_changes(chebyshev.chebval(np.linspace(-1, 1, 400), leading))
+            profile = chebyshev.chebval(np.linspace(-1, 1, 400), leading)
+            clear = profile[np.abs(profile) > _LEAST * np.abs(profile).max()]
+            return order, int(np.count_nonzero(np.diff(np.sign(clear))))
     return None
-
-
-def _sign_changes(profile: Array) -> int:
-    clear = profile[np.abs(profile) > _LEAST * np.abs(profile).max()]
-    return int(np.count_nonzero(np.diff(np.sign(clear))))

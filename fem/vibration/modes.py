@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from math import inf, isinf
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -25,7 +24,7 @@ from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kro
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tympan.fem.linear_solver.direct import factorise
-from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.plate import PlateMotion
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
@@ -60,8 +59,7 @@ class RigidPlate:
 
     @classmethod
     def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
-                arm: tuple[float, float] = (0.0, 0.0)
-                ) -> RigidPlate:
+                arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
         """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
 
         The rest, spread evenly, has the outline's second moments about its centroid, taken about
@@ -129,46 +127,35 @@ class Modes:
 def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) -> Modes:
     """Modes of film and plate about an equilibrium, at constant voltage and gas pressure.
 
-    Parameters
-    ----------
-    plate
-        Mass and inertia of the whole plate with its weight; :meth:`RigidPlate.held` for modes of
-        the film alone.
-    count
-        The lowest so many frequencies; of unstable modes at most so many, those of slowest growth.
-        Where a film has lost tension the fast ones are as fine as the mesh and mean no more than
-        that it wrinkles.
+    ``plate`` is the whole plate with its weight; :meth:`RigidPlate.held` gives modes of the film
+    alone. ``count``: the lowest so many frequencies, and of unstable modes at most so many, those
+    of slowest growth; where a film has lost tension the fast ones are as fine as the mesh and mean
+    no more than that it wrinkles. A weightless film (density 0) follows the plate at once; it is
+    condensed out and at most six modes are left.
 
     Raises
     ------
     InputError
         When neither film nor plate has mass that can move.
-
-    Notes
-    -----
-    A weightless film (density 0) follows the plate at once; it is condensed out and at most six
-    modes are left.
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
     classes = [_System.of(part, state, plate) for part in symmetry_classes(model)]
     spectra = [system.solve(count) for system in classes]
-    candidates = [(value, number, mode) for number, spectrum in enumerate(spectra)
-                  for mode, value in enumerate(spectrum.values)]
-    unstable = sorted((item for item in candidates if item[0] < 0), reverse=True)[:count]
-    chosen = [*reversed(unstable), *sorted(item for item in candidates if item[0] >= 0)[:count]]
-    if not chosen:
+    values = np.concatenate([squares for squares, _, _ in spectra])
+    order = np.argsort(values, kind="stable")
+    chosen = order[_nearest_zero(int(np.count_nonzero(values < 0)), count)]
+    if not len(chosen):
         raise InputError("nothing that can move has mass: neither the film nor the plate",
                          key="membrane.density", given=model.specimen.membrane.density)
-    values = np.array([value for value, _, _ in chosen])
     full = unfold(model.discretisation.mesh, model.discretisation.planes)
-    vectors = [(classes[number], spectra[number].vectors[:, mode]) for _, number, mode in chosen]
-    motions, shares = zip(*(system.plate_part(vector) for system, vector in vectors), strict=True)
-    shapes = [system.whole_shape(vector, full) for system, vector in vectors]
+    pairs = [(system, vector) for system, (_, vectors, _) in zip(classes, spectra, strict=True)
+             for vector in vectors.T]
+    shapes, motions, shares = (np.array(part) for part in zip(
+        *(pairs[index][0].unfolded(pairs[index][1], full) for index in chosen), strict=True))
+    values = values[chosen]
     return Modes(np.sqrt(np.maximum(values, 0)) / (2 * np.pi), np.sqrt(np.maximum(-values, 0)),
-                 np.array(shapes),
-                 np.array(motions), np.array(shares),
-                 sum(spectrum.unstable for spectrum in spectra))
+                 shapes, motions, shares, sum(unstable for _, _, unstable in spectra))
 
 
 def film_mass(model: Model) -> csr_matrix:
@@ -178,96 +165,84 @@ def film_mass(model: Model) -> csr_matrix:
     return model.discretisation.nodal_matrix(elements)
 
 
-@dataclass(frozen=True, eq=False)
-class _Spectrum:
-    """Lowest eigenvalues ω² and vectors, vᵀMv = 1; how many eigenvalues are negative in all."""
-
-    values: Array
-    vectors: Array
-    unstable: int
+#: Lowest eigenvalues ω², their vectors as columns, vᵀMv = 1, and the number of all negative ones.
+_Spectrum = tuple[Array, Array, int]
 
 
 @dataclass(frozen=True, eq=False)
 class _System:
     """Stiffness and mass of one symmetry class, for the part that is meshed.
 
-    The unknowns are the free components, then the plate's ``freedoms``; ``coordinates`` makes all
-    node components of them.
+    The unknowns are the free components, then the plate's freedoms, which have the mass matrix
+    ``plate``; ``coordinates`` makes all node components of them.
     """
 
     model: Model
-    inner: csc_matrix
-    border: Array
-    corner: Array
-    coordinates: csr_matrix
-    film: csr_matrix
+    tangent: Linearised
     plate: Array
-    freedoms: tuple[int, ...]
+    coordinates: csr_matrix
 
     @classmethod
     def of(cls, model: Model, state: State, plate: RigidPlate) -> _System:
-        """The tangent at a state, without the plate's freedoms if it is held."""
         weight = np.zeros((6, 6))
         if isinf(plate.mass):
             model = replace(model, loading=replace(model.loading, guide="fixed"))
         else:
             weight = plate.matrix(state.plate) / model.discretisation.mirrored
-        tangent, freedoms = model.linearised(state), model.plate_freedoms
+        freedoms = model.plate_freedoms
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
-        return cls(model, tangent.inner, tangent.border, tangent.corner,
-                   _coordinates(model, gradient), film_mass(model),
-                   weight[np.ix_(freedoms, freedoms)], freedoms)
+        return cls(model, model.linearised(state), weight[np.ix_(freedoms, freedoms)],
+                   _coordinates(model, gradient))
 
     def solve(self, count: int) -> _Spectrum:
-        """The lowest eigenvalues of this class, negative ones included."""
-        if not self.film.data.any():
+        film, part, plates = film_mass(self.model), self.tangent, len(self.plate)
+        if not film.data.any():
             return self._massless_film()
-        if not self.inner.shape[0] + len(self.freedoms):
-            return _Spectrum(np.zeros(0), np.zeros((0, 0)), 0)
-        stiffness = bmat([[self.inner, self.border], [self.border.T, self.corner]], format="csc") \
-            if self.freedoms else self.inner
-        mass = self.coordinates.T @ kron(self.film, identity(3)) @ self.coordinates
-        size, first = mass.shape[0], self.inner.shape[0]
-        rows = coo_matrix((self.plate.ravel(), np.indices(self.plate.shape).reshape(2, -1) + first),
-                          (size, size))
-        return _lowest(stiffness, (mass + rows).tocsc(), count)
+        size = part.inner.shape[0] + plates
+        if not size:
+            return np.zeros(0), np.zeros((0, 0)), 0
+        stiffness = part.inner if not plates else bmat(
+            [[part.inner, part.border], [part.border.T, part.corner]], format="csc")
+        mass = self.coordinates.T @ kron(film, identity(3)) @ self.coordinates
+        rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - plates
+        weight = coo_matrix((self.plate.ravel(), (rows, columns)), (size, size))
+        return _lowest(stiffness, (mass + weight).tocsc(), count)
 
-    def plate_part(self, vector: Array) -> tuple[Array, Array]:
-        """The plate's motion in the six freedoms, and their shares of the kinetic energy."""
-        motion, share = np.zeros(6), np.zeros(6)
-        own = vector[len(vector) - len(self.freedoms):]
-        motion[list(self.freedoms)] = own / np.sqrt(self.model.discretisation.mirrored)
-        share[list(self.freedoms)] = own * (self.plate @ own)
-        return motion, share
+    def unfolded(self, vector: Array, full: Unfolding) -> tuple[Array, Array, Array]:
+        """Displacements of the whole film's nodes and of the plate, normalised to the whole's mass.
 
-    def whole_shape(self, vector: Array, full: Unfolding) -> Array:
-        """Displacements of the whole film's nodes, normalised to its mass, shape (nodes, 3)."""
-        mesh = self.model.discretisation
-        nodal = (self.coordinates @ vector).reshape(-1, 3) / np.sqrt(mesh.mirrored)
+        And the shares of the plate's six freedoms in the kinetic energy.
+        """
+        mesh, freedoms = self.model.discretisation, list(self.model.plate_freedoms)
+        nodal = (self.coordinates @ vector).reshape(-1, 3)[full.origin]
         factors = np.column_stack([*full.signs, np.ones(full.signs.shape[1])])
         for plane in mesh.odd:
             factors *= full.signs["xy".index(plane)][:, None]
-        return np.asarray(nodal[full.origin] * factors)
+        motion, share = np.zeros(6), np.zeros(6)
+        motion[freedoms] = vector[len(vector) - len(freedoms):]
+        share[freedoms] = motion[freedoms] * (self.plate @ motion[freedoms])
+        whole = np.sqrt(mesh.mirrored)
+        return nodal / whole * factors, motion / whole, share
 
     def _massless_film(self) -> _Spectrum:
         """The film follows the plate; freedoms without inertia follow too."""
-        film = factorise(self.inner)
-        influence = np.asarray(film.solve(self.border)) if self.freedoms else self.border
-        schur = self.corner - self.border.T @ influence
+        part, film = self.tangent, factorise(self.tangent.inner)
+        influence = np.asarray(film.solve(part.border)) if len(self.plate) else part.border
+        schur = part.corner - part.border.T @ influence
         schur = (schur + schur.T) / 2
         unstable = film.negative + int(np.count_nonzero(np.linalg.eigvalsh(schur) < 0))
         # Rotations are compared with translations over the frame's half extent.
-        scale = np.where(np.array(self.freedoms, dtype=int) < 3, 1.0, 1 / self.model.size)
+        turns = np.array(self.model.plate_freedoms, dtype=int) >= 3
+        scale = np.where(turns, 1 / self.model.size, 1.0)
         weight, axes = np.linalg.eigh(scale[:, None] * self.plate * scale)
         heavy = weight > _MASSLESS * weight.max(initial=0)
         heavy, light = scale[:, None] * axes[:, heavy], scale[:, None] * axes[:, ~heavy]
         if not heavy.size:
-            return _Spectrum(np.zeros(0), np.zeros((len(influence) + len(self.freedoms), 0)),
-                             unstable)
+            return np.zeros(0), np.zeros((self.coordinates.shape[1], 0)), unstable
         follow = heavy - light @ np.linalg.solve(light.T @ schur @ light, light.T @ schur @ heavy)
         values, plate = scipy.linalg.eigh(follow.T @ schur @ follow, heavy.T @ self.plate @ heavy)
         motion = follow @ plate
-        return _Spectrum(values, np.vstack([-influence @ motion, motion]), unstable)
+        return values, np.vstack([-influence @ motion, motion]), unstable
 
 
 def _coordinates(model: Model, gradient: Array) -> csr_matrix:
@@ -282,25 +257,27 @@ def _coordinates(model: Model, gradient: Array) -> csr_matrix:
     return csr_matrix((data, (rows, columns)), shape=(mesh.reference.size, count + freedoms))
 
 
+def _nearest_zero(negative: int, count: int) -> slice:
+    """Of rising values the ``count`` next to zero on either side."""
+    return slice(max(0, negative - count), negative + count)
+
+
 def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     """Up to ``count`` eigenvalues on either side of zero, nearest to it, by Lanczos on K⁻¹M."""
     size = mass.shape[0]
     if size < max(_DENSE, 4 * count):
         values, vectors = scipy.linalg.eigh(stiffness.toarray(), mass.toarray())
         negative = int(np.count_nonzero(values < 0))
-        kept = slice(max(0, negative - count), negative + count)
-        return _Spectrum(values[kept], vectors[:, kept], negative)
+        chosen = _nearest_zero(negative, count)
+        return values[chosen], vectors[:, chosen], negative
     factors = factorise(stiffness)
     negative = factors.negative
     inverse = LinearOperator((size, size), matvec=factors.solve, dtype=float)
     # The same in every run, and in no mode's null space.
     start = np.random.default_rng(0).standard_normal(size)
-    parts: list[Any] = []
-    for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count))):
-        if wanted:
-            parts.append(eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end,
-                               v0=start))
-    values = np.concatenate([values for values, _ in parts])
-    vectors = np.hstack([vectors for _, vectors in parts])
+    parts = [eigsh(stiffness, wanted, mass, sigma=0.0, OPinv=inverse, which=end, v0=start)
+             for end, wanted in (("SA", min(negative, count)), ("LA", min(size - negative, count)))
+             if wanted]
+    values, vectors = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     order = np.argsort(values)
-    return _Spectrum(values[order], vectors[:, order], negative)
+    return values[order], vectors[:, order], negative

@@ -23,7 +23,6 @@ from tympan.fem.derivatives.sensitivity import (
     deflection_gradient,
     gradient,
     gradient_many,
-    morphed,
 )
 from tympan.fem.derivatives.stiffness import Stiffness
 from tympan.fem.equilibrium.newton import newton
@@ -62,7 +61,7 @@ def test_gradients_are_the_limit_of_differences(solved, name: str) -> None:
     for step in (4e-3 * abs(value), 2e-3 * abs(value)):
         ends = []
         for change in (step, -step):
-            other, start = morphed(film, solution.state, name, change)
+            other, start = parameters(film)[name].changed(film, solution.state, change)
             found = newton(other, start)
             assert found.converged
             ends.append([one.value(other, found.state) for one in WANTED.values()])
