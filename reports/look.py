@@ -93,12 +93,9 @@ def save_figure(folder: Path, name: str, compose: Callable[[], Figure],
     """
     check_formats(formats)
     with figure_style():
-        return _write_figure(compose(), folder, name, formats)
-
-
-def _write_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    files = [folder / f"{name}.{kind}" for kind in formats]
-    for file in files:
-        date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})
-        write_atomically(file, partial(figure.savefig, dpi=DPI, metadata=date))
+        figure = compose()
+        files = [folder / f"{name}.{kind}" for kind in formats]
+        for file in files:
+            date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})
+            write_atomically(file, partial(figure.savefig, dpi=DPI, metadata=date))
     return files

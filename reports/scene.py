@@ -208,10 +208,10 @@ def _add_plate(plotter: pv.Plotter, rim: Array, view: View) -> None:
 
 
 def _aim(plotter: pv.Plotter, extent: tuple[float, float, float, float], view: View) -> None:
-    left, right, bottom, top = extent
-    tilt, far = radians(view.elevation), 10 * max(right - left, top - bottom)
+    west, east, bottom, top = extent
+    tilt, far = radians(view.elevation), 10 * max(east - west, top - bottom)
     up = np.array([0.0, sin(tilt), cos(tilt)])
-    centre = np.array([(left + right) / 2, 0, 0]) + (bottom + top) / 2 * up
+    centre = np.array([(west + east) / 2, 0, 0]) + (bottom + top) / 2 * up
     camera = plotter.camera
     camera.parallel_projection = True
     camera.focal_point = tuple(centre)

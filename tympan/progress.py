@@ -83,8 +83,8 @@ def _lines(total: int) -> Callable[[int, int], None]:
         now = time.monotonic()
         if now - shown >= _EVERY and kept < done:
             shown, rate = now, (done - kept) / (now - began)
-            left = tqdm.format_interval((total - done) / rate)
-            print(f"{done} of {total} cases, {rate:.3g} a second, {left} left", file=sys.stderr,
-                  flush=True)
+            remaining = tqdm.format_interval((total - done) / rate)
+            print(f"{done} of {total} cases, {rate:.3g} a second, {remaining} left",
+                  file=sys.stderr, flush=True)
 
     return ready

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.studies.estimation.identifiability import Identifiability
-from tympan.studies.estimation.profile import Profile
 from tympan.studies.identify.result import Fitted, IdentifyResult
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 14.0, 4.0, 8.0, 13.0  # [mm]
@@ -109,9 +108,9 @@ def _dynamic(fit: Fitted) -> Figure:
     width = style.WIDTH / 2 - _LEFT - _RIGHT
     for row, mass in enumerate(masses):
         top = _TITLE + row * (_TITLE + height + _AXIS)
-        columns = [(style.place_axes(figure, left, top, width, _WHOLE),
-                    style.place_axes(figure, left, top + _WHOLE + _GAP, width, _LEFTOVER))
-                   for left in (_LEFT, style.WIDTH / 2 + _LEFT)]
+        columns = [(style.place_axes(figure, start, top, width, _WHOLE),
+                    style.place_axes(figure, start, top + _WHOLE + _GAP, width, _LEFTOVER))
+                   for start in (_LEFT, style.WIDTH / 2 + _LEFT)]
         for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
             colour = style.colour_of(names.index(part["specimen"].iloc[0]))
             for (above, below), end in zip(columns, (np.inf, _BEGINNING * (fit.radian or np.inf)),
@@ -163,7 +162,11 @@ def _profiles(judgement: Identifiability) -> Figure:
             if limit is not None:
                 axes.axvline(judgement.to_value(constant.name, limit), color=colour, linewidth=0.6,
                              linestyle="--")
-        axes.set_xlim(*_span(profile, values))
+        # A little more than the limits; than all that was tried where one is open.
+        inside = values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
+        low, high = float(inside.min()), float(inside.max())
+        edge = 0.08 * (high - low or abs(low) or 1.0)
+        axes.set_xlim(low - edge, high + edge)
         axes.set_ylim(0, 1.5 * judgement.quantile)
         axes.set_title(_symbol(constant.name), loc="left", weight="bold")
         axes.set_xlabel("" if constant.unit == "1" else f"({constant.unit})")
@@ -172,14 +175,6 @@ def _profiles(judgement: Identifiability) -> Figure:
         if column == 0:
             axes.set_ylabel("√(χ² − χ²min)")
     return figure
-
-
-def _span(profile: Profile, values: np.ndarray) -> tuple[float, float]:
-    """A little more than the limits; than all that was tried where one is open."""
-    inside = np.flatnonzero(np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max())
-    low, high = float(values[inside].min()), float(values[inside].max())
-    edge = 0.08 * (high - low or abs(low) or 1.0)
-    return low - edge, high + edge
 
 
 def _correlations(judgement: Identifiability) -> Figure:

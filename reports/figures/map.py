@@ -20,11 +20,14 @@ def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
 
 def _compose(alpha_map: AlphaMap) -> Figure:
     figure = style.new_figure(68.0)
-    alpha, stroke, missed = (style.place_axes(figure, left, 8, 44, 48) for left in (12, 70, 132))
+    alpha, stroke, missed = (style.place_axes(figure, start, 8, 44, 48) for start in (12, 70, 132))
     weights = np.array([reading.alpha for reading in alpha_map.grid])
     levels = np.arange(np.ceil(40 * weights.min()), 40 * weights.max()) / 40
     _levels(alpha, alpha_map, weights, levels, "α₁ (dashed: formula)", "%.3g")
-    _formula(alpha, alpha_map, levels)
+    aspect, ratio = np.meshgrid(np.linspace(*alpha_map.formula.aspects, 80),
+                                np.linspace(*alpha_map.formula.ratios, 60))
+    alpha.contour(aspect, ratio, alpha_map.formula(aspect, ratio), levels, colors=style.PALETTE[1],
+                  linewidths=0.7, linestyles="dashed")
     voltage, mass = alpha_map.settings.voltage / 1e3, alpha_map.settings.mass * 1e3
     _levels(stroke, alpha_map, 1e3 * np.array([reading.stroke for reading in alpha_map.grid]), 9,
             f"stroke at {voltage:g} kV, {mass:g} g [mm]", "%.2f")
@@ -40,13 +43,6 @@ def _levels(axes: Axes, alpha_map: AlphaMap, values: Any, levels: Any, title: st
                          values.reshape(shape).T, levels, colors=style.PALETTE[0], linewidths=1.0)
     axes.clabel(drawn, fmt=form, fontsize=6)
     axes.set(title=title, xlabel="aspect ratio r₂/r₁", ylabel="plate r/r₁")
-
-
-def _formula(axes: Axes, alpha_map: AlphaMap, levels: Any) -> None:
-    aspect, ratio = np.meshgrid(np.linspace(*alpha_map.formula.aspects, 80),
-                                np.linspace(*alpha_map.formula.ratios, 60))
-    axes.contour(aspect, ratio, alpha_map.formula(aspect, ratio), levels, colors=style.PALETTE[1],
-                 linewidths=0.7, linestyles="dashed")
 
 
 def _errors(axes: Axes, alpha_map: AlphaMap) -> None:

@@ -71,9 +71,9 @@ def swung_films(result: ModesResult) -> list[FilmSurface]:
 
 def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range],
              width: float) -> Figure:
-    left, right, bottom, top = (pick(item.extent[side] for item in pictures)
+    west, east, bottom, top = (pick(item.extent[side] for item in pictures)
                                 for side, pick in enumerate((min, max, min, max)))
-    height = width * (top - bottom) / (right - left)
+    height = width * (top - bottom) / (east - west)
     figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):
         spare = style.WIDTH - len(row) * width - (len(row) - 1) * _GAP
@@ -81,7 +81,7 @@ def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[
             place = spare / 2 + column * (width + _GAP), _TITLE + number * (_TITLE + height)
             axes = style.place_axes(figure, *place, width, height)
             _show(axes, pictures[index], f"{index + 1}  {modes[index].name}", modes[index].speed)
-            axes.set(xlim=(left, right), ylim=(bottom, top))
+            axes.set(xlim=(west, east), ylim=(bottom, top))
     _colour_bar(figure, len(rows) * (_TITLE + height) + 2.0)
     return figure
 

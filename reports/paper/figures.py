@@ -132,12 +132,12 @@ def _step(mass: float, zoom: bool) -> Callable[[PaperCurves], Figure]:
 
 def _loops(curves: PaperCurves) -> Figure:
     loops = curves.read("hysteresis", 3)
-    height, gap, left = 42.0, 11.0, 16.0
+    height, gap, margin = 42.0, 11.0, 16.0
     figure = style.new_figure(_TOP + 3 * (height + gap))
-    width = style.WIDTH / 2 - left - _RIGHT
+    width = style.WIDTH / 2 - margin - _RIGHT
     for row, name in enumerate(NAMES):
         for column, (offset, amplitude) in enumerate(SINES):
-            axes = style.place_axes(figure, left + column * style.WIDTH / 2,
+            axes = style.place_axes(figure, margin + column * style.WIDTH / 2,
                                     _TOP + row * (height + gap), width, height)
             volts, y = loops[f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
@@ -188,8 +188,8 @@ def _misfit(curves: PaperCurves) -> Figure:
     alpha = next(iter(columns.values()))[0]
     worst = np.array([pair[1] for pair in columns.values()])
     figure, axes = _single(0.62)
-    lost = curves.content["lost"]
-    least, rest = lost["smallest_worst"], lost["readings"]["rest"]
+    missing = curves.content["lost"]
+    least, rest = missing["smallest_worst"], missing["readings"]["rest"]
     edges = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.5, 6.0]) * least["worst_mm"]
     filled = axes.contourf(permittivity, alpha, worst.T, levels=edges, cmap=style.COLOURS,
                            extend="max")

@@ -93,15 +93,15 @@ def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[Picture])
     top = 0.0
     for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
         lefts = _lefts(columns)
-        for left, width, index in zip(lefts, columns, row, strict=True):
-            axes = style.place_axes(figure, left, top + _TITLE, width, height)
+        for start, width, index in zip(lefts, columns, row, strict=True):
+            axes = style.place_axes(figure, start, top + _TITLE, width, height)
             _show(axes, pictures[index], run.specimens[index], design.paper, (width, height))
         top += _TITLE + height
         if row[0] == 0:
             _explain(figure, run, design, top)
         top += _BAR if row[0] == 0 else _SPACE
-        for left, width, index in zip(lefts, columns, row, strict=True):
-            axes = style.place_axes(figure, left, top, width, _PANEL)
+        for start, width, index in zip(lefts, columns, row, strict=True):
+            axes = style.place_axes(figure, start, top, width, _PANEL)
             _panel(axes, run.specimens[index], design, width * design.reach)
             if index == row[0]:
                 axes.set_ylabel("largest true stress (kPa)")
@@ -174,9 +174,9 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
            f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
            "deflection true to scale")
     wide = 70.0
-    left = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
+    middle = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
     colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
-    shown = figure.colorbar(colours, cax=style.place_axes(figure, left, top + 3.0, wide, 2.6),
+    shown = figure.colorbar(colours, cax=style.place_axes(figure, middle, top + 3.0, wide, 2.6),
                             orientation="horizontal",
                             ticks=view.scale.ticks)
     shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])

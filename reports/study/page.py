@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,26 +32,6 @@ _BASES = (
 _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
           for settings in (Rig, *BIASES.values(), LoadGrid) for field in fields_of(settings)
           if field.says.dimension}
-
-
-@dataclass(frozen=True)
-class AlphaRow:
-    """One line of the α table, as text."""
-
-    basis: str
-    meaning: str
-    alpha: tuple[str, ...]
-    fit_error: str
-    held_out_error: str
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One line of the settings, as text: ``where`` it belongs, its name, value and unit."""
-
-    where: str
-    name: str
-    value: str
 
 
 def build_study_page(folder: Path) -> Path:
@@ -85,7 +64,7 @@ def render_study(run: StudyView, fig4: str, curves_: str) -> str:
         alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
         circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
                  for item in run.alphas if len(item.circles) == 1],
-                 settings=list(settings(run.record)))
+        settings=list(settings(run.record)))
 
 
 def result_row(specimen: SpecimenView) -> tuple[str, ...]:
@@ -99,22 +78,20 @@ def result_row(specimen: SpecimenView) -> tuple[str, ...]:
     return (*numbers, f"{result.dofs}", digits(result.wall_s, 2))
 
 
-def alpha_rows(item: AlphaResult) -> list[AlphaRow]:
+def alpha_rows(item: AlphaResult) -> list[dict[str, Any]]:
     """The four ways of finding α for one specimen."""
-    found: dict[str, Weights] = {str(basis): weights for basis, weights in item.by_basis.items()}
-    found["from_fields"] = item.from_fields
-    return [AlphaRow(name, meaning, tuple(f"{weight:.4f}" for weight in found[key].alpha),
-                     percent(found[key].fit_error), percent(found[key].held_out_error))
+    weights: dict[str, Weights] = {str(basis): fit for basis, fit in item.by_basis.items()}
+    weights["from_fields"] = item.from_fields
+    return [{"basis": name, "meaning": meaning, "weights": weights[key]}
             for key, name, meaning in _BASES]
 
 
-def settings(record: Mapping[str, Any]) -> Iterator[Setting]:
-    """What the study was run with, flat, one setting each."""
+def settings(record: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """What the study was run with, flat: where a setting belongs, its name, and value and unit."""
     for where, key in (("Rig", "rig"), ("Computation", "settings"),
-                       ("Loads for α", "alpha_settings"),
-                       ("Libraries", "libraries")):
-        yield from (Setting(where, name, value) for name, value in _flat(record[key]))
-    yield Setting("Libraries", "Python", record["python"])
+                       ("Loads for α", "alpha_settings"), ("Libraries", "libraries")):
+        yield from ((where, name, value) for name, value in _flat(record[key]))
+    yield "Libraries", "Python", record["python"]
 
 
 def _flat(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:

@@ -38,13 +38,14 @@ class AxisLine:
     @property
     def sides(self) -> tuple[AxisLine, ...]:
         """Both halves, or one if the other repeats it."""
-        right, left = self.side(1), self.side(-1)
-        same = (len(right.stress) == len(left.stress)
-                and np.allclose(right.distance, left.distance, atol=1e-6))
+        right, other = self.side(1), self.side(-1)
+        same = (len(right.stress) == len(other.stress)
+                and np.allclose(right.distance, other.distance, atol=1e-6))
         # A hundredth of the curve's own height is less than the width of the line that draws it.
-        if same and np.allclose(right.stress, left.stress, rtol=0, atol=0.01 * np.ptp(self.stress)):
+        least = 0.01 * np.ptp(self.stress)
+        if same and np.allclose(right.stress, other.stress, rtol=0, atol=least):
             return (right,)
-        return right, left
+        return right, other
 
     @property
     def jump(self) -> float:

@@ -334,14 +334,14 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
     rig = Rig.read(file)
     assert rig.biases == (Spring(5.0, 1e-3), Magnet(0.5, 12e-3, 6e-3, 4.0))
     record = json.loads(json.dumps(to_json(rig.record())))
-    shown = {(line.where, line.name): line.value for line in settings(
+    shown = {(where, name): value for where, name, value in settings(
         {"rig": record, "settings": {}, "alpha_settings": {}, "libraries": {}, "python": ""})}
     assert shown["Rig", "weight offset"] == "0.002, 0 m"
     assert shown["Rig", "gas pressure"] == "50 Pa"
     assert shown["Rig", "guide"] == "free"
     assert shown["Rig", "biases, 1, law"] == "spring"
     assert shown["Rig", "biases, 2, gap"] == "0.012 m"
-    plain = {(line.where, line.name): line.value for line in settings(
+    plain = {(where, name): value for where, name, value in settings(
         {"rig": json.loads(json.dumps(to_json(Rig().record()))), "settings": {},
          "alpha_settings": {}, "libraries": {},
          "python": ""})}
