@@ -23,8 +23,9 @@ from tympan.studies.alpha.samples import LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
 
 ROOT = Path(__file__).parent.parent
-#: The first Python in the README.
-EIGHT_LINES = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+#: The first Python in it.
+EIGHT_LINES = README.split("```python\n")[1].split("```")[0]
 COARSE = Settings(MeshSettings(order=2).refined(0.6))
 
 

@@ -23,7 +23,8 @@ CLAIMS = {claim.title: claim for claim in page.claims()}
 @pytest.mark.parametrize("title", CLAIMS)
 def test_claim_holds(title) -> None:
     for pair, fine in CLAIMS[title].judged():
-        assert fine, f"{pair.quantity}: {pair.computed} against {pair.reference}, error {pair.error:.2e}"
+        assert fine, (f"{pair.quantity}: {pair.computed} against {pair.reference}, "
+                      f"error {pair.error:.2e}")
 
 
 def test_the_page_shows_every_claim_and_no_failure() -> None:

@@ -50,7 +50,8 @@ def test_totals_are_those_of_the_forces_and_the_energy(several) -> None:
     for number, state in enumerate(states):
         assert found.reaction[number] == pytest.approx(made.reaction(state), rel=1e-11)
         assert found.capacitance[number] == pytest.approx(made.capacitance(state), rel=1e-12)
-        energy = float(made.energy(state.positions, state.voltage_squared)) * made.discretisation.mirrored
+        part = float(made.energy(state.positions, state.voltage_squared))
+        energy = part * made.discretisation.mirrored
         assert found.energy[number] == pytest.approx(energy, rel=1e-12)
 
 

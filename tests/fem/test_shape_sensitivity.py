@@ -126,7 +126,8 @@ def test_the_work_changes_as_the_forces_do(name: str) -> None:
                                       electrode=replace(film.specimen.electrode, stiffness=2e3)))
     state = equilibrium(film, FORCE, VOLTAGE, 15.0).state
     rng = np.random.default_rng(1)
-    motion = rng.normal(size=film.discretisation.free_count), rng.normal(size=6) * [1, 1, 1, 20, 20, 20]
+    motion = (rng.normal(size=film.discretisation.free_count),
+              rng.normal(size=6) * [1, 1, 1, 20, 20, 20])
     other, stepped = parameters(film)[name].changed(film, state, 1e-30j)
     inner, plate = other.residual(other.nodal_forces(stepped), stepped)
     expected = (motion[0] @ inner + motion[1] @ plate).imag

@@ -90,7 +90,8 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
                             for _, wire in wires[:2])
         assert area(opening) == pytest.approx(area(made.frame), rel=1e-9)
         # Steiner's formula, which holds around convex outlines.
-        steiner = area(made.frame) + made.frame.curve.length * options.width + np.pi * options.width**2
+        steiner = (area(made.frame) + made.frame.curve.length * options.width
+                   + np.pi * options.width**2)
         assert area(outline) == pytest.approx(steiner, rel=1e-7 if name != "polygon" else 5e-3)
     plate = parts.plate_part(made, options)
     assert plate.Volume() == pytest.approx(2 * np.pi * (10**2 - 1.6**2), rel=1e-6)
@@ -129,8 +130,8 @@ def test_a_plate_beyond_a_frame_that_bends_inwards_is_refused_with_its_place() -
 
 
 def test_fillets_that_do_not_fit_are_refused_with_their_side() -> None:
-    with pytest.raises(InputError,
-                       match="the side from 0, 0 mm is 10 mm long, the arcs at its ends need 12 mm"):
+    with pytest.raises(InputError, match="the side from 0, 0 mm is 10 mm long, "
+                                         "the arcs at its ends need 12 mm"):
         check_outline(Polygon(((0.0, 0.0), (0.01, 0.0), (0.01, 0.05), (0.0, 0.05)), 6e-3), "frame")
 
 
@@ -209,7 +210,8 @@ def test_the_command_takes_the_sizes_of_the_parts(tmp_path: Path,
     assert frame.Volume() == pytest.approx(4 * np.pi * (57**2 - 45**2 - count * 1.5**2), rel=1e-6)
     capsys.readouterr()
     assert main([*command, "--screw", "6 mm"]) == 2
-    assert capsys.readouterr().err == "tympan: --screw: given '6 mm': must be at most half the width of the ring\n"
+    assert capsys.readouterr().err == ("tympan: --screw: given '6 mm': "
+                                       "must be at most half the width of the ring\n")
     assert main([*command, "--width", "-1 mm"]) == 2
     assert "--width: given '-1 mm': must be from 10 um to 10 m" in capsys.readouterr().err
 

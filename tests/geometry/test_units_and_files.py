@@ -165,7 +165,8 @@ def test_shipped_actuators_load() -> None:
 
 def test_rig_file(tmp_path) -> None:
     file = tmp_path / "rig.toml"
-    file.write_text('gravity = "9.81 m/s^2"\nspring = "5 N/m"\nsag_voltage = "20 kV"\nsensor_zero = "-3 um"\n')
+    file.write_text('gravity = "9.81 m/s^2"\nspring = "5 N/m"\n'
+                    'sag_voltage = "20 kV"\nsensor_zero = "-3 um"\n')
     rig = Rig.read(file)
     assert rig == Rig(gravity=9.81, spring=5, sag_voltage=20e3, sensor_zero=-3e-6)
     assert rig.reading(1e-3) == pytest.approx(0.997e-3)

@@ -557,7 +557,8 @@ class RitzExpansion:
             except np.linalg.LinAlgError:
                 return None
             c = c - step
-            if np.max(np.abs(step)) < 1e-9 * self.film.outer:  # quadratic: the error is now round-off
+            # Quadratic: the error is now round-off.
+            if np.max(np.abs(step)) < 1e-9 * self.film.outer:
                 return self._state(c, deflection, q)
         return None
 
@@ -832,7 +833,8 @@ def pull_in(film: Film, force: float) -> Solution:
     stiffens enough has none).
     """
     if force == 0.0 or film.relative_permittivity == 0.0 or film.permittivity_exponent >= 2.0:
-        raise ValueError("pull-in needs a force, a permittivity and a permittivity exponent below 2")
+        raise ValueError("pull-in needs a force, a permittivity "
+                         "and a permittivity exponent below 2")
     sign = -1.0 if force < 0.0 else 1.0
     before = math.nan
     for degree in _DEGREES:
@@ -870,7 +872,8 @@ def fold_point(ritz: RitzExpansion, load: float) -> _State:
                     state = following
             return state
     raise NoEquilibrium(
-        f"no fold up to the deflection {state.deflection:.6g} m and {math.sqrt(max(state.q, 0.0)):.6g} V",
+        f"no fold up to the deflection {state.deflection:.6g} m "
+        f"and {math.sqrt(max(state.q, 0.0)):.6g} V",
         load,
         state.deflection,
         past_limit=False,
@@ -941,7 +944,8 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     density = energy_derivatives(film, at.lambda1, at.lambda2, q).value
     area = math.pi * span * radius**2 * weight  # 2 pi R dR
     rim = np.array([start[0]])
-    force = 2.0 * math.pi * a * film.thickness / lp * energy_derivatives(film, rim, np.array([lp]), q).d1[0]
+    psi = energy_derivatives(film, rim, np.array([lp]), q)
+    force = 2.0 * math.pi * a * film.thickness / lp * psi.d1[0]
     return Solution(
         film=film,
         force=float(force) * math.sin(float(start[1])),

@@ -79,7 +79,8 @@ def nodal_forces(model: Model, state: State) -> Array:
     elements[..., 2] -= density * model.loading.gravity * np.einsum("ep,pl->el", model.volumes,
                                                                     shapes)
     normal = np.cross(deformation[..., 0], deformation[..., 1])
-    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes, model.discretisation.basis.dx)
+    elements -= state.pressure * np.einsum("epi,pl,ep->eli", normal, shapes,
+                                           model.discretisation.basis.dx)
     result = np.zeros_like(state.positions)
     np.add.at(result, model.discretisation.connectivity, elements)
     return result
@@ -94,8 +95,8 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         _, w1, w2, *_ = film.material.derivatives(l1, l2)
         j, n = l1 * l2, film.permittivity_exponent
         permittivity = epsilon_0 * film.relative_permittivity * (j / film.area_prestretch) ** -n
-        maxwell = (1 - n
-                   / 2) * permittivity * state.voltage_squared / film.thickness**2 * j**2 * model.discretisation.covered
+        maxwell = ((1 - n / 2) * permittivity * state.voltage_squared / film.thickness**2
+                   * j**2 * model.discretisation.covered)
         return w1 - maxwell / l1, w2 - maxwell / l2
 
     def electrode_stress(l1: Array, l2: Array) -> tuple[Array, Array]:
@@ -115,7 +116,8 @@ def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]
     """Force [N] and moment about its centre [N m] left over on the plate, from what it takes to
     hold its edge."""
     plate, loading = state.plate, model.loading
-    arms = (model.discretisation.reference[model.discretisation.plate_nodes] - model.centre) @ plate.rotation.T
+    edge = model.discretisation.reference[model.discretisation.plate_nodes]
+    arms = (edge - model.centre) @ plate.rotation.T
     weight = np.array([0.0, 0.0, state.force])
     hung = plate.rotation @ np.array([*loading.arm, 0.0])
     gas = state.pressure * model.plate_area * plate.rotation[:, 2]

@@ -90,8 +90,8 @@ def shoot(film: Film, loads: Loads, guess: float | None = None) -> Bubble:
         lifted = loads.force / (2 * math.pi)
         if not film.inner:
             lifted = 0.5 * (loads.pressure * around**2 + loads.weight) * rho**2
-        sine = lifted / (rho * thickness
-                         * float(energy_derivatives(film, np.float64(first), np.float64(around), q).d1))
+        psi = energy_derivatives(film, np.float64(first), np.float64(around), q)
+        sine = lifted / (rho * thickness * float(psi.d1))
         result = solve_ivp(rate, (0.0, span), [first, around, math.asin(sine), 0.0],
                            method="DOP853", rtol=1e-12,
                            atol=1e-13, dense_output=True)

@@ -42,8 +42,8 @@ def rivlin(energy: Callable[[Any, Any], Any], by_first: Callable[[Any], Any], by
            ) -> axisymmetric.EnergyFunction:
     """A reference from W(I₁, I₂), ∂W/∂I₁ as a function of I₁, and a constant ∂W/∂I₂."""
     def invariants(l1: Any, l2: Any) -> tuple[Any, Any]:
-        squares = l1**2, l2**2, (l1 * l2) ** -2.0
-        return sum(squares), squares[0] * squares[1] + squares[1] * squares[2] + squares[2] * squares[0]
+        a, b, c = l1**2, l2**2, (l1 * l2) ** -2.0
+        return sum((a, b, c)), a * b + b * c + c * a
 
     def stress(l1: Any, l2: Any) -> Any:
         return 2 * (l1**2 - (l1 * l2) ** -2.0) * (by_first(invariants(l1, l2)[0]) + l2**2

@@ -11,7 +11,14 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.oracles.axisymmetric import Film, FloatArray, NoEquilibrium, RitzExpansion, fold_point, solve_load
+from tests.oracles.axisymmetric import (
+    Film,
+    FloatArray,
+    NoEquilibrium,
+    RitzExpansion,
+    fold_point,
+    solve_load,
+)
 
 
 def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> float:
@@ -34,8 +41,8 @@ def branch_voltage(film: Film, force: float, heave: float, degree: int = 40) -> 
     return math.sqrt(now[2])
 
 
-def shape_at(ritz: RitzExpansion, c: FloatArray, heave: float, q: float, force: float) -> tuple[FloatArray,
-                                                                                   float]:
+def shape_at(ritz: RitzExpansion, c: FloatArray, heave: float, q: float,
+             force: float) -> tuple[FloatArray, float]:
     """Shape and ``q = U^2`` at a heave and a force, by Newton's method."""
     unit = ritz.q_unit / ritz.film.outer
     for _ in range(25):

@@ -195,8 +195,9 @@ def test_the_maximiser_finds_a_known_vertex_and_its_multipliers() -> None:
             self.asked += 1
             if x[0] > 0.45:
                 return None
-            return Linearisation(x[0] + 2 * x[1], np.array([1.0, 2.0]), np.array([x @ x - 0.5, x[1] - 0.6]),
-                         np.array([2 * x, [0.0, 1.0]]))
+            return Linearisation(x[0] + 2 * x[1], np.array([1.0, 2.0]),
+                                 np.array([x @ x - 0.5, x[1] - 0.6]),
+                                 np.array([2 * x, [0.0, 1.0]]))
 
         def held(self, x: np.ndarray) -> tuple[float, np.ndarray]:
             return 0.0, np.zeros(2)

@@ -64,8 +64,8 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
     made = model(replace(film, electrode=Electrode(stiffness=1e3)), refine=0.5, order=2,
                  symmetry=False)
     made, random = replace(made, loading=rig), np.random.default_rng(3)
-    moved = displaced(made, made.mounted(), random.normal(size=made.discretisation.free_count) * made.size,
-                      np.ones(6), 1e-4)
+    nodes = random.normal(size=made.discretisation.free_count) * made.size
+    moved = displaced(made, made.mounted(), nodes, np.ones(6), 1e-4)
     state = moved.under(force=0.2, voltage=1e6, pressure=5.0)
     forces = nodal_forces(made, state)
 
@@ -75,7 +75,8 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
         return (ends[0] - ends[1]) / (2 * step)
 
     draws = np.random.default_rng(5)
-    nodes, motion = draws.standard_normal(made.discretisation.free_count) * made.size, draws.standard_normal(6)
+    nodes = draws.standard_normal(made.discretisation.free_count) * made.size
+    motion = draws.standard_normal(6)
     motion[:3] *= made.size
     size = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
                    * made.size**2)
@@ -141,7 +142,8 @@ def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
     assert oracle(film, drawn, found).says == "agrees"
     assert "ways to keep it from wrinkling differ" in failure_reason(found)
     near = np.sqrt(found.limit * 1.01)  # closer to the limits than they may be apart
-    assert equilibrate(replace(drawn.case, voltage=near), Settings(MESH))[1].status == "not_converged"
+    nearer = replace(drawn.case, voltage=near)
+    assert equilibrate(nearer, Settings(MESH))[1].status == "not_converged"
 
 
 def test_a_film_that_locks_says_so() -> None:

@@ -64,8 +64,9 @@ def test_rig_and_loads_against_differences(direction: float) -> None:
         value = known[name].value(model, outcome.state)
         errors = []
         for step in (4e-3 * (abs(value) or 1e-2), 2e-3 * (abs(value) or 1e-2)):
-            heaves = [newton(*known[name].changed(model, outcome.state, change)).state.plate.deflection
-                      for change in (step, -step)]
+            changed = [known[name].changed(model, outcome.state, change)
+                       for change in (step, -step)]
+            heaves = [newton(*each).state.plate.deflection for each in changed]
             errors.append(abs((heaves[0] - heaves[1]) / (2 * step) - found[name]))
         assert errors[0] / errors[1] > 3.5 or errors[1] < 1e-6 * abs(found[name]), name
 
@@ -101,7 +102,8 @@ def test_the_table_reads_from_the_strongest_down(specimen: str,
 
 def test_past_pull_in_it_is_the_pull_in_voltage() -> None:
     """Voltages scale as T sqrt(mu/eps), loads as mu: the elasticities of pull-in must say so."""
-    result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), mass=17.9e-3, voltage=7e3), Settings())
+    result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), mass=17.9e-3, voltage=7e3),
+                         Settings())
     assert result.status == "no_equilibrium"
     (quantity, answers), = result.quantities.items()
     found = {name: answer.elasticity for name, answer in answers.by.items()}

@@ -39,8 +39,10 @@ NOISE = 1e-6  # the paper's sensor
 
 @cache
 def clean() -> StaticProblem:
-    """Rests of the paper's three actuators by :mod:`tympan.studies.lumped.equilibria`, with other constants, without
-    noise."""
+    """Rests of the paper's three actuators with other constants, without noise.
+
+    By :mod:`tympan.studies.lumped.equilibria`.
+    """
     law = Separable(tuple(TRUTH[:3]), tuple(TRUTH[3:6]), (2.0, 4.0, 6.0), 5**0.5)
     specimens = tuple(replace(one, membrane=replace(one.membrane, material=law))
                       for one in paper_actuators(8.5))

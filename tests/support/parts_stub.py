@@ -14,7 +14,8 @@ from tympan import parts
 from tympan.geometry.fields import Field, fields_of
 
 FILE = Path(parts.__file__).with_suffix(".pyi")
-HEAD = '''"""The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
+HEAD = '''\
+"""The parts as type checkers see them: quantities are SI numbers or texts with their unit."""
 
 from collections.abc import Sequence
 from typing import Literal

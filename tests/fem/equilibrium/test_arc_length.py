@@ -156,7 +156,9 @@ class Stop:
     def derivatives(self, heave: float) -> tuple[float, float, float]:
         """Energy, force, stiffness."""
         beyond = max(heave - self.start, 0.0)
-        return self.stiffness * beyond**3 / 3, self.stiffness * beyond**2, 2 * self.stiffness * beyond
+        return (self.stiffness * beyond**3 / 3,
+                self.stiffness * beyond**2,
+                2 * self.stiffness * beyond)
 
 
 MAGNET, STOP, LIGHT = Magnet(0.8, 6e-3, 5e-3), Stop(4e-3, 1e6), 0.07

@@ -32,7 +32,8 @@ from tympan.fem.membrane.plate import HEAVE
 def arc(film: Model) -> Constraint:
     """A direction in all unknowns from a state a little before."""
     rng = np.random.default_rng(5)
-    direction = rng.normal(size=film.discretisation.free_count), np.array([1e-3, 2e-3, 3e-3, 0.1, -0.2, 0.3])
+    direction = (rng.normal(size=film.discretisation.free_count),
+                 np.array([1e-3, 2e-3, 3e-3, 0.1, -0.2, 0.3]))
     return arc_length(loaded(film), direction, 1e-3)
 
 
@@ -82,7 +83,8 @@ def constant(film: Model, state, subspace, kept: str) -> np.ndarray:
     if kept == "charge":  # E + Q²/2C has the Hessian of E − ½CU² and (U²/C) ∇C ∇Cᵀ
         inner, plate = subspace.project(film.by_load(state, "voltage"))
         slope = -2 * film.discretisation.mirrored * np.concatenate([inner, plate])
-        whole += np.outer(slope, slope) * state.voltage_squared / film.capacitance(state) / film.discretisation.mirrored
+        whole += (np.outer(slope, slope) * state.voltage_squared
+                  / film.capacitance(state) / film.discretisation.mirrored)
     if kept == "heave":
         row = len(tangent.inner) + film.plate_freedoms.index(HEAVE)
         whole = np.delete(np.delete(whole, row, 0), row, 1)
@@ -131,8 +133,8 @@ def test_charge_passes_the_voltage_s_limit_and_is_stable_where_the_ode_is() -> N
         assert found.converged
         state = found.state
         seen.append((state, found.tangent.negative, found.tangent.negative_closed))
-    voltages, heaves = ([value(each[0]) for each in seen]
-                        for value in (lambda at: at.voltage_squared, lambda at: at.plate.deflection))
+    voltages = [each[0].voltage_squared for each in seen]
+    heaves = [each[0].plate.deflection for each in seen]
     assert heaves == sorted(heaves)
     assert max(voltages) <= fold.q * (1 + 1e-5)
     beyond = [each for each in seen if each[0].plate.deflection > fold.deflection]

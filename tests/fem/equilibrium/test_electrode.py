@@ -68,8 +68,8 @@ def chord_area(region: Region, frame: float, plate: float) -> float:
 
 
 def covered_area(item: Specimen, settings: Settings) -> float:
-    made = build_model(item, settings)
-    return float((made.discretisation.basis.dx * made.discretisation.covered).sum()) * made.discretisation.mirrored
+    film = build_model(item, settings).discretisation
+    return float((film.basis.dx * film.covered).sum()) * film.mirrored
 
 
 @pytest.mark.parametrize("margins", MARGINS)
@@ -83,9 +83,8 @@ def test_covered_area(name: str, margins: str) -> None:
     assert covered_area(item, Settings()) == pytest.approx(exact, rel=2e-6)
     made = build_model(item, Settings())
     assert folded(made.discretisation.mesh) == 0
-    assert float(made.discretisation.basis.dx.sum()) * made.discretisation.mirrored == pytest.approx(np.pi
-                                                                       * (45e-3**2 - 10e-3**2),
-                                                                       rel=2e-6)
+    whole = float(made.discretisation.basis.dx.sum()) * made.discretisation.mirrored
+    assert whole == pytest.approx(np.pi * (45e-3**2 - 10e-3**2), rel=2e-6)
 
 
 def test_chord_area_against_closed_forms() -> None:
@@ -182,16 +181,16 @@ def test_what_cannot_be_meshed_is_refused(region: Region, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         build_model(specimen(region), Settings())
     assert "electrode" in str(caught.value.key)
-    assert caught.value.key != "electrode.outline" or f"{region.offset[0] * 1e3:g}, 0 mm" in str(caught.value)
+    assert (caught.value.key != "electrode.outline"
+            or f"{region.offset[0] * 1e3:g}, 0 mm" in str(caught.value))
 
 
 @pytest.mark.parametrize("radius", [10.5e-3, 11e-3, 44e-3, 44.5e-3])
 def test_narrow_bands_are_meshed_without_folds(radius: float) -> None:
     made = build_model(specimen(Region(Circle(radius))), Settings())
     assert folded(made.discretisation.mesh) == 0
-    assert float((made.discretisation.basis.dx * made.discretisation.covered).sum()) * 4 == pytest.approx(np.pi
-                                                                            * (radius**2 - 1e-4),
-                                                                            rel=1e-6)
+    quarter = float((made.discretisation.basis.dx * made.discretisation.covered).sum())
+    assert quarter * 4 == pytest.approx(np.pi * (radius**2 - 1e-4), rel=1e-6)
 
 
 def test_export_writes_the_electrode_for_a_mask(tmp_path: Path) -> None:

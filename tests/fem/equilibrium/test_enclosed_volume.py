@@ -72,8 +72,10 @@ def followers(film: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
     f = film.discretisation.deformation(state.positions)
     normal = np.cross(f[..., 0], f[..., 1]) * film.discretisation.basis.dx[..., None]
     forces = np.zeros_like(film.discretisation.reference)
-    np.add.at(forces, film.discretisation.connectivity, np.einsum("epi,pl->eli", normal, film.discretisation.shapes))
-    places = np.einsum("pl,eli->epi", film.discretisation.shapes, state.positions[film.discretisation.connectivity])
+    np.add.at(forces, film.discretisation.connectivity,
+              np.einsum("epi,pl->eli", normal, film.discretisation.shapes))
+    places = np.einsum("pl,eli->epi", film.discretisation.shapes,
+                       state.positions[film.discretisation.connectivity])
     return forces, (places * normal).sum()
 
 
@@ -98,7 +100,8 @@ def test_gas_pressure_is_normal_to_film_and_plate(skewed_model: Model) -> None:
     film, state = skewed_model, loaded(skewed_model)
     inner, outer = film.by_load(state, "pressure")
     forces, _ = followers(film, state)
-    assert np.allclose(-inner, forces[film.discretisation.free], rtol=0, atol=1e-13 * np.abs(forces).max())
+    assert np.allclose(-inner, forces[film.discretisation.free],
+                       rtol=0, atol=1e-13 * np.abs(forces).max())
     at_edge = forces[film.discretisation.plate_nodes]
     arms = state.positions[film.discretisation.plate_nodes] - film.centre - state.plate.translation
     push = at_edge.sum(axis=0) + film.plate_area * state.plate.rotation[:, 2]

@@ -88,7 +88,8 @@ def test_force_table_at_the_default_mesh(material, heave, kilovolt, force, stret
 @pytest.mark.parametrize(("material", "heave", "kilovolt", "force"), [row[:4] for row in HELD])
 def test_force_table_on_the_finest_mesh(material, heave, kilovolt, force) -> None:
     outcome = held(model(circular(material), refine=FINEST), heave * 1e-3, kilovolt * 1e3)
-    exact = axisymmetric.solve_deflection(reference_film(material), heave * 1e-3, kilovolt * 1e3).force
+    exact = axisymmetric.solve_deflection(reference_film(material),
+                                          heave * 1e-3, kilovolt * 1e3).force
     assert exact == pytest.approx(force, rel=2e-8)  # the table's digits
     assert outcome.state.force == pytest.approx(exact, rel=1e-6)
 
@@ -99,7 +100,8 @@ def test_force_table_on_the_finest_mesh(material, heave, kilovolt, force) -> Non
 def test_deflections_on_the_finest_mesh(modulus, mass, kilovolt) -> None:
     material = Ogden((modulus * 1e3,), (2.0,))
     outcome = equilibrium(model(circular(material), refine=FINEST), mass * 1e-3 * G, kilovolt * 1e3)
-    exact = axisymmetric.solve_load(reference_film(material), mass * 1e-3 * G, kilovolt * 1e3).deflection
+    exact = axisymmetric.solve_load(reference_film(material),
+                                    mass * 1e-3 * G, kilovolt * 1e3).deflection
     assert outcome.state.plate.deflection == pytest.approx(exact, rel=1e-6)
 
 
@@ -119,7 +121,8 @@ def test_any_annulus_follows_the_ode(material, inner, prestretch, load, share, e
     specimen = circular(material, prestretch=(prestretch, prestretch),
                         permittivity_exponent=exponent)
     specimen = replace(specimen, plate=Plate(Circle(inner)))
-    reference = reference_film(material, inner=inner, prestretch=prestretch, permittivity_exponent=exponent)
+    reference = reference_film(material, inner=inner, prestretch=prestretch,
+                               permittivity_exponent=exponent)
     force = load * 0.2 * 2 * np.pi * inner * reference.resultant()
     # Voltage as a share of the one at which the flat film goes slack.
     slack = np.sqrt(reference.resultant()
@@ -178,13 +181,14 @@ def test_the_default_mesh_s_own_convergence_with_refinement() -> None:
 def test_quarter_and_full_models_agree(specimen, voltage) -> None:
     """In every number of the result, peaks included; and with a mesh of the whole that is not
     mirrored."""
-    quarter, full = (solve(Case(specimen, mass=17.9e-3, voltage=voltage), Settings(symmetry=symmetry))
-                     for symmetry in (True, False))
+    case = Case(specimen, mass=17.9e-3, voltage=voltage)
+    quarter, full = (solve(case, Settings(symmetry=symmetry)) for symmetry in (True, False))
     assert full.dofs > 3 * quarter.dofs
     for name, value in quarter.json().items():
         if isinstance(value, float) and name != "wall_s":
             assert value == pytest.approx(getattr(full, name), rel=1e-8, abs=1e-12), name
-    free = Model(Discretisation.of(from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))), specimen)
+    mesh = from_meshio(mesh_film(specimen, MeshSettings(), frozenset()))
+    free = Model(Discretisation.of(mesh), specimen)
     heave = equilibrium(free, 17.9e-3 * 9.80665, voltage).state.plate.deflection
     assert heave == pytest.approx(quarter.deflection_m, rel=1e-6)
 
@@ -231,7 +235,8 @@ alpha = [2]
             [(si, "0.0179 kg", "3500 kg*m^2/A/s^3"), (mm, "17.9 g", "3.5e12 g*mm^2/A/s^3")]):
         file = tmp_path / f"{number}.toml"
         file.write_text(template.format(**values))
-        case = Case(load_specimen(file), mass=quantity(mass, "mass"), voltage=quantity(voltage, "voltage"))
+        case = Case(load_specimen(file), mass=quantity(mass, "mass"),
+                    voltage=quantity(voltage, "voltage"))
         deflections.append(solve(case, Settings()).deflection_m)
     assert deflections[0] == pytest.approx(deflections[1], rel=1e-10)
     assert deflections[0] > 2e-3
@@ -265,8 +270,10 @@ def test_reaction_balances_weight_and_spring(skewed_model: Model) -> None:
     state = outcome.state
     forces = skewed_model.forces(state.positions, state.voltage_squared)
     at_plate = forces[skewed_model.discretisation.plate_nodes]
-    assert at_plate.sum(axis=0) == pytest.approx([0, 0, 0.2 - 5.0 * state.plate.deflection], abs=1e-8)
-    arms = state.positions[skewed_model.discretisation.plate_nodes] - skewed_model.centre - state.plate.translation
+    assert at_plate.sum(axis=0) == pytest.approx([0, 0, 0.2 - 5.0 * state.plate.deflection],
+                                                 abs=1e-8)
+    arms = (state.positions[skewed_model.discretisation.plate_nodes]
+            - skewed_model.centre - state.plate.translation)
     assert np.abs(np.cross(arms, at_plate).sum(axis=0)).max() < 1e-9
     assert np.abs(forces[skewed_model.discretisation.free]).max() < 1e-8
 
@@ -301,15 +308,18 @@ def test_newton_converges_quadratically(skewed_model: Model) -> None:
 def test_rig_edits_act_in_the_simulation() -> None:
     specimen = circular(Ogden((20e3,), (2.0,)))
     plain = solve(Case(specimen, mass=17.9e-3, voltage=3500.0), Settings())
-    heavier = solve(Case(specimen, mass=16.9e-3, voltage=3500.0, rig=Rig(unaccounted_mass=1e-3)), Settings())
-    boosted = solve(Case(specimen, mass=17.9e-3, voltage=3500.0 / 1.1, rig=Rig(amplifier_gain=0.1)), Settings())
+    heavier = solve(Case(specimen, mass=16.9e-3, voltage=3500.0,
+                         rig=Rig(unaccounted_mass=1e-3)), Settings())
+    boosted = solve(Case(specimen, mass=17.9e-3, voltage=3500.0 / 1.1,
+                         rig=Rig(amplifier_gain=0.1)), Settings())
     sprung = solve(Case(specimen, mass=17.9e-3, voltage=3500.0, rig=Rig(spring=10.0)), Settings())
     assert heavier.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert boosted.deflection_m == pytest.approx(plain.deflection_m, rel=1e-9)
     assert sprung.deflection_m < 0.95 * plain.deflection_m
     assert sprung.reaction_N == pytest.approx(17.9e-3 * 9.80665 - 10 * sprung.deflection_m,
                                               rel=1e-6)
-    shown = solve(Case(specimen, mass=17.9e-3, voltage=0.0, rig=Rig(sensor_gain=0.02, sensor_zero=5e-6)), Settings())
+    shown = solve(Case(specimen, mass=17.9e-3, voltage=0.0,
+                       rig=Rig(sensor_gain=0.02, sensor_zero=5e-6)), Settings())
     assert shown.reading_m == pytest.approx(1.02 * shown.deflection_m + 5e-6)
 
 

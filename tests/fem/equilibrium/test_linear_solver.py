@@ -42,7 +42,8 @@ def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) 
 
 def order_of(film: Model) -> np.ndarray:
     number = (np.cumsum(film.discretisation.free) - 1).reshape(film.discretisation.free.shape)
-    nodes = elimination_order(film.discretisation.connectivity, film.discretisation.reference[:, :2])
+    nodes = elimination_order(film.discretisation.connectivity,
+                              film.discretisation.reference[:, :2])
     return number[nodes][film.discretisation.free[nodes]]
 
 
@@ -178,20 +179,23 @@ def test_assembly_is_the_sum_of_the_elements(symmetry: bool) -> None:
     """Also where symmetry leaves only some components of a node free."""
     film = model(circular(), symmetry=symmetry, refine=0.7, order=3)
     local = 3 * film.discretisation.connectivity.shape[1]
-    elements = np.random.default_rng(0).normal(size=(len(film.discretisation.connectivity), local, local))
+    size = len(film.discretisation.connectivity), local, local
+    elements = np.random.default_rng(0).normal(size=size)
     elements += elements.transpose(0, 2, 1)
     number = (3 * film.discretisation.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
     rows, columns = np.repeat(number, local, axis=1).ravel(), np.tile(number, local).ravel()
     whole = coo_matrix((elements.ravel(), (rows, columns)),
                        (film.discretisation.free.size, film.discretisation.free.size)).tocsc()
     free = film.discretisation.free.ravel()
-    inner = SparsityPattern.of(film.discretisation.connectivity, film.discretisation.free).assemble(elements)
+    pattern = SparsityPattern.of(film.discretisation.connectivity, film.discretisation.free)
+    inner = pattern.assemble(elements)
     inner.check_format()
     assert inner.has_sorted_indices
     assert inner.toarray() == pytest.approx(whole[free][:, free].toarray(), rel=1e-13, abs=1e-13)
 
 
-def test_temporaries_of_the_tangents_do_not_grow_with_the_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temporaries_of_the_tangents_do_not_grow_with_the_mesh(
+        monkeypatch: pytest.MonkeyPatch) -> None:
     """Any size of chunk gives the same tangents; the largest temporary is the chunk's."""
     film = model(skewed(), order=4)
     positions, _ = deformed(film)

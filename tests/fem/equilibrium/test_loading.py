@@ -113,18 +113,19 @@ def test_a_mirrored_part_has_its_share_of_the_whole_s_potential(make) -> None:
     mirrored = state.positions[unfolded.origin].copy()
     mirrored[:, :2] *= unfolded.signs.T
     full = replace(state, positions=mirrored)
-    assert part.discretisation.mirrored * part.potential(state) == pytest.approx(whole.potential(full), rel=1e-11)
+    copies = part.discretisation.mirrored
+    assert copies * part.potential(state) == pytest.approx(whole.potential(full), rel=1e-11)
     ours = part.residual(part.nodal_forces(state), state)[1]
     theirs = whole.residual(whole.nodal_forces(full), full)[1]
     scale = np.abs(theirs).max()
-    assert part.discretisation.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
-                                                 abs=1e-11 * scale)
+    assert copies * ours == pytest.approx(theirs[list(part.plate_freedoms)],
+                                          rel=1e-9, abs=1e-11 * scale)
     kept = [number for number in range(6) if number not in part.plate_freedoms]
     assert np.abs(theirs[kept]).max() < 1e-9 * scale
     for load in LOADS:
         ours, theirs = part.by_load(state, load)[1], whole.by_load(full, load)[1]
-        assert part.discretisation.mirrored * ours == pytest.approx(theirs[list(part.plate_freedoms)], rel=1e-9,
-                                                     abs=1e-11 * np.abs(theirs).max())
+        assert copies * ours == pytest.approx(theirs[list(part.plate_freedoms)],
+                                              rel=1e-9, abs=1e-11 * np.abs(theirs).max())
 
 
 def test_an_offset_weight_is_no_load_for_a_part_it_does_not_mirror() -> None:
@@ -133,7 +134,8 @@ def test_an_offset_weight_is_no_load_for_a_part_it_does_not_mirror() -> None:
         replace(quarter, loading=Loading(arm=(1e-3, 0.0)))
     built = {arm: build_model(elliptical(60e-3), Settings(), Loading(arm=arm))
              for arm in ((0.0, 0.0), (2e-3, 0.0), (0.0, 2e-3), (1e-3, 2e-3))}
-    assert [sorted(film.discretisation.planes) for film in built.values()] == [["x", "y"], ["y"], ["x"], []]
+    assert [sorted(film.discretisation.planes)
+            for film in built.values()] == [["x", "y"], ["y"], ["x"], []]
     assert [film.plate_freedoms for film in built.values()] == [(2,), (0, 2, 4), (1, 2, 3),
                                                                 (0, 1, 2, 3, 4, 5)]
 
@@ -146,7 +148,8 @@ def test_an_offset_weight_tilts_a_free_plate_by_its_moment() -> None:
     state = equilibrium(film, force, 3000.0).state
     at_plate = film.forces(state.positions, state.voltage_squared)[film.discretisation.plate_nodes]
     middle = film.centre + state.plate.translation
-    moment = np.cross(state.positions[film.discretisation.plate_nodes] - middle, at_plate).sum(axis=0)
+    arms = state.positions[film.discretisation.plate_nodes] - middle
+    moment = np.cross(arms, at_plate).sum(axis=0)
     lever = state.plate.rotation @ arm
     assert moment == pytest.approx(np.cross(lever, [0.0, 0.0, force]), abs=1e-10)
     assert at_plate.sum(axis=0) == pytest.approx([0.0, 0.0, force], abs=1e-8)
@@ -233,16 +236,16 @@ def test_a_magnet_pulls_as_it_says_and_is_finite_until_contact() -> None:
     assert magnet.derivatives(0.0)[1] == pytest.approx(-0.5 * (1 + 12 / 6) ** -4)
     far = [magnet.derivatives(-d)[1] for d in (10.0, 20.0)]
     assert far[1] / far[0] == pytest.approx(2**-4, rel=0.005)
-    for power in (3.3,
-                  4.0):  # within the magnet there is no law, and a step that lands there must be taken back
+    # Within the magnet there is no law, and a step that lands there must be taken back.
+    for power in (3.3, 4.0):
         for heave in (18.001e-3, 0.03):
             assert np.isnan(Magnet(0.5, 12e-3, 6e-3, power).derivatives(heave)).all()
 
 
 def test_bias_forces_hold_the_plate_as_hand_calculation_says() -> None:
     """What hangs on the film is the weight and the magnet's pull less the spring's."""
-    result = solve(Case(circular(), mass=17.9e-3, voltage=0.0, rig=Rig(biases=tuple(SAMPLES.values()), spring=3.0)),
-                   Settings())
+    result = solve(Case(circular(), mass=17.9e-3, voltage=0.0,
+                        rig=Rig(biases=tuple(SAMPLES.values()), spring=3.0)), Settings())
     w = result.deflection_m
     magnet = 0.5 * (1 + (12e-3 - w) / 6e-3) ** -3.3
     assert result.reaction_N == pytest.approx(17.9e-3 * 9.80665 + magnet - 7 * (w - 1e-3) - 3 * w,
@@ -256,7 +259,8 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
     film = build_model(heavy, Settings(), Loading(gravity=9.81, guide="fixed"))
     area = np.pi * (45e-3**2 - 10e-3**2)
     per_area = 9600 * 9.81 * 1e-3 / 5
-    assert film.weight[:, 2].sum() * film.discretisation.mirrored == pytest.approx(per_area * area, rel=1e-6)
+    weight = film.weight[:, 2].sum() * film.discretisation.mirrored
+    assert weight == pytest.approx(per_area * area, rel=1e-6)
     small = replace(film, loading=replace(film.loading, gravity=0.0981))
     state = equilibrium(small, 0.0, 0.0).state
     pressed = equilibrium(build_model(circular(), Settings(), Loading(guide="fixed")), 0.0, 0.0,
@@ -266,7 +270,8 @@ def test_the_film_s_own_weight_is_carried_by_frame_and_plate() -> None:
 
 
 def test_plate_pressure_is_a_weight_of_pressure_times_area() -> None:
-    pressed = solve(Case(circular(), mass=0.0, voltage=2000.0, rig=Rig(plate_pressure=500.0)), Settings())
+    pressed = solve(Case(circular(), mass=0.0, voltage=2000.0,
+                         rig=Rig(plate_pressure=500.0)), Settings())
     hung = solve(Case(circular(), mass=500 * np.pi * 1e-4 / 9.80665, voltage=2000.0), Settings())
     assert pressed.deflection_m == pytest.approx(hung.deflection_m, rel=1e-5)
 
@@ -350,6 +355,7 @@ def test_readme_s_rig_is_read_stored_and_shown(tmp_path: Path) -> None:
 
 
 def test_a_limit_in_pressure_is_told_in_pascal() -> None:
-    result = solve(Case(circular(), mass=0.0, voltage=0.0, rig=Rig(gas_pressure=2000.0)), Settings())
+    result = solve(Case(circular(), mass=0.0, voltage=0.0,
+                        rig=Rig(gas_pressure=2000.0)), Settings())
     assert result.status == "no_equilibrium"
     assert result.warnings[0] == "the film pulls in at 1272 Pa of gas pressure"

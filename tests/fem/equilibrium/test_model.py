@@ -34,7 +34,8 @@ def test_voltage_forces_are_the_forces_derivative(skewed_model: Model) -> None:
     change = (skewed_model.forces(positions, VOLTAGE_SQUARED)
               - skewed_model.forces(positions, 0.0)) / VOLTAGE_SQUARED
     inner, border = skewed_model.by_load(State(positions, plate, VOLTAGE_SQUARED), "voltage")
-    assert np.allclose(inner, change[skewed_model.discretisation.free], rtol=0, atol=1e-10 * np.abs(change).max())
+    assert np.allclose(inner, change[skewed_model.discretisation.free],
+                       rtol=0, atol=1e-10 * np.abs(change).max())
     assert np.allclose(border, skewed_model.on_freedoms(change, plate)[1], rtol=0,
                        atol=1e-10 * np.abs(change).max())
 
@@ -42,7 +43,8 @@ def test_voltage_forces_are_the_forces_derivative(skewed_model: Model) -> None:
 def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Model) -> None:
     positions, plate = deformed(skewed_model)
     part = skewed_model.linearised(State(positions, plate, VOLTAGE_SQUARED))
-    direction = np.random.default_rng(2).normal(size=positions.shape) * skewed_model.discretisation.free
+    direction = (np.random.default_rng(2).normal(size=positions.shape)
+                 * skewed_model.discretisation.free)
     step = 1e-30
     change = skewed_model.forces(positions + 1j * step * direction, VOLTAGE_SQUARED).imag / step
     scale = np.abs(change).max()
@@ -64,9 +66,11 @@ def test_taylor_order_two_in_all_unknowns_and_the_plate_s_rotations(skewed_model
     free = 1e-3 * rng.normal(size=film.discretisation.free_count)
     border = np.array([1e-3, -1e-3, 2e-3, 0.2, 0.3, -0.2])
     at = film.energy(positions, VOLTAGE_SQUARED)
-    slope = part.forces[film.discretisation.free] @ free + film.on_freedoms(part.forces, plate)[1] @ border
-    bend = free @ (part.inner @ free) + 2 * free @ (part.border
-                                                    @ border) + border @ part.corner @ border
+    slope = (part.forces[film.discretisation.free] @ free
+             + film.on_freedoms(part.forces, plate)[1] @ border)
+    bend = (free @ (part.inner @ free)
+            + 2 * free @ (part.border @ border)
+            + border @ part.corner @ border)
     errors = []
     for t in (0.04, 0.02, 0.01):
         moved = positions.copy()
@@ -165,9 +169,9 @@ def test_a_mirrored_part_stores_its_share_of_the_whole() -> None:
     part = model(elliptical(60e-3, NEO_HOOKE))
     full = unfold(part.discretisation.mesh, part.discretisation.planes)
     whole = Model(Discretisation.of(full.mesh), part.specimen)
-    bump = 3e-3 * np.cos(part.discretisation.reference[:, :1] / 0.03) * np.cos(part.discretisation.reference[:, 1:2]
-                                                                / 0.02) * [0, 0, 1]
-    positions = part.discretisation.reference + bump
+    reference = part.discretisation.reference
+    bump = 3e-3 * np.cos(reference[:, :1] / 0.03) * np.cos(reference[:, 1:2] / 0.02) * [0, 0, 1]
+    positions = reference + bump
     mirrored = positions[full.origin].copy()
     mirrored[:, :2] *= full.signs.T
     assert 4 * part.energy(positions, 1e6) == pytest.approx(whole.energy(mirrored, 1e6), rel=1e-12)

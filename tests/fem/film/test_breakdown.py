@@ -79,7 +79,8 @@ def test_smallest_margin_and_its_place() -> None:
 
 def test_margin_is_sought_under_the_electrode_only() -> None:
     region = Region(circular().plate.outline, (30e-3, 0.0))
-    specimen = replace(circular(strength=ConstantStrength(40e6)), electrode=Electrode(outline=region))
+    specimen = replace(circular(strength=ConstantStrength(40e6)),
+                       electrode=Electrode(outline=region))
     result = solve(Case(specimen, mass=WEIGHT, voltage=4000.0), Settings())
     assert region.level(result.breakdown_x_m, result.breakdown_y_m) < 1e-9
 
@@ -88,7 +89,8 @@ def test_margin_is_sought_under_the_electrode_only() -> None:
                          [(20e6, "would break down at"), (30e6, "is near breakdown (margin 1."),
                                                  (40e6, None)])
 def test_warnings(strength: float, words: str | None) -> None:
-    result = solve(Case(circular(strength=ConstantStrength(strength)), mass=WEIGHT, voltage=5000.0), Settings())
+    result = solve(Case(circular(strength=ConstantStrength(strength)),
+                        mass=WEIGHT, voltage=5000.0), Settings())
     assert result.status == "equilibrium"
     found = [text for text in result.warnings if "break" in text]
     assert bool(found) == bool(words)
@@ -128,10 +130,12 @@ def test_default_goes_with_the_library_material(tmp_path: Path) -> None:
     ('breakdown = "vhb-4910-embedded"', STRENGTH_LIBRARY["vhb-4910-embedded"].strength),
     ('breakdown = { law = "constant", strength = "20 kV/mm" }', ConstantStrength(20e6)),
     ('breakdown = { law = "power", strength = "30.6 MV/m", exponent = 1.13 }', VHB),
-    ('breakdown = { law = "power", strength = "51 MV/m", exponent = 0.63, thickness_exponent = 0.25, '
-     'thickness = "1 mm" }', STRENGTH_LIBRARY["vhb-4910-embedded"].strength),
+    ('breakdown = { law = "power", strength = "51 MV/m", exponent = 0.63, '
+     'thickness_exponent = 0.25, thickness = "1 mm" }',
+     STRENGTH_LIBRARY["vhb-4910-embedded"].strength),
 ])
-def test_strength_in_a_file(tmp_path: Path, line: str, strength: PowerStrength | ConstantStrength) -> None:
+def test_strength_in_a_file(tmp_path: Path, line: str,
+                            strength: PowerStrength | ConstantStrength) -> None:
     file = tmp_path / "film.toml"
     file.write_text(PATCH_TOML.replace("thickness =", f"{line}\nthickness ="))
     assert load_specimen(file).membrane.strength == strength

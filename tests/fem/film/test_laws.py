@@ -277,8 +277,8 @@ def test_admissible_as_far_as_the_law_reaches() -> None:
     falling = Ogden((-500.0,), (4.0,))
     with pytest.raises(InputError, match=r"from 0\.5 to 6\.0, but it falls at"):
         checked(Falling(Gent(20e3, 1e6), falling))
-    with pytest.raises(InputError,
-                       match=r"from 0\.5 to 6\.0 \(of which it reaches 4\.\d at most\), but it falls at"):
+    with pytest.raises(InputError, match=r"from 0\.5 to 6\.0 \(of which it reaches 4\.\d "
+                                         r"at most\), but it falls at"):
         checked(Falling(Gent(20e3, 18.0), Ogden((-5e3,), (4.0,))))
     assert checked(Falling(Gent(20e3, 3.0), falling))
 

@@ -98,8 +98,8 @@ def test_every_field_of_a_dataset_is_the_one_of_its_column(tmp_path) -> None:
     """Distinct numbers everywhere, so that no two columns can change places."""
     found = read_dataset(write_dataset(
         tmp_path / "d",
-        HEAD
-        + 'noise = "50 um"\nsource = "lab book 7"\n[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
+        HEAD + 'noise = "50 um"\nsource = "lab book 7"\n'
+               '[rig]\ngravity = "9.81 m/s^2"\nspring = "5 N/m"\n',
         static="tilt_mrad,film_voltage_kV,capacitance_pF,sigma_mm,direction,elapsed_s,order,repeat,run,displacement_mm,"
                "voltage_kV,mass_g,specimen\n\n1,2,3,4,down,5,6,seventh,eighth,9,10,11,B\n,,,,,,,,,-1,0,2,A\n",
         range="specimen,mass_kg,voltage_min_V,voltage_max_kV,range_um\nB,0.5,1,2,3\n",
@@ -142,7 +142,8 @@ STATIC_MESSAGES = [
                                      "displacement_mm is missing"),
     ("specimen,mass_g\n", "the columns voltage_kV, displacement_mm are missing"),
     ("specimen,mass_g,volatge_kV,displacement_mm\n",
-     "line 1, column 3: given 'volatge_kV': unknown column: did you mean 'voltage_kV'? known are specimen, mass_g"),
+     "line 1, column 3: given 'volatge_kV': unknown column: did you mean 'voltage_kV'? "
+     "known are specimen, mass_g"),
     ("Specimen,mass_g\n", "column 1: given 'Specimen': unknown column: did you mean 'specimen'?"),
     ("specimen,mass,voltage_kV\n",
      "column 2: given 'mass': has no unit: write it into the name, such as mass_g"),
@@ -163,7 +164,8 @@ STATIC_MESSAGES = [
     (TOP + 'A,17.9,0,"1,64"\n',
      "given '1,64': must be a number with a decimal point, such as 1.64"),
     (TOP + "A,17,9,0,1,64\n",
-     "line 2: given '6 cells': must have 4 cells, as the first line has; a decimal comma splits a number"),
+     "line 2: given '6 cells': must have 4 cells, as the first line has; "
+     "a decimal comma splits a number"),
     (TOP + "A,17.9,0\n", "line 2: given '3 cells': must have 4 cells, as the first line has\n"),
     (TOP + "A,17.9,0,nan\n", "column 4 (displacement_mm): given 'nan': must be finite"),
     (TOP + "A,17.9,0,1e999\n", "given '1e999': must be finite"),
@@ -185,8 +187,10 @@ MESSAGES = [
     ({"range": "specimen,mass_g,voltage_min_kV,voltage_max_kV,range_mm\nA,1,0,7,-1\n"},
      "given '-1': must not be neg"),
     ({"range": "specimen,mass_g,voltage_min,voltage_max_kV\n"}, "given 'voltage_min': has no unit"),
-    ({"transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,2,0,0,1\nA,1,1,0.0,0,2\n"},
-     "transient.csv: line 4, column 4 (t_s): given '0.0': must be there once in a run: it stands in line 2 too"),
+    ({"transient": "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\n"
+                   "A,1,1,0,0,1\nA,1,2,0,0,1\nA,1,1,0.0,0,2\n"},
+     "transient.csv: line 4, column 4 (t_s): given '0.0': must be there once in a run: "
+     "it stands in line 2 too"),
     ({"coupon": "mode,stretch,nominal_stress_kPa\nbiaxial,2,3\n"},
      "coupon.csv: line 2, column 1 (mode)"),
     ({}, "must hold at least one of static.csv, range.csv, transient.csv, coupon.csv\n"),
@@ -353,8 +357,9 @@ def test_the_paper_s_table_2() -> None:
 
 
 def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
-    text = TOP[:-1] + ",repeat\n" + "".join(f"A,17.9,{volts},{2 + 0.1 * volts + 0.1 * turn},{turn}\n"
-                                            for volts in range(10) for turn in range(2))
+    text = TOP[:-1] + ",repeat\n" + "".join(
+        f"A,17.9,{volts},{2 + 0.1 * volts + 0.1 * turn},{turn}\n"
+        for volts in range(10) for turn in range(2))
     folder = write_dataset(tmp_path / "d", static=text, transient=(
         "specimen,mass_g,run,t_s,voltage_kV,displacement_mm\nA,1,1,0,0,1\nA,1,1,1,0,1\nB,1,1,0,0,2\n"))
     assert main(["data", str(folder), "--json"]) == 0
@@ -368,7 +373,8 @@ def test_the_command_says_what_is_there(tmp_path, capsys) -> None:
     assert main(["data", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "voltages   10 from 0 to 9 kV" in printed
-    assert "noise      from repeats: 70.71 um (95 %: 49.41 to 124.1, 10 degrees of freedom)" in printed
+    assert ("noise      from repeats: 70.71 um (95 %: 49.41 to 124.1, 10 degrees of freedom)"
+            in printed)
     assert "static.csv     20 readings, SHA-256 " in printed
     assert "warning: neither order nor elapsed_s" in printed
 

@@ -230,11 +230,12 @@ def test_the_criterion_prefers_the_law_of_the_readings() -> None:
 #: Treloar, Trans. Faraday Soc. 40, 59 (1944), as FElupe's documentation reproduces them: stretch,
 #: kgf/cm².
 TRELOAR = {
-    "uniaxial": "1.02 0.26 1.125 1.37 1.24 2.3 1.39 3.23 1.585 4.16 1.9 5.1 2.18 6 2.42 6.9 3.02 8.8 3.57 10.7 4.03 "
-                "12.5 4.76 16.2 5.36 19.9 5.75 23.6 6.15 27.4 6.4 31 6.6 34.8 6.85 38.5 7.05 42.1 7.15 45.8 7.25 49.6 "
-                "7.4 53.3 7.5 57 7.6 64.4",
-    "equibiaxial": "1.03 0.95 1.07 1.6 1.12 2.42 1.14 2.62 1.2 3.32 1.31 4.43 1.42 5.18 1.68 6.6 1.94 7.78 2.49 9.79 "
-                   "3.03 12.6 3.43 14.7 3.75 17.4 4.07 20.1 4.26 22.5 4.45 24.7",
+    "uniaxial": "1.02 0.26 1.125 1.37 1.24 2.3 1.39 3.23 1.585 4.16 1.9 5.1 2.18 6 2.42 6.9 "
+                "3.02 8.8 3.57 10.7 4.03 12.5 4.76 16.2 5.36 19.9 5.75 23.6 6.15 27.4 6.4 31 "
+                "6.6 34.8 6.85 38.5 7.05 42.1 7.15 45.8 7.25 49.6 7.4 53.3 7.5 57 7.6 64.4",
+    "equibiaxial": "1.03 0.95 1.07 1.6 1.12 2.42 1.14 2.62 1.2 3.32 1.31 4.43 1.42 5.18 "
+                   "1.68 6.6 1.94 7.78 2.49 9.79 3.03 12.6 3.43 14.7 3.75 17.4 4.07 20.1 "
+                   "4.26 22.5 4.45 24.7",
 }
 
 
@@ -263,7 +264,8 @@ def test_library_silicone_is_its_source_s() -> None:
                               np.array([stretch]))[0] / 1e3 == pytest.approx(stress, rel=0.015)
 
 
-PLAIN = ('name = "x"\n[frame]\nshape = "circle"\nradius = "4 cm"\n[plate]\nshape = "circle"\nradius = "1 cm"\n'
+PLAIN = ('name = "x"\n[frame]\nshape = "circle"\nradius = "4 cm"\n'
+         '[plate]\nshape = "circle"\nradius = "1 cm"\n'
          '[membrane]\nthickness = "1 mm"\nprestretch = [2, 2]\nrelative_permittivity = 3\n')
 
 
@@ -276,7 +278,8 @@ def written(folder: Path, text: str) -> Path:
 def test_reading(tmp_path) -> None:
     data = read_coupons(written(tmp_path,
                                 "\ufeffspecimen, mode, t_s, stretch, nominal_stress_kPa, run\n"
-                                          "A, uniaxial, 1.5, 2, 35, 1\n\nA, pure_shear, , 1.5, -2e1, 2\n"))
+                                "A, uniaxial, 1.5, 2, 35, 1\n\n"
+                                "A, pure_shear, , 1.5, -2e1, 2\n"))
     assert data.modes == ("uniaxial", "pure_shear")
     assert data.stress.tolist() == [35e3, -20e3]
     assert data.in_plane[1] == pytest.approx([2**-0.5, 1])
@@ -417,8 +420,9 @@ def test_show(tmp_path, capsys) -> None:
         assert main(["material", "show", *arguments]) == 2
         assert message in capsys.readouterr().err
     refused = tmp_path / "refused.toml"
-    refused.write_text(file.read_text().replace('[membrane.material]\nlaw = "gent"\nmu = "18 kPa"\nj_lim = 8\n',
-                                                'material = "paper-table-1"\n'), encoding="utf-8")
+    refused.write_text(file.read_text().replace(
+        '[membrane.material]\nlaw = "gent"\nmu = "18 kPa"\nj_lim = 8\n',
+        'material = "paper-table-1"\n'), encoding="utf-8")
     assert main(["material", "show", str(refused)]) == 0
     assert "Hill's inequality fails" in capsys.readouterr().out
     assert main(["solve", str(refused), "--mass", "10 g"]) == 2

@@ -78,8 +78,8 @@ def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     voltage = generator.uniform(0, 6, 100_000)
     text = ROWS + "".join(f"A,17.9,{v:.3f},{y:.4f}\n" for v, y in zip(
         voltage, 2 + 0.03 * voltage**2 + generator.normal(0, 0.02, len(voltage)), strict=True))
-    readings = prepared_readings(read_dataset(write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD,
-                                                      static=text)))
+    folder = write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD, static=text)
+    readings = prepared_readings(read_dataset(folder))
     assert len(readings.table) < 300
     assert readings.table.sigma.max() < 2e-6
     smooth = 1e-3 * (2 + 0.03 * (readings.table.voltage / 1e3) ** 2)
@@ -123,8 +123,8 @@ def written(three_shapes: Simulation,
 
 def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) -> None:
     folder, content = written
-    assert json.loads((folder
-                       / "diagnosis.json").read_text(encoding="utf-8")) == json.loads(json.dumps(content))
+    text = (folder / "diagnosis.json").read_text(encoding="utf-8")
+    assert json.loads(text) == json.loads(json.dumps(content))
     assert content["verdict"] == "named"
     cause = content["causes"][0]
     assert (cause["effect"], cause["which"]) == ("electrode_margin", None)
@@ -161,8 +161,8 @@ def test_the_extended_model_is_what_solve_takes(written: tuple[Path, dict[str, A
     assert float(last[0][-1]) == pytest.approx(solved, abs=2e-6)
 
 
-def test_the_page_says_it_in_one_sentence_and_is_rebuilt(written: tuple[Path, dict[str, Any]],
-                                                         capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
+        written: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = written
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert "the cause stands out" in page
@@ -192,8 +192,11 @@ def table_2(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, Any]) -> None:
-    """The paper's ranges: 22.45 g make 1.07 to 1.16 times those of 17.9 g where nearly linear films make 1.25; the
-    ellipses gain more than the 7.6 % and 11 % of the simulation."""
+    """Heavier weights deflect it too little, and ellipses gain too much.
+
+    The paper's ranges: 22.45 g make 1.07 to 1.16 times those of 17.9 g where nearly linear films
+    make 1.25; the ellipses gain more than the 7.6 % and 11 % of the simulation.
+    """
     assert table_2["verdict"] == "unexplained"
     ratios = {one["what"]: one for one in table_2["misfit"]["ratios"]}
     circle = ratios["22.45 g over 17.9 g, circular"]

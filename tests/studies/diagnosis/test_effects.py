@@ -308,4 +308,5 @@ def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixtur
     printed = capsys.readouterr().out
     assert all(effect.explanation in printed for effect in EFFECTS.values())
     page = Path(__file__).parents[3] / "docs" / "effects.md"
-    assert page.read_text(encoding="utf-8") == listing.markdown(), "run tympan effects --markdown > docs/effects.md"
+    assert page.read_text(encoding="utf-8") == listing.markdown(), (
+        "run tympan effects --markdown > docs/effects.md")

@@ -39,8 +39,10 @@ def _by_equations(film: axisymmetric.Film, table, gravity: float) -> np.ndarray:
 ])
 def test_it_gives_the_deflections_of_the_axisymmetric_equations(three_shapes: Simulation, cause,
                                                                 size, changed) -> None:
-    """Equations that share nothing with the finite elements; other stiffness and permittivity than the laws were made
-    with, which cost the laws nothing."""
+    """Equations that share nothing with the finite elements.
+
+    Stiffness and permittivity are others than the laws were made with, which cost the laws nothing.
+    """
     film = three_shapes.setup.specimens[0].membrane
     stiffness, permittivity = 1.12, 0.94
     material = axisymmetric.Ogden(tuple(stiffness * mu for mu in film.material.mu),
@@ -74,8 +76,8 @@ def test_pairs_of_effects_agree_with_finite_elements_on_a_finer_mesh(three_shape
     found = three_shapes.predict(hypothesis, unknowns, table)
     plain = three_shapes.predict((), unknowns[:2], table)
     for row in (3, 6):
-        result = solve(Case(setup.specimens[1], mass=float(table.mass[row]), voltage=float(table.voltage[row]),
-                            rig=setup.rig), FINE)
+        result = solve(Case(setup.specimens[1], mass=float(table.mass[row]),
+                            voltage=float(table.voltage[row]), rig=setup.rig), FINE)
         assert found[row] == pytest.approx(result.reading_m, abs=3e-6)
         assert abs(plain[row] - result.reading_m) > 5e-6
 

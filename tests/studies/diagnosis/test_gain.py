@@ -53,11 +53,11 @@ def test_specimens_of_one_shape_are_held_out_together_and_alone(three_shapes: Si
     twins = (circle, small, replace(circle, name="second circle"))
     simulation = replace(three_shapes, setup=replace(three_shapes.setup, specimens=twins))
     splits, impossible = splits_of(simulation, design(SIGMA))
-    assert [name for kind, name, _ in splits if kind == "specimen"] == ["circular",
-                                                                          "elliptical-small",
-                                                                         "second circle"]
-    assert impossible == ("circular and second circle cannot be held out: fewer than 2 shapes would be left",
-                          "elliptical-small cannot be held out: fewer than 2 shapes would be left")
+    assert [name for kind, name, _ in splits if kind == "specimen"] == [
+        "circular", "elliptical-small", "second circle"]
+    assert impossible == (
+        "circular and second circle cannot be held out: fewer than 2 shapes would be left",
+        "elliptical-small cannot be held out: fewer than 2 shapes would be left")
 
 
 def test_too_little_is_said(three_shapes: Simulation) -> None:
@@ -122,7 +122,8 @@ def test_a_cause_on_the_specimen_held_out_does_not_count(three_shapes: Simulatio
     judgement = judge(three_shapes, table, every_cause(three_shapes))
     report = gain_of(three_shapes, table, every_cause(three_shapes), judgement)
     notes = {one.held_out: one.note for one in report.splits if one.note}
-    assert notes.pop("circular") == "prestretch_loss of circular cannot be learned while circular is held out"
+    assert notes.pop("circular") == ("prestretch_loss of circular cannot be learned "
+                                     "while circular is held out")
     assert all(note.startswith("nothing is seen to be wrong") for note in notes.values())
     assert len(notes) < len(report.splits) - 2
     assert report.overall is not None
@@ -181,7 +182,8 @@ def test_a_process_predicts_as_well_as_it_claims() -> None:
     inside = np.arange(len(table)) % 3 == 1
     errors = []
     for _ in range(6):
-        residual = draw @ generator.standard_normal(len(table)) + 1e-6 * generator.standard_normal(len(table))
+        residual = (draw @ generator.standard_normal(len(table))
+                    + 1e-6 * generator.standard_normal(len(table)))
         trained = GaussianProcess.trained(compact(table[~inside]), residual[~inside])
         errors.append(residual[inside] - trained.predicted(table[inside]))
     assert np.sqrt(np.mean(np.square(errors))) < 1.6e-6

@@ -50,7 +50,8 @@ def test_a_film_is_behind_the_more_the_larger_its_lag(specimen: str, voltage: fl
 
 def test_a_lag_is_another_voltage() -> None:
     """Without the lag, at a voltage lower or higher by it; below the lag, at none."""
-    plain = {voltage: deflection(0.0, voltage, DISCREPANCY) for voltage in (0.0, 150.0, 3850.0, 4150.0)}
+    plain = {voltage: deflection(0.0, voltage, DISCREPANCY)
+             for voltage in (0.0, 150.0, 3850.0, 4150.0)}
     assert deflection(150.0, 4e3, UP) == plain[3850.0]
     assert deflection(150.0, 4e3, DOWN) == plain[4150.0]
     assert deflection(150.0, 100.0, UP) == plain[0.0]

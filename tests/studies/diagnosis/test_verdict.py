@@ -70,7 +70,8 @@ def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> No
     assert tests(left + line, generator).p_value < 1e-3
 
 
-def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(three_shapes: Simulation) -> None:
+def test_the_noise_is_found_though_misstated_and_not_what_is_smooth(
+        three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
     nominal = fit(three_shapes, (), table)
     assert np.sqrt(nominal.chi_squared / len(table)) > 2
@@ -97,7 +98,8 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     """The size at which an effect should reach Δχ² = 25, put into exact readings, does: the refit
     done in full."""
     table = design(SIGMA)
-    for one in effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes)).effects:
+    causes = every_cause(three_shapes)
+    for one in effect_identifiability(three_shapes, table, np.zeros(2), causes).effects:
         parameters = one.cause.effect.parameters
         if one.seen is None or len(parameters) > 1 or one.cause.name in ("voltage_sag",
                                                                            "strain_stiffening"):
@@ -124,8 +126,11 @@ def test_pairs_never_hold_one_effect_on_two_specimens() -> None:
 
 
 def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simulation) -> None:
-    """10 g that nobody weighed are ten times the usual; without that cause in the list something else is said, with it
-    the attempt finds it and calls it implausible."""
+    """10 g that nobody weighed are ten times the usual.
+
+    Without that cause in the list something else is said, with it the attempt finds it and calls it
+    implausible.
+    """
     mass = Cause("unaccounted_mass")
     table = read(three_shapes, design(SIGMA, masses=(17.9e-3, 14e-3)), (mass,), [-4e-3], seed=5)
     others = [cause for cause in every_cause(three_shapes) if cause != mass]

@@ -65,7 +65,8 @@ def test_stress_falls_with_stretch(fitted: lost.MissingParameters) -> None:
     turn = found["stretch where the stress stops falling"]
     assert sigma(turn) < min(sigma(turn - 1e-3), sigma(turn + 1e-3))
     assert 1.01 < found["largest stretch at 7 kV"] < turn
-    assert found["circle's stiffness at 3 mm over that when flat"] < found["the same of a constant stress"] < 1
+    assert (found["circle's stiffness at 3 mm over that when flat"]
+            < found["the same of a constant stress"] < 1)
 
 
 def test_cone_against_taut_film(fitted: lost.MissingParameters) -> None:
@@ -102,7 +103,8 @@ def test_energy_and_eq_5_differ(fitted: lost.MissingParameters) -> None:
                                                                      rel=1e-6)
 
 
-def test_no_permittivity_makes_films_at_rest_grow_as_table_2(fitted: lost.MissingParameters) -> None:
+def test_no_permittivity_makes_films_at_rest_grow_as_table_2(
+        fitted: lost.MissingParameters) -> None:
     """Seeded points of all that may be chosen, by roots of the balance: always above the ratio of
     the weights."""
     rng = np.random.default_rng(8)

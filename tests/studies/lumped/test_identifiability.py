@@ -87,7 +87,8 @@ def test_limits_of_a_constant_among_others_nobody_sees() -> None:
     lost along them."""
     base = clean()
     for seed in range(6):
-        read = base.displacement + 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
+        noise = 1e-6 * np.random.default_rng(seed).standard_normal(len(base.mass))
+        read = base.displacement + noise
         kept = (base.mass < 0.02) & (base.voltage < 4.1e3)
         few = replace(base, which=base.which[kept], mass=base.mass[kept],
                       voltage=base.voltage[kept],
@@ -114,8 +115,8 @@ def test_what_one_side_leaves_open_or_nobody_sees_has_no_limits() -> None:
     found = identifiability(saturating, np.array([1.5, 0.0]), names, QUANTILE, lambda _, z: z)
     assert profile(saturating, np.array([1.5, 0.0]), 0, QUANTILE).low is not None
     assert found.undetermined == ["a"]
-    summed = LeastSquares.of(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1, np.ones((2, 2)) / 0.1),
-                    *box(2))
+    summed = LeastSquares.of(lambda z: (np.array([z.sum(), z.sum() - 0.02]) / 0.1,
+                                        np.ones((2, 2)) / 0.1), *box(2))
     found = identifiability(summed, np.array([0.0, 0.01]), names, QUANTILE, lambda _, z: z)
     assert found.undetermined == ["a", "b"]
     assert found.determined == 1

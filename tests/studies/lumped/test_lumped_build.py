@@ -296,8 +296,8 @@ def test_a_broken_file_names_its_key(old: str, new: str, words: str, tmp_path: P
         read_model(file)
 
 
-def test_a_signal_beyond_what_it_was_built_for_is_refused(tmp_path: Path,
-                                                          capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_signal_beyond_what_it_was_built_for_is_refused(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_model(tmp_path / "a.lumped.toml", MODEL)
     assert main(["lumped", "simulate", "--model", str(tmp_path / "a.lumped.toml"), "--high",
                  "6 kV"]) == 2

@@ -97,7 +97,8 @@ def test_a_loop_closes_once_the_film_has_crept_far_enough() -> None:
     drifts = [one.loop.drift for one in simulated if one.loop is not None]
     slow = [np.linalg.eigvals(linearise(PAPER, volts).a).real.max() for volts in (3.5e3, 5e3)]
     assert np.exp(4.0 * slow[0]) < drifts[1] / drifts[0] < np.exp(4.0 * slow[1])
-    creeping = [any("more periods" in words for words in one.numbers["warnings"]) for one in simulated]
+    creeping = [any("more periods" in words for words in one.numbers["warnings"])
+                for one in simulated]
     assert creeping == [True, True, False]
 
 

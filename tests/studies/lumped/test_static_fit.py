@@ -88,7 +88,8 @@ def test_coverage_of_400_runs() -> None:
                          for one, truth in zip(fit.judgement.constants, TRUTH, strict=True)
                          if one.low is not None])
     for words, inside in (("combinations", hits(fits)), ("constants by profile", profiled)):
-        print(f"{words} {inside.sum()} of {len(inside)} = {inside.mean():.4f}; 95 % of a binomial is within "
+        print(f"{words} {inside.sum()} of {len(inside)} = {inside.mean():.4f}; "
+              f"95 % of a binomial is within "
               f"{1.96 * np.sqrt(0.95 * 0.05 / len(inside)):.4f} of 0.95")
         assert 0.93 <= inside.mean() <= 0.97
     assert all(fit.judgement.undetermined

@@ -95,7 +95,8 @@ def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, tasks: int) ->
     assert command.signalled(signal.SIGINT, tasks, 0.0 if tasks else 0.3)
     status, said = command.ended()
     kept = len(finished(right[0], tmp_path / "out"))
-    words = f"tympan: interrupted; {2 * kept} of 64 cases are kept, the same command goes on from there\n"
+    words = (f"tympan: interrupted; {2 * kept} of 64 cases are kept, "
+             "the same command goes on from there\n")
     assert (status, said) == (1, words)
     if tasks:
         assert kept >= 3
@@ -129,8 +130,8 @@ def test_no_room_for_the_table_is_one_message_and_what_was_finished_stays(right,
         command = Command(written(tmp_path, MANY), tmp_path / "out")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert command.ended() == (2,
-                               f"tympan: {tmp_path}/out/sweep.nc: cannot be written: File too large\n")
+    words = f"tympan: {tmp_path}/out/sweep.nc: cannot be written: File too large\n"
+    assert command.ended() == (2, words)
     assert len(finished(right[0], tmp_path / "out")) == 32
     assert not (tmp_path / "out" / "sweep.nc").exists()
     goes_on(right, tmp_path / "out")
@@ -144,8 +145,8 @@ def test_a_folder_that_cannot_be_written_is_one_message(right, tmp_path) -> None
         pytest.skip("root may write anywhere")
     file = written(tmp_path, MANY)
     (tmp_path / "kept").mkdir()
-    run_sweep(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE), tmp_path / "kept" / "out",
-        serial)
+    run_sweep(read(tmp_path, MANY.replace("count = 32", "count = 2"), COARSE),
+              tmp_path / "kept" / "out", serial)
     written(tmp_path, MANY)
     for folder in (tmp_path / "kept" / "out", tmp_path / "kept"):
         folder.chmod(0o500)
