@@ -97,8 +97,10 @@ def _print(spent: dict[str, tuple[float, float]], verdict: str, error: float, wo
     for words, (wall, busy) in spent.items():
         print(f"{words:<34}{wall:>7.1f} s{busy:>10.1f} s")
     wall, busy = (sum(column) for column in zip(*spent.values(), strict=True))
-    print(f"{'all':<34}{wall:>7.1f} s{busy:>10.1f} s   {workers} workers, load {os.getloadavg()[0]:.1f}")
-    print(f"verdict: {verdict}; the reduced model is off by at most {1e6 * error:.2f} um of deflection")
+    print(f"{'all':<34}{wall:>7.1f} s{busy:>10.1f} s   {workers} workers, "
+          f"load {os.getloadavg()[0]:.1f}")
+    print(f"verdict: {verdict}; the reduced model is off by at most {1e6 * error:.2f} um "
+          "of deflection")
     print(f"aim {AIM:.0f} s   {'met' if wall < AIM else 'not met'}")
 
 

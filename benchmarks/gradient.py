@@ -63,7 +63,8 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
     works: dict[str, Callable[[], object]] = {
         "solve": lambda: equilibrium(model, FORCE, VOLTAGE),
         "step": lambda: equilibrium(model, FORCE, FURTHER, start=outcome.solution),
-        "gradient by thickness": lambda: deflection_gradient(model, outcome, ["membrane.thickness"]),
+        "gradient by thickness": lambda: deflection_gradient(model, outcome,
+                                                             ["membrane.thickness"]),
         "gradient by one length": lambda: deflection_gradient(model, outcome, lengths[:1]),
         f"gradient by {len(fixed)}, no lengths": lambda: deflection_gradient(model, outcome, fixed),
         f"gradient by all {len(known)}": lambda: deflection_gradient(model, outcome, list(known)),

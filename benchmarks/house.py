@@ -2,8 +2,8 @@
 
 From the import graph.
 
-Run as ``python -m benchmarks.house`` (``make house``); writes docs/house.svg. A chapter, a folder or
-a file of a package, stands one floor above the highest of those it imports; arrows that others
+Run as ``python -m benchmarks.house`` (``make house``); writes docs/house.svg. A chapter, a folder
+or a file of a package, stands one floor above the highest of those it imports; arrows that others
 already imply are left out.
 """
 

@@ -44,7 +44,8 @@ NOISE, MASSES, VOLTAGES, ALPHA = 1e-6, (17.9e-3, 22.45e-3), np.linspace(0, 7e3, 
 VISCOUS = Viscous(15e6, 100e6, 100e3)
 
 
-def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: Array) -> StaticProblem:
+def readings(specimens: Sequence[Specimen], masses: Sequence[float],
+             voltages: Array) -> StaticProblem:
     """At rest, with noise; ε_r of the search's start is 6."""
     rows = [(number, mass, volts, rest(Actuator.of(one, mass, ALPHA), float(volts)))
             for number, one in enumerate(specimens) for mass in masses for volts in voltages]
@@ -57,7 +58,7 @@ def readings(specimens: Sequence[Specimen], masses: Sequence[float], voltages: A
 
 def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
            interval: float) -> Record:
-    """A step half a second after the start, which came a third of an interval before the sample that shows it first."""
+    """A step half a second after the start, a third of an interval before its first sample."""
     actuator = Actuator.of(specimens[number], mass, ALPHA, VISCOUS)
     time = np.arange(0.0, end + interval / 2, interval)
     seen = float(time[np.searchsorted(time, 0.5 - 1e-9)])
@@ -72,7 +73,8 @@ def record(specimens: Sequence[Specimen], number: int, mass: float, end: float,
 def show(words: str, judgement: Identifiability) -> None:
     """One line: every constant with its limits, in per cent of its value."""
     found = [f"{one.name} " + ("-" if one.low is None or one.high is None else
-                               f"{100 * (one.low / one.value - 1):+.2f}/{100 * (one.high / one.value - 1):+.2f} %")
+                               f"{100 * (one.low / one.value - 1):+.2f}/"
+                               f"{100 * (one.high / one.value - 1):+.2f} %")
              for one in judgement.constants if one.name[:4] not in ("beta", "gamm")]
     print(f"{words:<42} {', '.join(found)}; {judgement.determined} of {len(judgement.constants)}")
 
@@ -99,13 +101,15 @@ def statics(specimens: Sequence[Specimen]) -> StaticFit:
                                      strict=True)})
     other = nelder_mead(fit.problem)
     bare = identify_static(fit.problem, profiles=False)
-    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.2f} s, misfit {1e6 * bare.rmse:.3f} µm; "
-          f"Nelder-Mead {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.3f} µm")
+    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.2f} s, "
+          f"misfit {1e6 * bare.rmse:.3f} µm; "
+          f"Nelder-Mead {other['evaluations']}, {other['seconds']:.1f} s, "
+          f"{other['rmse_um']:.3f} µm")
     return fit
 
 
 def responses(specimens: Sequence[Specimen], held: StaticFit) -> None:
-    """Responses: what of the viscous constants they determine, by how long and how often they are read."""
+    """What responses tell of the viscous constants, by how long and how often they are read."""
     print("after a step")
     exact = Exact(specimens, Rig(), ALPHA)
 
@@ -117,11 +121,14 @@ def responses(specimens: Sequence[Specimen], held: StaticFit) -> None:
     fit = identify_dynamic(whole)
     show("six of 30 s at 1 kHz, statics fitted", fit.judgement)
     print(f"   with profiles {fit.seconds:.1f} s, "
-          f"{sum(one.evaluations for one in fit.judgement.profiles if one is not None)} evaluations for them")
+          f"{sum(one.evaluations for one in fit.judgement.profiles if one is not None)} "
+          "evaluations for them")
     bare = identify_dynamic(replace(whole), profiles=False)
     other = nelder_mead_dynamic(replace(whole))
-    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.1f} s, misfit {1e6 * bare.rmse:.4f} µm; "
-          f"Nelder-Mead, statics held, {other['evaluations']}, {other['seconds']:.1f} s, {other['rmse_um']:.4f} µm")
+    print(f"   least squares {bare.evaluations} evaluations, {bare.seconds:.1f} s, "
+          f"misfit {1e6 * bare.rmse:.4f} µm; "
+          f"Nelder-Mead, statics held, {other['evaluations']}, {other['seconds']:.1f} s, "
+          f"{other['rmse_um']:.4f} µm")
     print("   off the truth:",
           *(f"{name} {100 * (found / true - 1):+.3f} % and {100 * (simple / true - 1):+.3f} %,"
                                  for name, found, simple, true in

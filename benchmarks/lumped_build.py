@@ -1,4 +1,4 @@
-"""Lumped models from field models, measured: ``docs/lumped-build.md`` with its figure (``make lumped-build``)."""
+"""Lumped models from field models, measured: ``docs/lumped-build.md`` (``make lumped-build``)."""
 
 from __future__ import annotations
 
@@ -71,29 +71,38 @@ def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
     worst = max(one.worst("corrected", held_out=True) or np.inf for one in found)
     lines = [
         "# From the field model to a lumped one", "",
-        "`tympan lumped build SPECIMEN.toml … -o DIR` makes the lumped model of each specimen from its field model "
-        "alone: α of membrane circles (`tympan alpha`), the film's own law in a membrane's kinematics, two factors, "
-        "and the flat film's capacitance. `DIR/NAME.lumped.toml` is the model to take away: plain SI numbers, with the "
-        "formulas as a comment; `tympan lumped simulate --model` runs it. `make lumped-build` makes this page.", "",
+        "`tympan lumped build SPECIMEN.toml … -o DIR` makes the lumped model of each specimen "
+        "from its field model "
+        "alone: α of membrane circles (`tympan alpha`), the film's own law in a membrane's "
+        "kinematics, two factors, "
+        "and the flat film's capacitance. `DIR/NAME.lumped.toml` is the model to take away: plain "
+        "SI numbers, with the "
+        "formulas as a comment; `tympan lumped simulate --model` runs it. `make lumped-build` "
+        "makes this page.", "",
         "## The kinematics", "", *_kinematics(circle), "",
         "## The paper's actuators, 0 to 5 kV, 17.9 and 22.45 g", "",
-        f"Fitted on 17.9 g at 0, 2.5 and 5 kV alone, the model is nowhere more than {_percent(worst)} from the field "
-        f"model's deflection at the {int((~circle.settings.fitted).sum())} other loads. Circles in the figure are the "
+        "Fitted on 17.9 g at 0, 2.5 and 5 kV alone, the model is nowhere more than "
+        f"{_percent(worst)} from the field "
+        f"model's deflection at the {int((~circle.settings.fitted).sum())} other loads. Circles "
+        "in the figure are the "
         "field model.", "",
         "![Deflection of field and lumped models, and what is left](lumped-build.png)", "",
-        "Largest errors; deflection at loads that were not fitted, stroke from 0 to 5 kV and capacitance at all:", "",
+        "Largest errors; deflection at loads that were not fitted, stroke from 0 to 5 kV and "
+        "capacitance at all:", "",
         "| | | " + " | ".join(KINEMATICS) + " |", "|---|---|" + "---:|" * len(KINEMATICS),
         *(line for one in found for line in _errors(one)), "",
         *_reading(found), "",
         "## Shapes, electrodes, laws", "",
-        "The same loads and fit. *Carried over*: the two factors are those of the circular actuator above, so of this "
+        "The same loads and fit. *Carried over*: the two factors are those of the circular "
+        "actuator above, so of this "
         "specimen nothing but α was fitted.", "",
         "| | factors on film, voltage | scaled | membrane | carried over | corrected |",
         "|---|---|---:|---:|---:|---:|",
         *(_other(words, one, circle) for words, one in others), "",
         *_capacitances(others), "",
         "## Vibrations", "",
-        "Undamped heave about rest under 17.9 g, from the model's stiffness and from the field model's eigenvalues, "
+        "Undamped heave about rest under 17.9 g, from the model's stiffness and from the field "
+        "model's eigenvalues, "
         "which the fit did not see:", "",
         "| | 0 kV: lumped, field | 5 kV: lumped, field |", "|---|---|---|",
         *(_heave(one) for one in found), "",
@@ -104,19 +113,26 @@ def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
 def _kinematics(circle: Built) -> list[str]:
     factor = circle.membrane_factors[0]
     return [
-        "*cone* is the paper's: the film is a straight cone. A film without bending stiffness is steeper at the plate. "
-        "Under even tension, hardly deflected, its height is y ln(R/ρ)/ln(R/r), and its force l₀/(r ln(R/r)) times "
+        "*cone* is the paper's: the film is a straight cone. A film without bending stiffness is "
+        "steeper at the plate. "
+        "Under even tension, hardly deflected, its height is y ln(R/ρ)/ln(R/r), and its force "
+        "l₀/(r ln(R/r)) times "
         f"the cone's: {factor:.3f} for the circle of 45 mm with a plate of 10 mm, "
         + " and ".join(f"{_factor(radius):.3f} for {1e3 * radius:g} mm"
                        for radius in (60e-3, 75e-3)) + ".", "",
-        "*membrane* takes that shape. The energy of its slopes over the whole film is, to fourth order in y and for "
+        "*membrane* takes that shape. The energy of its slopes over the whole film is, to fourth "
+        "order in y and for "
         "any law, that of a volume V with the one slope κy, with V κ² = 2π z₀/ln(R/r) and "
-        "κ² = (1/r² − 1/R²)/(2 ln³(R/r)). Force is its derivative for film and voltage alike, so capacitance and force "
+        "κ² = (1/r² − 1/R²)/(2 ln³(R/r)). Force is its derivative for film and voltage alike, so "
+        "capacitance and force "
         "agree. Nothing is fitted but α.", "",
-        "*corrected* has one factor on the film's energy and one on the voltage's, for what circles do not know: bare "
-        "bands, plates or prestretches that are not round. *scaled* is the cone times the one factor that fits the "
+        "*corrected* has one factor on the film's energy and one on the voltage's, for what "
+        "circles do not know: bare "
+        "bands, plates or prestretches that are not round. *scaled* is the cone times the one "
+        "factor that fits the "
         "first circle, with the α best for it.", "",
-        "The viscous branch and damper stay the cone's in all of them: the paper identified their constants with it. "
+        "The viscous branch and damper stay the cone's in all of them: the paper identified their "
+        "constants with it. "
         "A field model at rest says nothing about them."]
 
 
@@ -136,15 +152,21 @@ def _errors(built: Built) -> Iterator[str]:
 def _reading(found: Sequence[Built]) -> list[str]:
     circle, large = found[0], found[-1]
     return [
-        f"The circle's cone sinks {circle.errors('cone')[0, 0] + 1:.2f} times as far as it should, and no α mends that "
-        "in an ellipse: the best one puts all weight on the smaller circle. Its factor is wrong, not its "
+        f"The circle's cone sinks {circle.errors('cone')[0, 0] + 1:.2f} times as far as it "
+        "should, and no α mends that "
+        "in an ellipse: the best one puts all weight on the smaller circle. Its factor is wrong, "
+        "not its "
         "shape: multiplied by one number it is as good in deflection as the membrane, with an α of "
         f"{large.alpha.by_basis['cone_scaled'].alpha[0]:.3f} for the large ellipse instead of the "
-        f"{large.model.weights[0]:.3f} that membranes have. What the membrane adds: the number follows from the size "
-        "of the circle, so the film's own law and permittivity serve as they are; α is that of circles of real film; "
+        f"{large.model.weights[0]:.3f} that membranes have. What the membrane adds: the number "
+        "follows from the size "
+        "of the circle, so the film's own law and permittivity serve as they are; α is that of "
+        "circles of real film; "
         "and the capacitance is right, which the scaled cone has up to "
-        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong. (The share of the edge "
-        f"force, {large.alpha.from_fields.alpha[0]:.3f} around the short axis of the large ellipse, is a third number "
+        f"{_percent(max(one.capacitance_error('scaled') or np.inf for one in found))} wrong. (The "
+        "share of the edge "
+        f"force, {large.alpha.from_fields.alpha[0]:.3f} around the short axis of the large "
+        "ellipse, is a third number "
         "and no weight for either.)"]
 
 
@@ -153,8 +175,10 @@ def _capacitances(others: Sequence[tuple[str, Built]]) -> list[str]:
                if one.model.specimen.electrode.everywhere]
     bare = [one.capacitance_error("corrected") or np.inf for _, one in others
             if not one.model.specimen.electrode.everywhere]
-    return [f"Capacitance, corrected: within {_percent(max(covered))} where the whole film is covered. Where bands are "
-            f"bare, covered film spreads into them as the voltage rises, without any deflection: {_percent(max(bare))} "
+    return [f"Capacitance, corrected: within {_percent(max(covered))} "
+            "where the whole film is covered. Where bands are "
+            "bare, covered film spreads into them as the voltage rises, "
+            f"without any deflection: {_percent(max(bare))} "
             "at 5 kV, which the lumped model does not have and `build` warns of."]
 
 
@@ -164,7 +188,8 @@ def _other(words: str, built: Built, circle: Built) -> str:
     values = [*(built.worst(kind, held_out=True) for kind in ("scaled", "membrane")),
               carried.worst("corrected", held_out=True), built.worst("corrected", held_out=True)]
     found = built.model
-    return f"| {words} | {found.stiffness:.4f}, {found.permittivity:.4f} | " + " | ".join(map(_percent, values)) + " |"
+    return (f"| {words} | {found.stiffness:.4f}, {found.permittivity:.4f} | "
+            + " | ".join(map(_percent, values)) + " |")
 
 
 def _heave(built: Built) -> str:
@@ -182,20 +207,26 @@ def _reach(built: Built) -> list[str]:
     limits = [equilibrate(Case(built.model.specimen, mass=mass, voltage=10e3), Settings())[1].limit
               for mass in built.settings.masses]
     return [
-        "The circles keep their hoop stretch, so the model does not see what draws a film in. The circular actuator, "
+        "The circles keep their hoop stretch, so the model does not see what draws a film in. The "
+        "circular actuator, "
         "built for 0 to 5 kV and asked beyond:", "",
         "| | " + " | ".join(f"{u / 1e3:g} kV" for u in voltages) + " |",
         "|---|" + "---:|" * len(voltages),
         *(f"| {1e3 * mass:g} g | " + " | ".join(f"{100 * one:+.2f} %" for one in row) + " |"
           for mass, row in zip(built.settings.masses, errors, strict=True)), "",
-        f"The field model pulls in at {' and '.join(f'{1e-3 * np.sqrt(limit or np.nan):.2f}' for limit in limits)} kV, "
+        "The field model pulls in at "
+        + " and ".join(f"{1e-3 * np.sqrt(limit or np.nan):.2f}" for limit in limits) + " kV, "
         "wrinkled before that. A file therefore knows the highest "
-        "voltage it was compared at, and `simulate --model` refuses more; `build` refuses voltages at which the field "
-        "model has no equilibrium, with its pull-in voltage. The film's own mass is not in the model."]
+        "voltage it was compared at, and `simulate --model` refuses more; `build` refuses "
+        "voltages at which the field "
+        "model has no equilibrium, with its pull-in voltage. The film's own mass is not in the "
+        "model."]
 
 
 def _percent(value: float | None) -> str:
-    return "pulls in" if value is None else f"{100 * value:.2g} %" if value < 0.1 else f"{100 * value:.0f} %"
+    if value is None:
+        return "pulls in"
+    return f"{100 * value:.2g} %" if value < 0.1 else f"{100 * value:.0f} %"
 
 
 if __name__ == "__main__":

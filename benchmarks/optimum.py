@@ -28,7 +28,8 @@ def main() -> None:
     began = time.perf_counter()
     whole = find_optima(problem, Settings(), DescentSettings())
     took = time.perf_counter() - began
-    parts = {name: find_optima(_only(problem, name), Settings(), DescentSettings()) for name in ("frame", "plate")}
+    parts = {name: find_optima(_only(problem, name), Settings(), DescentSettings())
+             for name in ("frame", "plate")}
     with tempfile.TemporaryDirectory() as folder:
         picture, _ = draw_optimum(result_of(whole), Path(folder))
         shutil.copy(picture, _DOCS / "optimum.png")
@@ -40,8 +41,10 @@ def page(whole: Optima, parts: dict[str, Optima], took: float) -> str:
     problem, reference = whole.problem, whole.reference
     lines = [
         "# The ellipse with the largest stroke", "",
-        f"Stroke: deflection at {problem.voltage / 1e3:g} kV minus that at none, under {problem.mass * 1e3:g} g. "
-        f"`make optimum` makes this page in about {took / 60:.0f} min from `studies/optimise/ellipse.toml`; "
+        f"Stroke: deflection at {problem.voltage / 1e3:g} kV minus that at none, under "
+        f"{problem.mass * 1e3:g} g. "
+        f"`make optimum` makes this page in about {took / 60:.0f} min from "
+        "`studies/optimise/ellipse.toml`; "
         "the search of it alone is `tympan optimise`.", "",
         f"To beat: `{problem.reference.name}`, stroke {1e3 * reference.stroke:.4f} mm, "
         + ", ".join(f"{_words(name)} {_shown(problem, name, value)}"
@@ -73,7 +76,8 @@ def _meaning(whole: Optima) -> list[str]:
                         else "no bound of a variable holds it")
                      + f"; active limits: {', '.join(active) or 'none'}.")
     return [*lines,
-            "* How much of the gain is the frame's and how much the plate's: the table above. A frame that "
+            "* How much of the gain is the frame's and how much the plate's: the table above. A "
+            "frame that "
             "must not be higher than the reference's has that as a bound in `[vary]`."]
 
 
@@ -105,7 +109,8 @@ def _rows(whole: Optima) -> list[str]:
 
 
 def _kept(problem: OptimiseProblem, name: str, found: dict[str, float]) -> str:
-    text = f"{_shown(problem, name, found['value'])}, finer mesh {_shown(problem, name, found['finer'])}"
+    text = (f"{_shown(problem, name, found['value'])}, "
+            f"finer mesh {_shown(problem, name, found['finer'])}")
     return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"]
                    else "")
 
@@ -116,13 +121,16 @@ def _trust(whole: Optima) -> list[str]:
         short = ", ".join(f"{_words(name)} {share - 1:.1%}"
                           for name, share in _scales(whole.problem, optimum).items()
                           if share != 1.0)
-        lines.append(f"* Equal {optimum.held}: the largest nodal values exceed the norms that stand for them: {short}; "
+        lines.append(f"* Equal {optimum.held}: the largest nodal values exceed the norms that "
+                     f"stand for them: {short}; "
                      "the search scales the norms by that, anew on every new mesh.")
         lines += [f"* Equal {optimum.held}: {warning}" for warning in optimum.warnings]
     return [*lines,
-            "* Slopes are exact for the mesh at hand, which the tests check by Taylor's test. Within a step meshes are "
+            "* Slopes are exact for the mesh at hand, which the tests check by Taylor's test. "
+            "Within a step meshes are "
             "moved, not made anew, so designs compare without the noise of meshing.",
-            "* The margin to pull-in is that of the perfect film. Where the film loses tension before it pulls in, the "
+            "* The margin to pull-in is that of the perfect film. Where the film loses tension "
+            "before it pulls in, the "
             "margin is less certain, and differs between meshes by more than the stroke does."]
 
 

@@ -1,4 +1,4 @@
-"""The paper's figures and what is wrong in it as a page: ``docs/paper.md`` with two figures (``make paper``)."""
+"""The paper's figures and what is wrong in it: ``docs/paper.md``, two figures (``make paper``)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def main() -> None:
 
 
 def other_seeds() -> list[str]:
-    """ε_r, α₁ and what is left at the ends of the levels of the first seeds that come near to 0 and 7 kV."""
+    """ε_r, α₁ and what is left at the levels' ends, of the first seeds near to 0 and 7 kV."""
     rows: list[tuple[str, ...]] = []
     seed = 0
     while len(rows) < _SEEDS:
@@ -60,7 +60,8 @@ def page(content: Any, seeds: list[str]) -> str:
     columns = [(name, f"{1e3 * mass:g}") for mass in MASSES for name in NAMES]
     lines = [
         "# The paper's lumped model, computed again", "",
-        "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 and an HTML page. "
+        "Written by `make paper`; `tympan lumped paper -o DIR` computes it, with figures 7 to 14 "
+        "and an HTML page. "
         "Figure 4 and α from the fields: `make study`.", "",
         "## What the paper does not say", "", *(f"* {words}" for words in content["chosen"]), "",
         "## Table 2: ranges of motion", "",

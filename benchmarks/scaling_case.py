@@ -62,7 +62,7 @@ class Case:
 
 
 def exact_deflection() -> float:
-    """Deflection of the axisymmetric membrane [m] under them, neo-Hooke 20 kPa, by the tests' reference."""
+    """Deflection [m] of the axisymmetric neo-Hooke membrane, 20 kPa, under them, by the oracle."""
     from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 
     return float(solve_load(Film(0.01, 0.045, 1e-3, math.sqrt(5), neo_hooke(20e3), 4.7), FORCE,
@@ -103,7 +103,7 @@ def copy_bandwidth() -> float:
 
 
 def least_bytes(model: Model, entries: int) -> int:
-    """Bytes assembly cannot avoid: gradients read, element tangents written and read, the sparse one written."""
+    """Bytes assembly cannot avoid: gradients, element tangents twice, the sparse tangent."""
     mesh = model.discretisation
     elements, local = mesh.connectivity.shape
     return 8 * (mesh.gradients.size + 2 * elements * (3 * local) ** 2 + entries)

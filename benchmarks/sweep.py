@@ -1,4 +1,4 @@
-"""How long a sweep takes: specimens, each under two masses and fifteen voltages, CAD and meshing included.
+"""How long a sweep takes: specimens under two masses and fifteen voltages, CAD and meshing too.
 
     python -m benchmarks.sweep [--specimens 1000] [--workers 2] [--every 8] [--rounds 3]
 
@@ -65,7 +65,8 @@ def planned(folder: Path, specimens: int) -> Sweep:
     shapes = [shape for shape in FRAMES if shape in OUTLINES]
     for shape in shapes:
         folder.joinpath(f"{shape}.toml").write_text(
-            f'name = "{shape}"\n[frame]\nshape = "{shape}"\nsemi_axes = ["6 cm", "4.5 cm"]\n{FRAMES[shape]}{FILM}')
+            f'name = "{shape}"\n[frame]\nshape = "{shape}"\n'
+            f'semi_axes = ["6 cm", "4.5 cm"]\n{FRAMES[shape]}{FILM}')
     files = ", ".join(f'"{shape}.toml"' for shape in shapes)
     folder.joinpath("SWEEP.toml").write_text(SWEEP.format(files=files,
                                                           count=specimens // len(shapes)))
@@ -74,7 +75,7 @@ def planned(folder: Path, specimens: int) -> Sweep:
 
 @dataclass(frozen=True)
 class Timing:
-    """Of a run: seconds from its start, seconds from its first result to its last table, and the table."""
+    """Of a run: seconds from its start, from its first result to its last table, and the table."""
 
     whole: float
     running: float
@@ -148,8 +149,8 @@ def main() -> None:
         began = time.perf_counter()
         sweep = planned(folder, options.specimens)
         reading = time.perf_counter() - began
-        print(f"{len(sweep.entries)} specimens, {sweep.cases} cases; read and checked in {reading:.1f} s, "
-              f"load {os.getloadavg()[0]:.1f}", flush=True)
+        print(f"{len(sweep.entries)} specimens, {sweep.cases} cases; "
+              f"read and checked in {reading:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
         all_of_them = timed(f"{options.workers} processes", sweep, folder / "all", several)
         aim = AIM * len(sweep.entries) / 1000
         whole = reading + all_of_them.whole

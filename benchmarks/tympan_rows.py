@@ -1,4 +1,4 @@
-"""tympan's rows of the reference problem: cold solves, a warm step, and ten annuli with CAD and meshing."""
+"""tympan's rows of the reference problem: cold solves, a warm step, ten annuli from CAD on."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def specimen(inner: float = PROBLEM.inner, outer: float = PROBLEM.outer) -> Spec
 
 
 def annulus(order: int, radial: int, around: int) -> CurvedTriangles:
-    """The full annulus cut evenly in log r and in angle into curved triangles, as the peers' meshes are."""
+    """The full annulus cut evenly in log r and angle into curved triangles, as the peers do."""
     i, j = np.meshgrid(np.arange(radial + 1), np.arange(around), indexing="ij")
     vertices = np.stack([i.ravel() / radial, j.ravel() / around])
     number = (np.arange(vertices.shape[1])).reshape(i.shape)
@@ -96,7 +96,7 @@ def _gmsh(repeat: int, planes: frozenset[str], words: str) -> Iterator[Row]:
 
 
 def _warm(repeat: int) -> Row:
-    """One more step of a path, 5 mm to 5.25 mm, on the mesh that has 1e-6: what a sweep pays per state."""
+    """One more step of a path, 5 to 5.25 mm, on the mesh with 1e-6: a sweep's price a state."""
     model = Model(Discretisation.of(annulus(4, 2, 8)), specimen())
     start = held(model, HEAVE).solution
     seconds = []

@@ -27,7 +27,7 @@ _TRIANGLE_STEPS = {
 
 @dataclass(frozen=True)
 class Annulus:
-    """Plane mesh of an annulus: points (n, 2) in mm, cells (m, nodes per cell), node sets of both rims."""
+    """Plane mesh of an annulus: points (n, 2) in mm, cells (m, nodes each), nodes of both rims."""
 
     points: Floats
     cells: Ints

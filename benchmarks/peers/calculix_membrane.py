@@ -1,4 +1,4 @@
-"""CalculiX: one layer of 8-node hexahedra with incompatible modes, the film stretched, then lifted."""
+"""CalculiX: one layer of 8-node hexahedra with incompatible modes, stretched, then lifted."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from annulus import Floats, Ints, quads
 from harness import PROBLEM, Peer, Solution, give_up, main
 
 CCX = shutil.which("ccx") or give_up("CalculiX", "apt-get install calculix-ccx")
-BULK_RATIO = 10000.0  # K / mu: the compressibility then costs about 2e-4 of the force, 1000 ten times that
+# K / mu: the compressibility then costs about 2e-4 of the force, 1000 ten times that.
+BULK_RATIO = 10000.0
 # First and largest increment of the lift and the growth between them: the fastest of those that
 # converge.
 LIFT = "1e-3, 1., 1e-8, 0.12"
-CONTROLS = "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2."
+CONTROLS = ("*CONTROLS, PARAMETERS=TIME INCREMENTATION\n"
+            "4, 8, 9, 16, 10, 4, , 5, ,\n.25, .5, .75, .85, , , 2.")
 
 
 @dataclass(frozen=True)
 class Film:
-    """Virgin film: points (n, 3) in mm, the lower layer first, hexahedra, lower nodes of both rims."""
+    """Virgin film: points (n, 3) in mm, lower layer first, hexahedra, lower nodes of both rims."""
 
     points: Floats
     cells: Ints
@@ -35,7 +37,8 @@ class Film:
 def prepare(level: int) -> Film:
     """One hexahedron through the thickness; 8, 16, 32, ... across the film."""
     n_r = 8 * 2**level
-    flat = quads(PROBLEM.inner / PROBLEM.prestretch, PROBLEM.outer / PROBLEM.prestretch, n_r, 4 * n_r, order=1)
+    flat = quads(PROBLEM.inner / PROBLEM.prestretch, PROBLEM.outer / PROBLEM.prestretch,
+                 n_r, 4 * n_r, order=1)
     n, half = len(flat.points), PROBLEM.film_thickness / 2
     points = np.vstack([np.c_[flat.points, np.full(n, z)] for z in (-half, half)])
     return Film(points, np.hstack([flat.cells, flat.cells + n]), flat.inner, flat.outer)
@@ -63,12 +66,13 @@ def _hinges(lower: Ints, guides: Ints, layer: int) -> Iterator[str]:
 
 def _step(time: str, controls: str, held: Iterable[str], output: str = "") -> list[str]:
     """One static step in which only the given nodes are held."""
-    lines = ["*STEP, NLGEOM, INC=1000", "*STATIC", time, controls, "*BOUNDARY, OP=NEW", *held, output, "*END STEP"]
+    lines = ["*STEP, NLGEOM, INC=1000", "*STATIC", time, controls,
+             "*BOUNDARY, OP=NEW", *held, output, "*END STEP"]
     return [line for line in lines if line]
 
 
 def deck(film: Film) -> str:
-    """Input file of three steps: stretch every node homogeneously, let all but the rims go, lift the plate.
+    """Input file of three steps: stretch all nodes, let all but the rims go, lift the plate.
 
     The rims hold the mean of the lower and the upper node at guide nodes: hinged, as a membrane is.
     """
@@ -81,16 +85,19 @@ def deck(film: Film) -> str:
     lifted = mounted.copy()
     lifted[: len(film.plate), 2] = PROBLEM.travel
     free = np.setdiff1d(np.arange(n), rim)  # the lower rim nodes follow from the equations
-    cells = (f"{k}, " + ", ".join(map(str, cell)) for k, cell in enumerate((film.cells + 1).tolist(), start=1))
+    cells = (f"{k}, " + ", ".join(map(str, cell))
+             for k, cell in enumerate((film.cells + 1).tolist(), start=1))
     lines = [
         *("*NODE, NSET=ALL", *_nodes(film.points, 1), *_nodes(rim_points, n + 1)),
         *("*ELEMENT, TYPE=C3D8I, ELSET=FILM", *cells),
-        *("*NSET, NSET=PLATE", *(f"{node + 1},\n{node + layer + 1}," for node in film.plate.tolist())),
+        *("*NSET, NSET=PLATE",
+          *(f"{node + 1},\n{node + layer + 1}," for node in film.plate.tolist())),
         *("*MATERIAL, NAME=RUBBER", "*HYPERELASTIC, NEO HOOKE"),
         f"{PROBLEM.mu / 2:.12g}, {2 / (BULK_RATIO * PROBLEM.mu):.12g}",
         "*SOLID SECTION, ELSET=FILM, MATERIAL=RUBBER",
         *_hinges(rim + 1, guides, layer),
-        *_step("1., 1.", "", [*_held(guides, mounted), *_held(free + 1, film.points[free] * stretch)]),
+        *_step("1., 1.", "", [*_held(guides, mounted),
+                              *_held(free + 1, film.points[free] * stretch)]),
         *_step("1., 1.", "", _held(guides, mounted)),
         *_step(LIFT, CONTROLS, _held(guides, lifted), "*NODE PRINT, NSET=PLATE, TOTALS=ONLY\nRF"),
     ]
@@ -119,5 +126,6 @@ def version() -> str:
 
 
 if __name__ == "__main__":
-    notes = f"K/mu = {BULK_RATIO:.0f}; SPOOLES; with the files; incompatible modes not in the unknowns"
+    notes = (f"K/mu = {BULK_RATIO:.0f}; SPOOLES; with the files; "
+             "incompatible modes not in the unknowns")
     main(Peer("CalculiX", version(), "solid C3D8I, one layer", notes), prepare, solve)

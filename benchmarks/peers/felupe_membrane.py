@@ -17,7 +17,10 @@ Array = NDArray[np.float64]
 
 
 class PrestretchedMembrane:
-    """Neo-Hooke in plane stress per mounted area: h mu/2 (tr C + 1/det C - 3), C = s^2 F^T F, F is 3 x 2."""
+    """Neo-Hooke in plane stress per mounted area: h mu/2 (tr C + 1/det C - 3).
+
+    C = s^2 F^T F, F is 3 x 2.
+    """
 
     def __init__(self, mu: float, thickness: float, prestretch: float) -> None:
         self.linear = thickness * mu * prestretch**2
@@ -39,7 +42,7 @@ class PrestretchedMembrane:
         return [self.linear * f - self.squeeze / det * dual, statevars]
 
     def hessian(self, x: list[Array]) -> list[Array]:
-        """Derivative of the stress with respect to F, by G = F C^-1 and the projector on the normal I - G F^T."""
+        """Derivative of the stress by F; G = F C^-1, projector on the normal I - G F^T."""
         f = x[0]
         inverse, det = self._metric(f)
         dual = np.einsum("iJ...,JK...->iK...", f, inverse)
@@ -68,7 +71,8 @@ def solve(annulus: Annulus) -> Solution:
     mesh = fem.Mesh(annulus.points, annulus.cells, "quad9")
     region = fem.RegionBiQuadraticQuad(mesh)
     field = fem.FieldContainer([fem.Field(region, dim=3)])
-    membrane = fem.SolidBody(PrestretchedMembrane(PROBLEM.mu, PROBLEM.mounted_thickness, PROBLEM.prestretch), field)
+    film = PrestretchedMembrane(PROBLEM.mu, PROBLEM.mounted_thickness, PROBLEM.prestretch)
+    membrane = fem.SolidBody(film, field)
     values = np.zeros((mesh.npoints, 3))
     values[annulus.inner, 2] = PROBLEM.travel
     fixed = np.zeros((mesh.npoints, 3), dtype=bool)

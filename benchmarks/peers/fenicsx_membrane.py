@@ -30,7 +30,7 @@ TOLERANCE = 1e-8  # of the first residual; the force then is exact to 1e-9
 
 
 def prepare(level: int) -> Mesh:
-    """Curved 6-node triangles with 4, 8, 16, ... cells across the film, as the package's mesh object."""
+    """Curved 6-node triangles, 4, 8, 16, ... cells across the film, as the package's mesh."""
     n_r = 4 * 2**level
     annulus: Annulus = triangles(PROBLEM.inner, PROBLEM.outer, n_r, 4 * n_r, order=2)
     shape = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.triangle, 2))
@@ -38,7 +38,7 @@ def prepare(level: int) -> Mesh:
 
 
 def _energy(mesh: Mesh, u: fem.Function) -> ufl.Form:
-    """Mounted area integral of (T / J_p) mu/2 (tr C + 1/det C - 3) in mJ, C of the total stretch."""
+    """Mounted area integral [mJ] of (T / J_p) mu/2 (tr C + 1/det C - 3), C of the total stretch."""
     flat = ufl.as_matrix([[1, 0], [0, 1], [0, 0]])
     f = PROBLEM.prestretch * (flat + ufl.grad(u))
     c = f.T * f
@@ -95,6 +95,5 @@ def _assemble(vector: PETSc.Vec, form: fem.FormMetaClass) -> None:
 
 
 if __name__ == "__main__":
-    main(
-        Peer("FEniCSx", dolfinx.__version__, "membrane P2 triangles", "CHOLMOD; compiled forms cached"), prepare, solve
-    )
+    main(Peer("FEniCSx", dolfinx.__version__, "membrane P2 triangles",
+              "CHOLMOD; compiled forms cached"), prepare, solve)

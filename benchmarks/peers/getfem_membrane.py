@@ -28,7 +28,7 @@ def version() -> str:
 
 
 def prepare(level: int) -> getfem.Mesh:
-    """Curved 6-node triangles with 4, 8, 16, ... cells across the film, as the package's mesh object."""
+    """Curved 6-node triangles, 4, 8, 16, ... cells across the film, as the package's mesh."""
     n_r = 4 * 2**level
     annulus = triangles(PROBLEM.inner, PROBLEM.outer, n_r, 4 * n_r, order=2)
     nodes = annulus.points[annulus.cells[:, LATTICE_ORDER]]
@@ -42,8 +42,8 @@ def solve(mesh: getfem.Mesh) -> Solution:
 
     The force is the reaction of the rim.
 
-    GetFEM puts the boundary values into the start: without the cone the plate's travel would be taken up by
-    the first ring of cells and Newton's method would need more steps.
+    GetFEM puts the boundary values into the start: without the cone the plate's travel would be
+    taken up by the first ring of cells and Newton's method would need more steps.
     """
     mesh.set_region(RIMS, mesh.outer_faces())
     field = getfem.MeshFem(mesh, 3)

@@ -79,15 +79,17 @@ def give_up(package: str, install: str) -> NoReturn:
 
 
 def measure(
-    peer: Peer, levels: int, repeat: int, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution],
+    peer: Peer, levels: int, repeat: int,
+    prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution],
     first: int = 0,
 ) -> Iterator[Row]:
     """Rows for the meshes `prepare(first) ... prepare(first + levels - 1)`.
 
     Only `solve` is timed.
 
-    Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run on the
-    coarsest mesh goes before and is not counted: lazy imports and compile caches are not the subject.
+    Every run gets a mesh of its own, so nothing computed in one run is reused in the next. One run
+    on the coarsest mesh goes before and is not counted: lazy imports and compile caches are not the
+    subject.
     """
     solve(prepare(0))
     for level in range(first, first + levels):
@@ -114,7 +116,8 @@ def measure(
 def main(peer: Peer, prepare: Callable[[int], Mesh], solve: Callable[[Mesh], Solution]) -> None:
     """Command line of a peer script: one JSON object per mesh on stdout."""
     parser = argparse.ArgumentParser(description=f"{peer.name}: {peer.method}")
-    parser.add_argument("--levels", type=int, default=3, help="number of meshes, each twice as fine")
+    parser.add_argument("--levels", type=int, default=3,
+                        help="number of meshes, each twice as fine")
     parser.add_argument("--repeat", type=int, default=3, help="runs per mesh; the fastest counts")
     parser.add_argument("--first", type=int, default=0, help="coarsest mesh")
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""NGSolve: P4 membrane on Netgen's curved triangles, residual and tangent derived from the energy."""
+"""NGSolve: P4 membrane on Netgen's curved triangles, residual and tangent from the energy."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ def prepare(level: int) -> ngs.Mesh:
     """Netgen's mesh, curved, the cell size growing with the radius and halving with the level."""
     geometry = SplineGeometry()
     coarsest = 0.55 / 2**level  # cell size over radius
-    for radius, rim, left, right in ((PROBLEM.inner, "plate", 0, 1), (PROBLEM.outer, "frame", 1, 0)):
-        geometry.AddCircle((0, 0), radius, bc=rim, leftdomain=left, rightdomain=right, maxh=coarsest * radius)
+    for radius, rim, left, right in ((PROBLEM.inner, "plate", 0, 1),
+                                     (PROBLEM.outer, "frame", 1, 0)):
+        geometry.AddCircle((0, 0), radius, bc=rim, leftdomain=left, rightdomain=right,
+                           maxh=coarsest * radius)
     mesh = ngs.Mesh(geometry.GenerateMesh(maxh=coarsest * PROBLEM.outer, grading=0.3))
     mesh.Curve(ORDER)
     return mesh
 
 
 def _energy(space: ngs.FESpace) -> ngs.BilinearForm:
-    """Mounted area integral of (T / J_p) mu/2 (tr C + 1/det C - 3) in mJ, C of the total stretch."""
+    """Mounted area integral [mJ] of (T / J_p) mu/2 (tr C + 1/det C - 3), C of the total stretch."""
     flat = ngs.CoefficientFunction((1, 0, 0, 1, 0, 0), dims=(3, 2))
     f = PROBLEM.prestretch * (flat + ngs.Grad(space.TrialFunction()))
     c = f.trans * f

@@ -18,7 +18,15 @@ except ImportError:
 import symmetric_lu
 from scipy.sparse import csr_matrix
 from sfepy.base.base import output
-from sfepy.discrete import Equation, Equations, FieldVariable, Integral, Material, PolySpace, Problem
+from sfepy.discrete import (
+    Equation,
+    Equations,
+    FieldVariable,
+    Integral,
+    Material,
+    PolySpace,
+    Problem,
+)
 from sfepy.discrete.conditions import Conditions, EssentialBC
 from sfepy.discrete.fem import FEDomain, Field, Mesh
 from sfepy.discrete.fem.mappings import FEMapping
@@ -29,19 +37,21 @@ from sfepy.terms import Term, register_term
 from sfepy.terms.terms_membrane import TLMembraneTerm
 
 output.set_output(quiet=True)
-NEWTON = {"i_max": 20, "eps_r": 1e-8, "eps_a": 1e-9, "eps_mode": "or", "lin_red": None, "ls_on": 1e9}
+NEWTON = {"i_max": 20, "eps_r": 1e-8, "eps_a": 1e-9, "eps_mode": "or",
+          "lin_red": None, "ls_on": 1e9}
 
 
 class SymmetricLU(LinearSolver):
     """SuperLU in symmetric mode for the nodes that carry the membrane.
 
-    SfePy has no quadratic field on a surface alone: the nodes off the film belong to the field, with
-    empty rows.
+    SfePy has no quadratic field on a surface alone: the nodes off the film belong to the field,
+    with empty rows.
     """
 
     name = "ls.symmetric_lu"
 
-    def __call__(self, rhs: Floats, mtx: csr_matrix, status: dict[str, float], **_ignored: object) -> Floats:
+    def __call__(self, rhs: Floats, mtx: csr_matrix, status: dict[str, float],
+                 **_ignored: object) -> Floats:
         """Solve mtx x = rhs where the rows are not empty; zero elsewhere."""
         status["n_iter"] = 1
         used = np.flatnonzero(np.diff(mtx.indptr))
@@ -59,7 +69,7 @@ class CurvedMembrane(TLMembraneTerm):
     name = "dw_tl_curved_membrane"
 
     def get_fargs(self, *args, **kwargs):
-        """Set the element frames (the global one) and the quadratic mapping, then go on as SfePy does."""
+        """Set the element frames (the global one), the quadratic mapping, then do as SfePy does."""
         if self.mtx_t is None:
             field = args[4].field
             conn = field.extra_data[f"sd_{self.region.name}"].econn
@@ -92,7 +102,8 @@ def prepare(level: int) -> Mesh:
     Only the nodes of its upper face carry unknowns.
     """
     n_r = 4 * 2**level
-    flat = quads(PROBLEM.inner / PROBLEM.prestretch, PROBLEM.outer / PROBLEM.prestretch, n_r, 4 * n_r, order=1)
+    flat = quads(PROBLEM.inner / PROBLEM.prestretch, PROBLEM.outer / PROBLEM.prestretch,
+                 n_r, 4 * n_r, order=1)
     n = len(flat.points)
     points = np.vstack([np.c_[flat.points, np.full(n, z)] for z in (1.0, 0.0)])
     cells = np.hstack([flat.cells + n, flat.cells]).astype(np.int32)
@@ -100,14 +111,17 @@ def prepare(level: int) -> Mesh:
     groups[:n] = 3
     groups[flat.inner] = 1
     groups[flat.outer] = 2
-    return Mesh.from_data("film", points, groups, [cells], [np.zeros(len(cells), np.int32)], ["3_8"])
+    return Mesh.from_data("film", points, groups, [cells],
+                          [np.zeros(len(cells), np.int32)], ["3_8"])
 
 
 def mounted(points: Floats) -> Floats:
-    """Displacement (n, 3) that stretches the film in its plane and lifts it to a cone, flat at the frame.
+    """Displacement (n, 3) that stretches the film in its plane and lifts it to a cone.
 
-    SfePy puts the boundary values into the start: without the cone the plate's travel would be taken up by
-    the first ring of cells and Newton's method would need more steps.
+    The cone is flat at the frame.
+
+    SfePy puts the boundary values into the start: without the cone the plate's travel would be
+    taken up by the first ring of cells and Newton's method would need more steps.
     """
     radius = PROBLEM.prestretch * np.hypot(points[:, 0], points[:, 1])
     lift = PROBLEM.travel * (PROBLEM.outer - radius) / (PROBLEM.outer - PROBLEM.inner)
@@ -134,7 +148,8 @@ def solve(mesh: Mesh) -> Solution:
     v = FieldVariable("v", "test", field, primary_var_name="u")
     rubber = Material("m", a1=PROBLEM.mu / 2, a2=0.0, h0=PROBLEM.film_thickness)
     integral = Integral("i", order=4)
-    term = Term.new("dw_tl_curved_membrane(m.a1, m.a2, m.h0, v, u)", integral, film, m=rubber, v=v, u=u)
+    term = Term.new("dw_tl_curved_membrane(m.a1, m.a2, m.h0, v, u)", integral, film,
+                    m=rubber, v=v, u=u)
     problem = Problem("film", equations=Equations([Equation("balance", term)]), active_only=True)
     held = Function("rim", _at_rim)
     fixed = [EssentialBC(rim.name, rim, {"u.all": held}) for rim in (inner, outer)]

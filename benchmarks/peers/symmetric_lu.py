@@ -11,7 +11,7 @@ NAME = "SuperLU, symmetric mode"
 
 
 def spsolve(matrix: spmatrix, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve by SuperLU with symmetric ordering and no pivoting, several times faster than its default."""
+    """Solve by SuperLU, symmetric ordering, no pivoting: several times faster than its default."""
     factors = splu(
         csc_matrix(matrix),
         permc_spec="MMD_AT_PLUS_A",

@@ -70,7 +70,8 @@ def heaves(film: Film, load: float, voltages: FloatArray, spring: float = 0.0) -
     return np.array(found)
 
 
-def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float, q: float) -> _State | None:
+def _balanced(ritz: RitzExpansion, state: _State, load: float, spring: float,
+              q: float) -> _State | None:
     """Newton's method for the deflection, the film in equilibrium at each; steps of at most a tenth
     of the gap."""
     gap = 0.1 * (ritz.film.outer - ritz.film.inner)

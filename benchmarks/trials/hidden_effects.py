@@ -100,11 +100,12 @@ def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:
     """What was run, and what of it was planned."""
     done = {name: len({one.number for one in records if one.population.startswith(name)})
             for name in counts}
-    lines = [f"Seed {seed}. Trials: {', '.join(f'{count} {name}' for name, count in done.items())}; drawn again for "
+    drawn = ", ".join(f"{count} {name}" for name, count in done.items())
+    lines = [f"Seed {seed}. Trials: {drawn}; drawn again for "
              f"want of an equilibrium or a film {sum(one.again for one in records)} times."]
     if done != counts:
-        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, in an order in which "
-                     "each kind has its share; `make hidden` runs them all.")
+        lines.append(f"**Stopped early**: {sum(done.values())} of {sum(counts.values())} trials, "
+                     "in an order in which each kind has its share; `make hidden` runs them all.")
     return "\n".join(lines)
 
 

@@ -34,8 +34,9 @@ MATERIALS_DRAWN: tuple[Material, ...] = (*(sample.law for sample in SAMPLES.valu
 
 @dataclass(frozen=True)
 class Drawn:
-    """A case of the design; ``refused`` draws before it were no admissible specimens. ``plain`` ones are annuli that
-    the axisymmetric equations cover.
+    """A case of the design; ``refused`` draws before it were no admissible specimens.
+
+    ``plain`` ones are annuli that the axisymmetric equations cover.
     """
 
     number: int
@@ -52,8 +53,9 @@ class Drawn:
                  f"gap {specimen.gap * 1e3:.2f} mm",
                  f"stretch {film.prestretch[0]:.2f} {film.prestretch[1]:.2f}", str(film.material),
                  f"{self.case.mass * 1e3:.1f} g {self.case.voltage / 1e3:.2f} kV", rig.guide]
-        parts += [f"margins {electrode.margin_frame * 1e3:.2g} {electrode.margin_plate * 1e3:.2g}"] * bool(
-            electrode.margin_frame or electrode.margin_plate)
+        if electrode.margin_frame or electrode.margin_plate:
+            parts.append(f"margins {electrode.margin_frame * 1e3:.2g} "
+                         f"{electrode.margin_plate * 1e3:.2g}")
         parts += [f"electrode {electrode.outline}"] * (electrode.outline is not None)
         parts += [f"gas {rig.gas_pressure:.3g} Pa"] * bool(rig.gas_pressure)
         parts += [str(bias) for bias in rig.biases]

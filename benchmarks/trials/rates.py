@@ -58,10 +58,11 @@ class Rate:
                   if self.value is not None
                   else f"≤ {self.high:.0%}" if self.high < 1 else "none set")
         if self.value is not None:
-            return f"| {self.what} | {self.value:.3f} | | {self.count} | {target} | {self._said(target)} |"
+            return (f"| {self.what} | {self.value:.3f} | | {self.count} | {target} | "
+                    f"{self._said(target)} |")
         low, high = self.interval
-        return (f"| {self.what} | {self.share:.1%} | {low:.1%} to {high:.1%} | {self.hits} of {self.count} | "
-                f"{target} | {self._said(target)} |")
+        return (f"| {self.what} | {self.share:.1%} | {low:.1%} to {high:.1%} | "
+                f"{self.hits} of {self.count} | {target} | {self._said(target)} |")
 
     def _said(self, target: str) -> str:
         if target == "none set" or not self.count:
@@ -139,8 +140,8 @@ def rates(records: Sequence[Record]) -> list[Rate]:
                [one for one in of("form") if one.identifiable], lambda one: one.misnamed),
         _share("refused (the nominal model reaches not all readings)", list(records),
                lambda one: one.verdict == "refused"),
-        Rate("one identifiable effect: error beyond noise on readings held out, after over before, median", 0,
-             len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
+        Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
+             "median", 0, len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
     ]
 
 
@@ -200,7 +201,8 @@ def page(records: Sequence[Record], about: str) -> str:
              _POWER, "",
              "| Δχ² | detected | named | trials |", "|---|---|---|---|"]
     for low, high, seen, named in power(records):
-        lines.append(f"| {_bin(low, high)} | {seen.share:.0%} ({seen.interval[0]:.0%} to {seen.interval[1]:.0%}) | "
+        lines.append(f"| {_bin(low, high)} | {seen.share:.0%} "
+                     f"({seen.interval[0]:.0%} to {seen.interval[1]:.0%}) | "
                      f"{named.share:.0%} | {seen.count} |")
     lines += ["", "Stated probability of the first cause, and how often it was there:", "",
               "| stated | there | trials |", "|---|---|---|"]
@@ -212,7 +214,8 @@ def page(records: Sequence[Record], about: str) -> str:
     for name in sorted({one.truth[0] for one in outside}):
         own = [one for one in outside if one.truth[0] == name]
         said = Counter(", ".join(one.named) if one.named else one.verdict for one in own)
-        lines.append(f"| {name} | {len(own)} | {'; '.join(f'{words} {n}' for words, n in said.most_common())} |")
+        lines.append(f"| {name} | {len(own)} | "
+                     f"{'; '.join(f'{words} {n}' for words, n in said.most_common())} |")
     return "\n".join(lines) + "\n"
 
 
@@ -247,26 +250,30 @@ def draw_power(records: Sequence[Record], file: Path) -> None:
 
 _HEAD = """# Hidden effects
 
-Made by `make hidden`. Readings are made with an effect in them, by means that share neither mesh, element order nor
-solver settings with the fitted model, and the diagnosis must find it: half by finite elements of order 3 or 2 on finer
-meshes under loads, a quarter by the membrane's differential equations (three circular specimens), a quarter by
-elements with a film of another material family (Gent and Mooney against the fitted Ogden, stresses within 0.05 %).
-Otherwise the three actuators of the paper. Two masses, 15 voltages to 6.5 kV, half of the first half up and down again
-(with `hysteresis` among the effects, else not in the library). Stiffness is off by 10 %, permittivity by 5 %, effects
-and sizes are drawn from the priors, noise is 20 µm in three fifths of the trials, 10 and 40 µm in a fifth each. A draw
-without equilibrium at all readings, or with a margin too narrow to be built, is drawn again. Draws called "single" and
-"pair" are kept whatever they are; "strong" ones and "duos", to have more that are identifiable, only if the fitted
-model foretells that no other single effect will do. No size was chosen by what is found.
+Made by `make hidden`. Readings are made with an effect in them, by means that share neither mesh,
+element order nor solver settings with the fitted model, and the diagnosis must find it: half by
+finite elements of order 3 or 2 on finer meshes under loads, a quarter by the membrane's
+differential equations (three circular specimens), a quarter by elements with a film of another
+material family (Gent and Mooney against the fitted Ogden, stresses within 0.05 %). Otherwise the
+three actuators of the paper. Two masses, 15 voltages to 6.5 kV, half of the first half up and
+down again (with `hysteresis` among the effects, else not in the library). Stiffness is off by 10
+%, permittivity by 5 %, effects and sizes are drawn from the priors, noise is 20 µm in three
+fifths of the trials, 10 and 40 µm in a fifth each. A draw without equilibrium at all readings, or
+with a margin too narrow to be built, is drawn again. Draws called "single" and "pair" are kept
+whatever they are; "strong" ones and "duos", to have more that are identifiable, only if the
+fitted model foretells that no other single effect will do. No size was chosen by what is found.
 
-Δχ² is computed from the readings without noise: of a hidden effect, what the nominal model misses with stiffness and
-permittivity fitted. An effect is identifiable with Δχ² ≥ {seen:g} and Δχ² ≥ {told:g} from every other single effect;
-two effects with {told:g} from every other one or two. `amplifier_gain` is an exact alias of permittivity; other exact
-aliases are made by taking one mass only (`unaccounted_mass`) or all readings at one time (`drift`, `sensor_zero`).
+Δχ² is computed from the readings without noise: of a hidden effect, what the nominal model misses
+with stiffness and permittivity fitted. An effect is identifiable with Δχ² ≥ {seen:g} and Δχ² ≥
+{told:g} from every other single effect; two effects with {told:g} from every other one or two.
+`amplifier_gain` is an exact alias of permittivity; other exact aliases are made by taking one
+mass only (`unaccounted_mass`) or all readings at one time (`drift`, `sensor_zero`).
 """
-_AFTER = """Intervals are Bayesian: they cover as stated over effects drawn from the priors. Those of identifiable
-effects alone cover less: an effect that a prior thinks improbable is drawn towards it. "Missed" judges the rate,
-not its interval. The calibration error of a perfect engine is about 0.05 with a hundred trials and falls with their
-root. A stranger with a smaller Δχ² from the library is as good as one of its effects, and may get its
-name: with two masses a weight with the wrong label is a mass left out of account. A plate that rubs jumps, and what
-jumps looks like noise larger than stated; the diagnosis warns of that, but it is no verdict."""
+_AFTER = """Intervals are Bayesian: they cover as stated over effects drawn from the priors. Those
+of identifiable effects alone cover less: an effect that a prior thinks improbable is drawn
+towards it. "Missed" judges the rate, not its interval. The calibration error of a perfect engine
+is about 0.05 with a hundred trials and falls with their root. A stranger with a smaller Δχ² from
+the library is as good as one of its effects, and may get its name: with two masses a weight with
+the wrong label is a mass left out of account. A plate that rubs jumps, and what jumps looks like
+noise larger than stated; the diagnosis warns of that, but it is no verdict."""
 _POWER = "![Share detected and named against Δχ²](hidden-effects.png)"

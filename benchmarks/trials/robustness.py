@@ -4,8 +4,8 @@
     docs/robustness.md]
 
 Every case is solved in a process of its own with a limit on its time; an equilibrium's forces are
-summed again (tests/oracles/balance.py), and a sample of all statuses is reached from another direction
-(other_direction.py).
+summed again (tests/oracles/balance.py), and a sample of all statuses is reached from another
+direction (other_direction.py).
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ from tympan.studies.files import write_text
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
-PATIENCE = 1800.0  #: seconds on the clock, with the checks from other directions, after which a case counts as hanging
+#: Seconds on the clock, with the checks from other directions, after which a case counts as
+#: hanging.
+PATIENCE = 1800.0
 #: Largest left-over force or moment over the largest nodal force; with gas, whose follower load is
 #: summed by another quadrature here; and slope of the potential.
 UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
@@ -43,10 +45,11 @@ UNBALANCED, UNBALANCED_GAS, STEEP = 1e-7, 1e-4, 1e-7
 
 @dataclass(frozen=True)
 class Record:
-    """What became of a case. ``status`` is the outcome's, or "refused" (by the mesher: input that is
-    wrong), "raised" or "hung"; ``words`` its advice or the error. ``again``: solved on the default
-    mesh, since on the coarse one something was wrong. ``spread``: of limits that the mesh does not
-    resolve.
+    """What became of a case.
+
+    ``status`` is the outcome's, or "refused" (by the mesher: input that is wrong), "raised" or
+    "hung"; ``words`` its advice or the error. ``again``: solved on the default mesh, since on the
+    coarse one something was wrong. ``spread``: of limits that the mesh does not resolve.
     """
 
     number: int
@@ -182,8 +185,8 @@ def study(count: int, seed: int, sample: int, workers: int,
 def table(records: Sequence[Record]) -> str:
     """The study in lines."""
     counts = Counter(record.status for record in records)
-    lines = [f"{len(records)} specimens; {sum(record.refused for record in records)} draws before them refused as "
-             "inadmissible", ""]
+    lines = [f"{len(records)} specimens; {sum(record.refused for record in records)} "
+             "draws before them refused as inadmissible", ""]
     lines += [f"{status:36}{counts[status]:6d}" for status in
               ("equilibrium", "no_equilibrium", "not_converged", "refused", "raised", "hung")]
     found = [record for record in records if record.balance is not None]
@@ -191,19 +194,21 @@ def table(records: Sequence[Record]) -> str:
     for name, gas in (("without gas", False), ("with gas pressure", True)):
         group = [record for record in found if record.gas == gas]
         if group:
-            lines += [f"  {name}: largest unbalanced nodal force {max(r.balance.nodes for r in group):.1e}, plate "
-                      f"force {max(r.balance.force for r in group):.1e}, moment "
+            lines += [f"  {name}: largest unbalanced nodal force "
+                      f"{max(r.balance.nodes for r in group):.1e}, "
+                      f"plate force {max(r.balance.force for r in group):.1e}, moment "
                       f"{max(r.balance.moment for r in group):.1e}, slope of the potential "
                       f"{max(r.balance.slope for r in group):.1e}"]
     lines += [f"  unbalanced: {sum(not r.balanced for r in found)}",
               f"  plate unstable in a motion the mirrored part cannot make: "
               f"{sum(not r.balance.plate_stable for r in found)}",
-              f"  film pressed, with negative eigenvalues of its own: {sum(r.balance.film_modes > 0 for r in found)}"]
+              "  film pressed, with negative eigenvalues of its own: "
+              f"{sum(r.balance.film_modes > 0 for r in found)}"]
     spreads = sorted(record.spread for record in records if record.spread)
     lines += ["",
               "limits that the mesh does not resolve, on which two kinds of smooth motions agree: "
-              + (f"{len(spreads)}; all kinds tried differ by {spreads[len(spreads) // 2]:.1%} of the load or U² in the "
-                 f"median, {spreads[-1]:.1%} at most" if spreads else "0")]
+              + (f"{len(spreads)}; all kinds tried differ by {spreads[len(spreads) // 2]:.1%} "
+                 f"of the load or U² in the median, {spreads[-1]:.1%} at most" if spreads else "0")]
     lines += ["",
               f"solved again on the default mesh, since on the coarse one a direction differed: "
               f"{sum(record.again for record in records)}"]
@@ -212,7 +217,8 @@ def table(records: Sequence[Record]) -> str:
     times = sorted(record.seconds for record in records)
     slowest = max(records, key=lambda record: record.seconds)
     lines += ["", f"processor time of a search: median {times[len(times) // 2]:.2f} s, 95 % below "
-              f"{times[int(0.95 * len(times))]:.1f} s, slowest {slowest.seconds:.1f} s (#{slowest.number})"]
+              f"{times[int(0.95 * len(times))]:.1f} s, "
+              f"slowest {slowest.seconds:.1f} s (#{slowest.number})"]
     lines += [f"above {SECONDS:g} s: {sum(seconds > SECONDS for seconds in times)}", "",
               "why not converged"]
     reasons = Counter(record.words for record in records if record.status == "not_converged")
@@ -234,8 +240,8 @@ def _directions(records: Sequence[Record]) -> Iterator[str]:
             if heard:
                 error = max((verdict.error for verdict in heard if verdict.says == "agrees"),
                             default=0.0)
-                yield (f"  {way + ', ' + status:34}{says['agrees']:6d} {says['differs']:7d} {says['silent']:6d}  "
-                       f"{error:.1e}")
+                yield (f"  {way + ', ' + status:34}{says['agrees']:6d} {says['differs']:7d} "
+                       f"{says['silent']:6d}  {error:.1e}")
 
 
 def main() -> None:
@@ -252,7 +258,8 @@ def main() -> None:
 
     def keep(records: list[Record]) -> None:
         if options.output:
-            early = f"\nstopped early: {len(records)} of {options.count}" if len(records) < options.count else ""
+            early = (f"\nstopped early: {len(records)} of {options.count}"
+                     if len(records) < options.count else "")
             text = f"{PAGE}\n```\n{head}{early}\n{table(records)}\n```\n"
             write_text(options.output, text)
 
@@ -265,19 +272,22 @@ def main() -> None:
 
 PAGE = """# Random specimens
 
-What `make robustness` printed in one run. Frames and plates are circles and ellipses (aspect up to 3), plates off
-centre up to nearly touching the frame, prestretches 1.5 to 4, equal and unequal, every registered law and every library
-film, permittivity exponents, electrode margins, outlines and stiffness, film mass, springs, guides, weight offsets, gas
-pressure and magnets; masses to 100 g, voltages to 1.3 times that at which the flat film loses tension. A quarter are
+What `make robustness` printed in one run. Frames and plates are circles and ellipses (aspect up
+to 3), plates off centre up to nearly touching the frame, prestretches 1.5 to 4, equal and
+unequal, every registered law and every library film, permittivity exponents, electrode margins,
+outlines and stiffness, film mass, springs, guides, weight offsets, gas pressure and magnets;
+masses to 100 g, voltages to 1.3 times that at which the flat film loses tension. A quarter are
 annuli that the axisymmetric equations cover.
 
-Forces and moments are summed again on the whole film by code that shares nothing with the solver's, relative to the
-largest nodal force. "heave by heave": the load that keeps the plate at given heaves, its maximum against the reported
-limit. "silent": that direction could not be followed, or has no answer.
+Forces and moments are summed again on the whole film by code that shares nothing with the
+solver's, relative to the largest nodal force. "heave by heave": the load that keeps the plate at
+given heaves, its maximum against the reported limit. "silent": that direction could not be
+followed, or has no answer.
 
-A film that loses tension before it pulls in is followed by smooth motions. Where the limit they find leaves more than
-1 % of the largest nodal force unbalanced, it counts only if two kinds of them, differing in waves or degree, agree on
-it to 2 % of the load or U², if it is short of what is asked for by more than that, and if no kind has reached that.
+A film that loses tension before it pulls in is followed by smooth motions. Where the limit they
+find leaves more than 1 % of the largest nodal force unbalanced, it counts only if two kinds of
+them, differing in waves or degree, agree on it to 2 % of the load or U², if it is short of what
+is asked for by more than that, and if no kind has reached that.
 """
 
 if __name__ == "__main__":

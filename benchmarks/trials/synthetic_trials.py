@@ -4,8 +4,8 @@ with.
 The diagnosis knows films by force laws: elements of order 4 on a coarse mesh, plates held at
 heaves, polynomials between. The readings here come from (a) elements of order 3 or 2 on other,
 finer meshes under loads, ramp by ramp; (b) the membrane's differential equations
-(tests/oracles/axisymmetric.py, nothing of the project in it) for circular specimens; (c) elements with a
-film of another material family that makes nearly the stresses of the fitted one.
+(tests/oracles/axisymmetric.py, nothing of the project in it) for circular specimens; (c) elements
+with a film of another material family that makes nearly the stresses of the fitted one.
 """
 
 from __future__ import annotations

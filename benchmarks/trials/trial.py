@@ -315,8 +315,8 @@ def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: ReadingT
     return min(found.chi_squared, first.chi_squared)
 
 
-def stands_out(simulation: Simulation, truth: Hypothesis, exact: ReadingTable, rivals: Sequence[Hypothesis]
-               ) -> tuple[float, float]:
+def stands_out(simulation: Simulation, truth: Hypothesis, exact: ReadingTable,
+               rivals: Sequence[Hypothesis]) -> tuple[float, float]:
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the
     truth does.
 
@@ -352,8 +352,8 @@ def judged(record: Record, design: Design, simulation: Simulation, table: Readin
     return _judged(record, design, simulation, table, truth)[0]
 
 
-def _judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable, truth: Truth
-            ) -> tuple[Record, Judgement | None]:
+def _judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
+            truth: Truth) -> tuple[Record, Judgement | None]:
     try:
         found = judge(simulation, table, design.causes, seed=record.number)
     except ArithmeticError as error:

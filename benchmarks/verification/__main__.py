@@ -30,7 +30,8 @@ def main(arguments: list[str] | None = None) -> int:
         began = time.perf_counter()
         judged[claim] = list(claim.judged())
         holds = all(fine for _, fine in judged[claim])
-        print(f"{'holds' if holds else 'FAILS'}  {time.perf_counter() - began:5.1f} s  {claim.title}", file=sys.stderr)
+        print(f"{'holds' if holds else 'FAILS'}  {time.perf_counter() - began:5.1f} s  "
+              f"{claim.title}", file=sys.stderr)
     output.mkdir(parents=True, exist_ok=True)
     (output / "verification.md").write_text(page.written(judged), encoding="utf-8")
     page.draw(output / "verification.png")

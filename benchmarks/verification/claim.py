@@ -1,4 +1,4 @@
-"""What a claim is: numbers of the program beside numbers that come from elsewhere, and how far apart they may be."""
+"""What a claim is: numbers of the program beside others, and how far apart they may be."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Claim:
-    """``title``, where the ``reference`` comes from, the largest error allowed, and what computes the pairs."""
+    """``title``, source of the ``reference``, largest error allowed, what computes the pairs."""
 
     title: str
     reference: str

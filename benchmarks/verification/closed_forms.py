@@ -1,4 +1,4 @@
-"""Claims against closed forms: free actuation, pull-in of the homogeneous film, balloon, small deflections."""
+"""Claims against closed forms: free actuation, homogeneous pull-in, balloon, small deflections."""
 
 from __future__ import annotations
 
@@ -49,9 +49,10 @@ def stress_free(material: Material) -> float:
 
 
 @claim("A free film actuated by voltage stretches equibiaxially, every law",
-       reference="closed form σ(λ) = ε₀ε_r (U λ²/T)², stresses by Rivlin's formula from the invariants", tolerance=1e-9)
+       reference="closed form σ(λ) = ε₀ε_r (U λ²/T)², "
+                 "stresses by Rivlin's formula from the invariants", tolerance=1e-9)
 def free_actuation() -> Iterator[Pair]:
-    """The stretch at the voltage that the closed form gives for stretches of 1.1 and 1.2 of the film free of stress."""
+    """Stretch at the closed form's voltage for stretches 1.1 and 1.2 of the film free of stress."""
     for name, sample in SAMPLES.items():
         for stretch in stress_free(sample.reference) * np.array([1.1, 1.2]):
             voltage_squared = elastic(sample.reference, stretch) / (_UNIT * stretch**3)
@@ -60,7 +61,7 @@ def free_actuation() -> Iterator[Pair]:
 
 
 def homogeneous_limit(stress: float) -> tuple[float, float]:
-    """Stretch and voltage [V] of the program's largest voltage for a neo-Hooke film under a nominal stress [Pa]."""
+    """Stretch and voltage [V] at a neo-Hooke film's largest voltage, nominal stress in Pa."""
     material = NeoHooke(MU)
 
     def voltage(stretch: float) -> float:
@@ -74,7 +75,8 @@ def homogeneous_limit(stress: float) -> tuple[float, float]:
 
 
 @claim("Pull-in of the homogeneous neo-Hooke film, free and under equibiaxial dead load",
-       reference="closed form: dU/dλ = 0 at λ = 2^(1/3), λ₃ = 0.63; under a stress s where 2λ/3 − 8/(3λ⁵) = s/μ",
+       reference="closed form: dU/dλ = 0 at λ = 2^(1/3), λ₃ = 0.63; "
+                 "under a stress s where 2λ/3 − 8/(3λ⁵) = s/μ",
        tolerance=1e-6)
 def homogeneous_pull_in() -> Iterator[Pair]:
     """The largest voltage over all stretches."""
@@ -91,7 +93,7 @@ def homogeneous_pull_in() -> Iterator[Pair]:
 
 
 def balloon(material: FilmMaterial, stretch: float) -> float:
-    """Pressure in a sphere of radius 1 and thickness ``T`` by its film energy, p = dW/dΛ · 4πT / (4πΛ²) [Pa]."""
+    """Pressure [Pa] in a sphere of radius 1 and thickness ``T``, p = dW/dΛ · 4πT / (4πΛ²)."""
     return 2 * T * nominal(material, stretch, 0.0) / stretch**2
 
 

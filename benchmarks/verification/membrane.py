@@ -1,4 +1,4 @@
-"""Claims about the finite elements against the axisymmetric equations: laws, voltage, pressure, weight, orders."""
+"""Claims about the finite elements against the axisymmetric equations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ from tympan.studies.case import Settings, build_model
 FORCE, HEAVE = 17.9e-3 * G, 10e-3
 
 
-@claim("Plate force at 10 mm heave and deflection under 17.9 g, every law, without and with voltage",
+@claim("Plate force at 10 mm heave and deflection under 17.9 g, every law, "
+       "without and with voltage",
        reference="axisymmetric equations, spectral Ritz", tolerance=2e-6)
 def every_law() -> Iterator[Pair]:
     """At the default mesh."""
@@ -106,7 +107,8 @@ def vm218() -> Iterator[Pair]:
 
 
 @claim("Flat membrane under small pressure by finite elements", tolerance=1e-4,
-       reference="Hencky's series with E = 3μ, ν = 1/2; strains of 2e-5, by which the two may differ")
+       reference="Hencky's series with E = 3μ, ν = 1/2; "
+                 "strains of 2e-5, by which the two may differ")
 def hencky_disc() -> Iterator[Pair]:
     """Without prestress; and with the ODE's own number, which is closer."""
     pressure = 1e-3

@@ -22,11 +22,12 @@ Judged = dict[Claim, list[tuple[Pair, bool]]]
 
 _INTRODUCTION = """# Verification
 
-Written by `make verification`, which runs every claim, and fails if one does. The test suite runs the same claims at
-the same tolerances. An error is relative, unless the reference is 0 or an order of convergence, of which only falling
-short counts. Unless a claim says otherwise the film is 1 mm thick before it is stretched by √5 along both axes, lies
-between circles of 10 and 45 mm, has ε_r 4.7, is neo-Hooke 20 kPa, and is meshed as a user gets it: curved triangles of
-order 4, a quarter by symmetry. The references are in `tests/oracles/`: `axisymmetric.py`, `inflation.py`,
+Written by `make verification`, which runs every claim, and fails if one does. The test suite runs
+the same claims at the same tolerances. An error is relative, unless the reference is 0 or an
+order of convergence, of which only falling short counts. Unless a claim says otherwise the film
+is 1 mm thick before it is stretched by √5 along both axes, lies between circles of 10 and 45 mm,
+has ε_r 4.7, is neo-Hooke 20 kPa, and is meshed as a user gets it: curved triangles of order 4, a
+quarter by symmetry. The references are in `tests/oracles/`: `axisymmetric.py`, `inflation.py`,
 `unstable.py`, `laws.py`; they import nothing of the program that they check.
 """
 
@@ -44,7 +45,8 @@ def written(judged: Judged) -> str:
 
 def _summary(judged: Judged) -> Iterator[str]:
     passed = sum(all(fine for _, fine in pairs) for pairs in judged.values())
-    yield f"{passed} of {len(judged)} claims hold, with {sum(map(len, judged.values()))} numbers compared.\n"
+    yield (f"{passed} of {len(judged)} claims hold, "
+           f"with {sum(map(len, judged.values()))} numbers compared.\n")
     yield "| claim | numbers | largest error | tolerance | holds |\n|---|---:|---:|---:|---|"
     for claim, pairs in judged.items():
         worst, holds = max(pair.error for pair, _ in pairs), _word(all(fine for _, fine in pairs))
@@ -58,17 +60,21 @@ def _details(judged: Judged) -> Iterator[str]:
             if claim.pairs.__module__ == chapter.__name__:
                 yield from _detail(claim, pairs)
         if chapter is membrane:
-            yield "![Errors of force and rim stress against the number of elements](verification.png)\n"
+            yield ("![Errors of force and rim stress against the number of elements]"
+                   "(verification.png)\n")
 
 
 def _detail(claim: Claim, pairs: list[tuple[Pair, bool]]) -> Iterator[str]:
-    yield f"### {claim.title}\n\n{' '.join((claim.pairs.__doc__ or '').split())} Reference: {claim.reference}.\n"
-    yield "| quantity | computed | reference | error | tolerance | holds |\n|---|---:|---:|---:|---:|---|"
+    words = " ".join((claim.pairs.__doc__ or "").split())
+    yield f"### {claim.title}\n\n{words} Reference: {claim.reference}.\n"
+    yield ("| quantity | computed | reference | error | tolerance | holds |\n"
+           "|---|---:|---:|---:|---:|---|")
     for pair, fine in pairs:
         unit = f" {pair.unit}" if pair.unit else ""
         least = "≥ " if pair.at_least else ""
-        yield (f"| {pair.quantity} | {pair.computed:.9g}{unit} | {least}{pair.reference:.9g}{unit} | {pair.error:.1e} "
-               f"| {claim.tolerance:.2g} | {_word(fine)} |")
+        yield (f"| {pair.quantity} | {pair.computed:.9g}{unit} | "
+               f"{least}{pair.reference:.9g}{unit} | {pair.error:.1e} | "
+               f"{claim.tolerance:.2g} | {_word(fine)} |")
     yield ""
 
 

@@ -44,7 +44,8 @@ def annulus_by_two_methods() -> Iterator[Pair]:
                    float(shot.sigma1(A)), "Pa")
     for loads in (Loads(30.0, 0.1, 3e3), Loads(100.0), Loads(weight=9.80665, voltage=5e3)):
         ritz, shot = minimise(film, loads), shoot(film, loads)
-        yield Pair(f"heave at {loads.pressure:g} Pa, {loads.force:g} N, {loads.voltage / 1e3:g} kV, "
+        yield Pair(f"heave at {loads.pressure:g} Pa, {loads.force:g} N, "
+                   f"{loads.voltage / 1e3:g} kV, "
                    f"{loads.weight:.3g} Pa weight", ritz.apex, shot.apex, "m")
 
 
@@ -52,7 +53,7 @@ def annulus_by_two_methods() -> Iterator[Pair]:
        reference="Ritz method; Mooney 80/20 psi, R 7.5 in, h 0.5 in",
        tolerance=1e-8)
 def vm218_by_two_methods() -> Iterator[Pair]:
-    """With the slope at the centre found by shooting, and the enclosed volume in the Ritz method's potential."""
+    """By shooting for the slope at the centre, and with the enclosed volume in Ritz's potential."""
     for pressure, _ in VM218:
         ritz = minimise(rubber_disc(), Loads(pressure * PSI))
         centre = float(ritz.meridian(np.array([1e-3 * INCH]))[0][0])
@@ -61,16 +62,18 @@ def vm218_by_two_methods() -> Iterator[Pair]:
 
 
 @claim("ANSYS VM218 by the axisymmetric equations", tolerance=2.3e-5,
-       reference="2.2503, 5.6823 and 10.1054 in, known to their last digit from an earlier solution of the equations")
+       reference="2.2503, 5.6823 and 10.1054 in, known to their last digit "
+                 "from an earlier solution of the equations")
 def vm218_rounded() -> Iterator[Pair]:
-    """The published 6.2 and 10.9 in at the two higher pressures were read off a graph and are wrong."""
+    """The published 6.2 and 10.9 in at higher pressures were read off a graph and are wrong."""
     for pressure, rounded in VM218:
         yield Pair(f"apex at {pressure} psi",
                    minimise(rubber_disc(), Loads(pressure * PSI)).apex / INCH, rounded, "in")
 
 
 @claim("Hencky's series for a clamped membrane under pressure: b₀", tolerance=3e-5,
-       reference="Hencky (1915) as corrected by Fichter, NASA TP-3658 (1997), whose numbers were not read there again")
+       reference="Hencky (1915) as corrected by Fichter, NASA TP-3658 (1997), "
+                 "whose numbers were not read there again")
 def hencky_constants() -> Iterator[Pair]:
     """Of the series as summed here."""
     for poisson, constant in ((0.2, 1.6827), (0.3, 1.7244), (0.4, 1.7769)):
@@ -85,7 +88,8 @@ def hencky_ratio(pressure: float) -> float:
 
 
 @claim("Inflated neo-Hooke disc tends to Hencky's as the pressure goes to zero", tolerance=2e-6,
-       reference="Hencky's series with E = 3μ, ν = 1/2; the difference must fall as the strain, p^(2/3)")
+       reference="Hencky's series with E = 3μ, ν = 1/2; "
+                 "the difference must fall as the strain, p^(2/3)")
 def hencky_limit() -> Iterator[Pair]:
     """1e-5 Pa and 1e-4 Pa are strains of 1e-6 and 5e-6."""
     low, high = hencky_ratio(1e-5), hencky_ratio(1e-2)

@@ -54,16 +54,17 @@ def beyond() -> Outcome:
 @claim("Pull-in voltage, neo-Hooke 15 kPa, ε_r 4.7, 17.9 g, by arc length", tolerance=1e-5,
        reference="axisymmetric equations, fold of the Ritz branch; a membrane that cannot wrinkle")
 def pull_in() -> Iterator[Pair]:
-    """The largest voltage with an equilibrium of the membrane; the branch beyond is followed below."""
+    """The largest voltage with an equilibrium of the membrane; the branch beyond follows below."""
     outcome = beyond()
     yield Pair("U", math.sqrt(outcome.limit or 0.0), pull_in_voltage(reference(), FORCE), "V")
 
 
 @claim("The unstable branch beyond pull-in: voltage at its heaves",
-       reference="axisymmetric equations, Ritz branch followed in the heave; a membrane that cannot wrinkle",
+       reference="axisymmetric equations, Ritz branch followed in the heave; "
+                 "a membrane that cannot wrinkle",
        tolerance=1e-3)
 def unstable_branch() -> Iterator[Pair]:
-    """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the branch turns back also in the heave."""
+    """From 6.4 kV over the fold at 9.77 mm to 11 mm, near where the heave turns back too."""
     model = soft_model()
     start = equilibrium(model, FORCE, 6400.0).state
     branch = Branch(model, "voltage", subspace=SmoothSubspace.of(model, waves=0))
@@ -77,9 +78,10 @@ def unstable_branch() -> Iterator[Pair]:
 
 
 @claim("Voltage at which the same film loses its hoop tension at the plate", tolerance=1e-4,
-       reference="axisymmetric equations: hoop stress with its Maxwell part by the Ritz method is zero")
+       reference="axisymmetric equations: "
+                 "hoop stress with its Maxwell part by the Ritz method is zero")
 def loss_of_tension() -> Iterator[Pair]:
-    """A real film wrinkles there, and that is its limit: relaxed, it has no stable equilibrium beyond."""
+    """A real film wrinkles there, its limit: relaxed, it has no stable equilibrium beyond."""
     model = soft_model()
     start = equilibrium(model, FORCE, 6400.0).solution
 
@@ -106,7 +108,8 @@ def loss_of_tension_by_shooting() -> Iterator[Pair]:
 
 
 @claim("Force on a film mounted at 0.6 of its virgin size and partly wrinkled", tolerance=1e-3,
-       reference="tension-field theory in the axisymmetric equations, by shooting, natural width as a scalar root")
+       reference="tension-field theory in the axisymmetric equations, by shooting, "
+                 "natural width as a scalar root")
 def wrinkled_film() -> Iterator[Pair]:
     """The program's film keeps a thousandth of its modulus as a tension across wrinkles."""
     heave, model = 90e-3, quarter_annulus(4, 4)
