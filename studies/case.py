@@ -284,7 +284,7 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
     sums = film_integrals(model, states)
     fields_of = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
     lost_of = lost_tension_of(model, states)
-    for number, (state, fields, lost) in enumerate(zip(states, fields_of, lost_of, strict=True)):
+    for number, (state, fields, slack) in enumerate(zip(states, fields_of, lost_of, strict=True)):
         weakest = _weakest(fields)
         breakdown = {} if weakest is None else {
             "breakdown_margin": float(1 / fields.breakdown_share[weakest]),
@@ -298,11 +298,11 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "max_true_stress_Pa": float(fields.stress_1.max()),
             "max_field_V_per_m": float(fields.electric_field.max()),
             **breakdown,
-            "slack_area_m2": lost.wrinkled + lost.slack,
-            "slack_share": lost.share,
+            "slack_area_m2": slack.wrinkled + slack.slack,
+            "slack_share": slack.share,
             "tilt_rad": state.plate.tilt,
             "energy_J": float(sums.energy[number]),
-            "warnings": tuple(field_warnings(fields, lost, model.specimen.membrane.material))}
+            "warnings": tuple(field_warnings(fields, slack, model.specimen.membrane.material))}
 
 
 def node_fields(model: Model, state: State) -> Fields:

@@ -79,7 +79,7 @@ def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[L
 
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",
          settings: Settings = Settings(), **loads: Unpack[Loads]) -> Result[PathResult]:
-    """The equilibria while one quantity grows from where the loads are, and through limit points."""
+    """The equilibria while one quantity grows from the loads on, and through limit points."""
     from tympan.studies.path import path
 
     return Result(path(Case(specimen, **loads), settings, along))

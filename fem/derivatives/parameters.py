@@ -50,13 +50,14 @@ def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, Mo
     """
     loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
                if isfinite(at_name(model, name))}
-    known = {name: _number(["specimen", *name.split(".")]) for name in film_names(model.specimen)}
-    known |= {name: _load(name) for name in LOADS} | loading
-    known |= {name: _length(name.split(".")) for name in shape_names(model.specimen)}
+    parameters = {name: _number(["specimen", *name.split(".")])
+                  for name in film_names(model.specimen)}
+    parameters |= {name: _load(name) for name in LOADS} | loading
+    parameters |= {name: _length(name.split(".")) for name in shape_names(model.specimen)}
     for name in names or ():
-        if name not in known:
-            raise InputError(f"must be one of {', '.join(known)}", key="parameter", given=name)
-    return known if names is None else {name: known[name] for name in names}
+        if name not in parameters:
+            raise InputError(f"must be one of {', '.join(parameters)}", key="parameter", given=name)
+    return parameters if names is None else {name: parameters[name] for name in names}
 
 
 def _number(path: Sequence[str]) -> ModelParameter:

@@ -100,8 +100,8 @@ class Boxed(Pieced):
     @property
     def semi_axes(self) -> tuple[float, float]:
         """Half extent along x and along y [m]."""
-        (left, right), (low, high) = self.curve.box
-        return (right - left) / 2, (high - low) / 2
+        (west, east), (south, north) = self.curve.box
+        return (east - west) / 2, (north - south) / 2
 
     @property
     def mirror_planes(self) -> frozenset[str]:

@@ -322,15 +322,15 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         calls, z = calls + minimum.evaluations, minimum.unknowns
     for _ in range(4):
         misfit = problem.misfit(sigma)
-        rows, known = unseen(misfit, z, count)
+        rows, determined = unseen(misfit, z, count)
         minimum = minimise(misfit.with_rows(rows, problem.start), z, precision=1e-6)
         moved = float(np.abs(minimum.unknowns - z).max())
         calls, z = calls + minimum.evaluations, minimum.unknowns
         squares = sum(float(residual @ residual) for residual, _ in problem.parts(z))
-        freedom = problem.size - known - (len(z) - count)
+        freedom = problem.size - determined - (len(z) - count)
         noise = noise_of(squares, freedom, problem.noise)
         settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
-        if settled and (moved < 1e-4 or known == count):
+        if settled and (moved < 1e-4 or determined == count):
             break
     judgement = identifiability(problem.misfit(sigma), z,
                                 [(constant.name, constant.unit) for constant in CONSTANTS],

@@ -324,14 +324,14 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     # In force the problem is nearly linear: its fit is a safe place to begin from.
     safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:
-        rows, known = unseen(_misfit(problem, "deflection", size), z, len(z))
+        rows, determined = unseen(_misfit(problem, "deflection", size), z, len(z))
         minimum = minimise(_misfit(problem, seek, size).with_rows(rows, start), z)
         moved = float(np.abs(minimum.unknowns - z).max())
         calls, z = calls + minimum.evaluations, minimum.unknowns
         if seek == objective and moved < 1e-4:
             break
     residual = problem.residual(scale * z, "deflection")[0]
-    noise = noise_of(float(residual @ residual), len(residual) - known, problem.noise)
+    noise = noise_of(float(residual @ residual), len(residual) - determined, problem.noise)
     judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z,
                                 [(constant.name, constant.unit) for constant in problem.constants],
                                 noise.quantile, lambda index, at: float(scale[index] * at),
