@@ -39,8 +39,7 @@ class Rig:
     sensor_zero: Annotated[float, Key("what the sensor shows at no deflection", "length")] = 0.0
     drift: Annotated[float, Key("how fast readings wander", "speed")] = 0.0
     guide: Annotated[Guide, Key("how the plate may move: freely, without tilting, up and down "
-                                "only, "
-                                "not at all")] = "free"
+                                "only, not at all")] = "free"
     weight_offset: Annotated[tuple[float, float], Key(
         "where the mass hangs, from the plate's centre", "length")] = (0.0, 0.0)
     plate_pressure: Annotated[float, Key(

@@ -33,8 +33,7 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
                 content["membrane"]["material"]["range"] = [low, high]
             return content
     raise InputError("cannot be written as a specimen file: true stress falls with stretch near "
-                     "the "
-                     "prestretch", key="membrane.material", given=str(material))
+                     "the prestretch", key="membrane.material", given=str(material))
 
 
 def specimen_to_toml(specimen: Specimen) -> str:

@@ -20,8 +20,8 @@ Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
 
 _NAME: Rule = (lambda text: re.fullmatch(r"\w[\w .+-]{0,99}", text) is not None,
-               "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, "
-               "a letter or digit first")
+               "must serve as a file name: at most 100 letters, digits, blanks and _ . + -, a "
+               "letter or digit first")
 _STRETCH: Rule = (lambda x: 0.2 <= x <= 10,
                   "must be a stretch between 0.2 and 10 (1 is unstretched)")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
@@ -90,8 +90,7 @@ class Film:
                                     rule=_STRETCH)]
     material: Annotated[Material, Key(
         "a law with its constants, or a name of the library; true stress must grow over the "
-        "stretches "
-        "of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
+        "stretches of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
     relative_permittivity: Annotated[float, Key("ε_r of the mounted film", rule=_PERMITTIVITY)]
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
@@ -100,8 +99,8 @@ class Film:
                                   _DENSITY)] = 0.0
     strength: Annotated[Strength | None, Key(
         "what the film withstands electrically: a law with its constants, or a name of the "
-        "library; "
-        "left out, that of the library's material", name="breakdown", kinds=STRENGTHS)] = None
+        "library; left out, that of the library's "
+        "material", name="breakdown", kinds=STRENGTHS)] = None
 
     @property
     def area_prestretch(self) -> float:
@@ -120,8 +119,8 @@ class Region:
     def __str__(self) -> str:
         (a, b), (x, y) = (tuple(1e3 * length for length in pair)
                           for pair in (self.outline.semi_axes, self.offset))
-        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
-                f"centred at {x:.4g}, {y:.4g} mm")
+        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} "
+                "mm")
 
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Negative inside the outline, zero on it [m]."""
@@ -204,8 +203,7 @@ class Specimen:
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
             raise InputError("the margins must leave an electrode: their sum must stay below 98 % "
-                             "of the gap of "
-                             f"{gap * 1e3:.4g} mm between plate and frame",
+                             f"of the gap of {gap * 1e3:.4g} mm between plate and frame",
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
         for name in ("margin_frame", "margin_plate"):
             margin = getattr(self.electrode, name)

@@ -38,8 +38,7 @@ def missing_library(error: OSError | ImportError) -> MissingLibrary:
     if name not in DEBIAN:
         return MissingLibrary(f"a system library cannot be loaded: {error}")
     return MissingLibrary(f"the system library {name} is missing: install the Debian package "
-                          f"{DEBIAN[name]} "
-                          "(or your system's counterpart)")
+                          f"{DEBIAN[name]} (or your system's counterpart)")
 
 
 def missing_packages(names: dict[str, str] = DEBIAN) -> list[str]:

@@ -64,8 +64,8 @@ def _(result: CaseResult, axes: Axes) -> None:
     film = _film(result.film, result.warnings)
     _map(axes, film, film.values["stress_1"] / 1e3, "largest true stress [kPa]")
     axes.set_title(f"{result.specimen}: {1e3 * result.mass_kg:.4g} g, "
-                   f"{1e-3 * result.voltage_V:.4g} kV, "
-                   f"deflection {1e3 * (result.deflection_m or 0.0):.4g} mm")
+                   f"{1e-3 * result.voltage_V:.4g} kV, deflection "
+                   f"{1e3 * (result.deflection_m or 0.0):.4g} mm")
 
 
 @draw.register

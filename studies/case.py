@@ -348,8 +348,8 @@ def _breakdown_warnings(fields: Fields) -> list[str]:
     field_MV_per_m = fields.electric_field[weakest] / 1e6
     strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
     what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
-    return [f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: "
-            f"field {field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m"]
+    return [f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field {field_MV_per_m:.3g} of "
+            f"{strength_MV_per_m:.3g} MV/m"]
 
 
 def _last_state(model: Model, outcome: Outcome) -> list[str]:

@@ -99,8 +99,8 @@ class ModesResult:
         if not result.modes:
             return result
         if not result.semi_axes_m:
-            raise InputError("is of a version that kept too little for a picture: "
-                             "run tympan modes again", file=file)
+            raise InputError("is of a version that kept too little for a picture: run tympan modes "
+                             "again", file=file)
         return replace(result, film=FilmSurface.load(file.with_suffix(".vtu")))
 
 
@@ -173,6 +173,6 @@ def _warnings(case: Case, computed: Modes) -> list[str]:
     if computed.unstable:
         listed = int(np.count_nonzero(computed.growth))
         warnings.append(f"the state is unstable in {computed.unstable} directions, of which "
-                        f"{listed} are listed; the fast ones of a film without tension are as "
-                        "fine as the mesh: it wrinkles")
+                        f"{listed} are listed; the fast ones of a film without tension are as fine "
+                        "as the mesh: it wrinkles")
     return warnings

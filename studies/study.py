@@ -282,8 +282,8 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     case = Case(specimen, mass=study.mass, voltage=study.voltage, rig=study.rig)
     model, outcome, result = solved(case, study.settings)
     if outcome.status != "equilibrium":
-        raise InputError(f"has no picture at {study.mass * 1e3:g} g and "
-                         f"{study.voltage / 1e3:g} kV: {result.warnings[0]}", key="specimens",
+        raise InputError(f"has no picture at {study.mass * 1e3:g} g and {study.voltage / 1e3:g} "
+                         f"kV: {result.warnings[0]}", key="specimens",
                          given=specimen.name)
     progress(f"{specimen.name}: fields")
     result = replace(result, film=film_surface(model, outcome.state))

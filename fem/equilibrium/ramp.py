@@ -324,8 +324,8 @@ class Ramp:
                 spread = float(np.abs(limits / limits[best] - 1).max())
                 return replace(pull_ins[best], spread=spread)
         return Outcome("not_converged", last.solution,
-                       f"the film has lost tension: short of the {self._word} it pulls "
-                       "in or wrinkles, and which depends on the mesh; a finer one may tell")
+                       f"the film has lost tension: short of the {self._word} it pulls in or "
+                       "wrinkles, and which depends on the mesh; a finer one may tell")
 
     @property
     def _word(self) -> str:

@@ -109,8 +109,8 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
                     default=0.0)
     if not inside or abs(missing) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode "
-                         "and what it leaves "
-                         "bare must be wider than 1 % of the gap between plate and frame",
+                         "and what it leaves bare must be wider than 1 % of the gap between plate "
+                         "and frame",
                          key="electrode.outline", given=str(region))
     return {"covered": inside, "bare": [*bare, *outside]}
 

@@ -50,8 +50,8 @@ def _check(outline: Any) -> None:
         _crossing(outline, curve, size)
         if curve.area < 0:
             raise _error(outline, curve.starts[0],
-                         "runs clockwise, with its inside out: list its points "
-                         "counterclockwise, beginning")
+                         "runs clockwise, with its inside out: list its points counterclockwise, "
+                         "beginning")
 
 
 def _curvature(outline: Outline, curve: Curve, size: float) -> None:
@@ -64,8 +64,8 @@ def _curvature(outline: Outline, curve: Curve, size: float) -> None:
             worst = int(tight.argmax())
             radius = squared[worst] ** 1.5 / cross[worst]
             raise _error(outline, value[worst],
-                         f"bends with a radius of {radius * 1e3:.3g} mm, less than "
-                         f"{SMALLEST:g} of its larger half extent of {size * 1e3:.4g} mm")
+                         f"bends with a radius of {radius * 1e3:.3g} mm, less than {SMALLEST:g} of "
+                         f"its larger half extent of {size * 1e3:.4g} mm")
 
 
 def _crossing(outline: Outline, curve: Curve, size: float) -> None:

@@ -52,8 +52,8 @@ def step_pieces(file: Path) -> list[Piece]:
         raise InputError("has no edges")
     box = cq.Compound.makeCompound(edges).BoundingBox()
     if any(shape.Solids() for shape in shapes) or box.zlen > 1e-6 * box.DiagonalLength:
-        raise InputError("must be flat, in a plane of constant z: it reaches from "
-                         f"z = {box.zmin:.4g} to {box.zmax:.4g} mm")
+        raise InputError("must be flat, in a plane of constant z: it reaches from z = "
+                         f"{box.zmin:.4g} to {box.zmax:.4g} mm")
     return [piece for edge in edges for piece in edge_pieces(edge)]
 
 

@@ -100,5 +100,5 @@ def _colour_bar(figure: Figure, top: float) -> None:
     bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax,
                           orientation="horizontal", ticks=(-1, 0, 1))
     bar.outline.set_linewidth(0.5)
-    bar.set_label("motion along the load over the mode's largest motion; "
-                  "the size of the swing is arbitrary", labelpad=2)
+    bar.set_label("motion along the load over the mode's largest motion; the size of the swing is "
+                  "arbitrary", labelpad=2)

@@ -31,8 +31,8 @@ def _compose(result: PathResult) -> Figure:
     figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
     first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
     _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3))
-    first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g "
-                    f"and {result.voltage_V / 1e3:g} kV", loc="left", weight="bold")
+    first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g and "
+                    f"{result.voltage_V / 1e3:g} kV", loc="left", weight="bold")
     first.legend(loc="best")
     if panels == 2:
         second = style.place_axes(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)

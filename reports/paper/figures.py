@@ -98,8 +98,8 @@ def _static(mass: float) -> Callable[[PaperCurves], Figure]:
         for colour, name, (volts, y) in _three(curves.read("static", 2), mass):
             row = curves.row(mass, name)
             axes.plot(volts, y, color=colour,
-                      label=f"{name}: range {row['at_rest_mm']:.2f} mm "
-                            f"(paper, over steps: {row['paper_mm']:.2f} mm)")
+                      label=f"{name}: range {row['at_rest_mm']:.2f} mm (paper, over steps: "
+                            f"{row['paper_mm']:.2f} mm)")
         return _finish(figure, axes, "voltage (kV)")
 
     return make
@@ -142,8 +142,8 @@ def _loops(curves: PaperCurves) -> Figure:
             volts, y = loops[f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
             axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
             letter = "abcdef"[2 * row + column]
-            axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, "
-                           f"u₁ = {amplitude / 1e3:g} kV", loc="left")
+            axes.set_title(f"({letter}) {name}, u₀ = {offset / 1e3:g} kV, u₁ = {amplitude / 1e3:g} "
+                           "kV", loc="left")
             axes.locator_params(axis="x", nbins=8)
             style.faint_grid(axes)
             axes.set_xlabel("voltage (kV)" if row == 2 else "")
@@ -168,8 +168,8 @@ def _random(curves: PaperCurves) -> Figure:
             for colour, name, (at, y) in _three(traces, mass):
                 row = curves.row(mass, name)
                 axes.plot(at, y, color=colour, linewidth=0.7,
-                          label=f"{name} {row['at_levels_mm']:.2f} mm "
-                                f"(paper {row['paper_mm']:.2f})")
+                          label=f"{name} {row['at_levels_mm']:.2f} mm (paper "
+                                f"{row['paper_mm']:.2f})")
             axes.set_title(f"({'abc'[number]}) {1e3 * mass:g} g, ranges at the ends of the levels",
                            loc="left")
             axes.set_ylabel("distance (mm)")

@@ -55,9 +55,9 @@ class Formula:
         """The formula with its numbers, to be copied."""
         first, *others = self.constants
         c1, c2, c3 = (f"{constant:+.4f}" for constant in others)
-        return (f"p = {first:.4f} {c1} ln A {c2} ln² A {c3} q³ ln A;  "
-                "s = 1 + (4/π − 1)(1 − A^−p);  "
-                "α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q));  A = r₂/r₁, q = r/r₁")
+        return (f"p = {first:.4f} {c1} ln A {c2} ln² A {c3} q³ ln A;  s = 1 + (4/π − 1)(1 − "
+                "A^−p);  α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q));  A = r₂/r₁, q = "
+                "r/r₁")
 
 
 def fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:

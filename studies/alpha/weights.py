@@ -229,8 +229,8 @@ def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> l
                       f"middle: the force is {error} off")
     elif membrane.fit_error > REPRESENTED:
         sizes = ", ".join(f"{radius * 1e3:.4g}" for radius in radii)
-        doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best "
-                      f"leaves a force error of {error}"
+        doubts.append(f"no mixture of circles of {sizes} mm represents this shape: the best leaves "
+                      f"a force error of {error}"
                       + ("" if result.radii == "fit" else "; radii by fit may"))
     if result.radii != chosen.radii and len(radii) > 1:
         doubts.append("the semi-axes are equal but the frame is no circle: the circles' radii are "
@@ -246,6 +246,6 @@ def _doubts(specimen: Specimen, result: AlphaResult, chosen: AlphaSettings) -> l
     for basis, words in names.items():
         weights = result.by_basis[basis]
         if len(radii) > 1 and min(weights.alpha) == 0 and weights.fit_error > 0.02:
-            doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force "
-                          f"error of {100 * weights.fit_error:.0f} %")
+            doubts.append(f"{words}: no mixture fits, α sits at its bound and leaves a force error "
+                          f"of {100 * weights.fit_error:.0f} %")
     return doubts

@@ -143,8 +143,8 @@ def _noise_warnings(dataset: Dataset) -> Iterator[str]:
                "repeat some readings, or give noise in dataset.toml")
     ratio = stated_ratio(dataset)
     if ratio is not None and not ratio.low <= 1 <= ratio.high:
-        yield (f"repeats scatter by {ratio.sigma:.3g} times the stated noise "
-               f"(95 %: {ratio.low:.3g} to {ratio.high:.3g})")
+        yield (f"repeats scatter by {ratio.sigma:.3g} times the stated noise (95 %: "
+               f"{ratio.low:.3g} to {ratio.high:.3g})")
 
 
 def slips_of_unit(dataset: Dataset) -> Iterator[str]:

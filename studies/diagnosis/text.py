@@ -47,13 +47,13 @@ def limitations(dataset: Dataset, readings: PreparedReadings, judged: Judgement,
     if readings.assumed:
         words.append("the noise is not known but assumed, so no cause is named")
     if model_error > 0.5 * noise:
-        words.append(f"the reduced model is off by up to {1e6 * model_error:.2g} um, "
-                     f"which is not small beside the noise of {1e6 * noise:.2g} um")
+        words.append(f"the reduced model is off by up to {1e6 * model_error:.2g} um, which is not "
+                     f"small beside the noise of {1e6 * noise:.2g} um")
     if judged.test.noise > _ROUGH and readings.stated:
         words.append(f"the readings scatter {judged.test.noise:.2g} times as much about smooth "
                      "curves as stated: the noise is understated, or something jumps, such as a "
                      "plate that rubs")
     if moves:
-        words.append("the verdict depends on how wide the effects' priors are taken (half or "
-                     "twice as wide)")
+        words.append("the verdict depends on how wide the effects' priors are taken (half or twice "
+                     "as wide)")
     return words

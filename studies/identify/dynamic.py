@@ -287,9 +287,9 @@ class DynamicFit:
         if self.waited:
             often = min(record.interval for record in self.problem.records)
             warnings.append(f"a reading every {1e3 * often:.3g} ms does not follow the fast "
-                         f"oscillation, a radian of which takes {1e3 * self.fast:.3g} ms: "
-                         f"those within {self.waited:.2g} s after a jump of the voltage were left "
-                         "out, and eta_2, which damps it, is not determined")
+                         f"oscillation, a radian of which takes {1e3 * self.fast:.3g} ms: those "
+                         f"within {self.waited:.2g} s after a jump of the voltage were left out, "
+                         "and eta_2, which damps it, is not determined")
         return warnings
 
 

@@ -48,8 +48,8 @@ class Linear:
         try:
             import control
         except ImportError:
-            raise MissingLibrary("a state-space object needs python-control: "
-                                 "pip install control") from None
+            raise MissingLibrary("a state-space object needs python-control: pip install "
+                                 "control") from None
         circles = range(1, len(self.a) - 1)
         return control.ss(self.a, self.b, self.c, self.d, inputs=["voltage"],
                           outputs=["deflection"],

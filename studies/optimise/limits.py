@@ -196,8 +196,7 @@ def read_limit(table: Table, key: str, specimen: Specimen) -> Limit:
     if key not in LIMITS:
         raise table.error(key, f"unknown limit: known are {', '.join(LIMITS)}")
     if key == "breakdown_margin" and specimen.membrane.strength is None:
-        raise table.error(key, "needs a film whose electric strength is known "
-                               "(membrane.breakdown)")
+        raise table.error(key, "needs a film whose electric strength is known (membrane.breakdown)")
     kind, dimension, rule = LIMITS[key]
     return kind(table.quantity(key, dimension, rule=rule) if dimension
                 else table.number(key, rule=rule))

@@ -78,8 +78,8 @@ class OptimiseResult:
         file = folder / "optimum.json"
         record = from_json(dict[str, Any], read_json(file), file)
         if "variables" not in record:
-            raise InputError("is of a version that kept too little for a picture: "
-                             "run tympan optimise again", file=file)
+            raise InputError("is of a version that kept too little for a picture: run tympan "
+                             "optimise again", file=file)
         files = [optimum["specimen_file"] for optimum in record["optima"]]
         return cls(record, read_own_sheet(folder / "path.csv", _trial_columns(record)),
                    read_own_sheet(folder / "optimum-outlines.csv", OUTLINES),

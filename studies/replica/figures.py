@@ -83,8 +83,8 @@ class Choices:
                           published.HIGHEST - float(signal.voltage.max()))
             if self.seed is not None or reached <= self.near:
                 return signal, seed
-        raise InputError(f"with so few levels none of {_SEEDS} seeds comes within "
-                         f"{self.near:g} V of both ends",
+        raise InputError(f"with so few levels none of {_SEEDS} seeds comes within {self.near:g} V "
+                         "of both ends",
                          key="--levels", given=self.levels)
 
 

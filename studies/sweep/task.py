@@ -92,8 +92,8 @@ class SweepTask:
             When this process has another version than the one that asks.
         """
         if self.solver != solver():
-            raise InputError("workers must have the same version: "
-                             f"there {solver()}, here {self.solver}", key="--scheduler")
+            raise InputError(f"workers must have the same version: there {solver()}, here "
+                             f"{self.solver}", key="--scheduler")
         began = time.perf_counter()
         with _TURN:
             try:

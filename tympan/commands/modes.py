@@ -54,5 +54,5 @@ def _show(result: ModesResult, as_json: bool) -> None:
     del values["modes"], values["plate_inertia_kg_m2"]
     show(values, False)
     for number, mode in enumerate(result.modes, start=1):
-        print(f"{number:>3}  {mode.speed:<14}  {mode.name:<16}  "
-              f"{100 * mode.film_share:.0f} % of the motion's energy in the film")
+        print(f"{number:>3}  {mode.speed:<14}  {mode.name:<16}  {100 * mode.film_share:.0f} % of "
+              "the motion's energy in the film")

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> None:
         show(result.json(), True)
         return
     for event in result.events:
-        print(f"{event.what:<13} {event.value_text:<14} "
-              f"deflection {event.station.deflection_m * 1e3:.4f} mm")
+        print(f"{event.what:<13} {event.value_text:<14} deflection "
+              f"{event.station.deflection_m * 1e3:.4f} mm")
     for warning in result.warnings:
         print(warning)

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 @command("sensitivity", *case_arguments(),
          argument("--of", default="heave", metavar="NAMES",
-                  help="results, with commas between: heave, tilt, reaction, capacitance, "
-                       "energy, max_stretch, max_true_stress, max_field (default: %(default)s); "
-                       "past pull-in, the pull-in load"), JSON)
+                  help="results, with commas between: heave, tilt, reaction, capacitance, energy, "
+                       "max_stretch, max_true_stress, max_field (default: %(default)s); past "
+                       "pull-in, the pull-in load"), JSON)
 def run(options: argparse.Namespace) -> None:
     """Exact derivatives of results by every number that enters them."""
     from tympan.studies.sensitivity import sensitivity
@@ -39,8 +39,8 @@ def _show_quantity(quantity: str, answers: Answers) -> None:
     for parameter, answer in ordered:
         share = "" if answer.elasticity is None else f"{answer.elasticity:+.4f} %"
         start = f"{answer.value:.6g} {_unit_text(answer.unit)}"
-        print(f"{parameter:<{width}}  {start:<18}  {share:<14}  "
-              f"{answer.derivative:+.6g} {_unit_text(answers.unit)} per {answer.unit}")
+        print(f"{parameter:<{width}}  {start:<18}  {share:<14}  {answer.derivative:+.6g} "
+              f"{_unit_text(answers.unit)} per {answer.unit}")
 
 
 def _unit_text(unit: str) -> str:

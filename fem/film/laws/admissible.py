@@ -114,8 +114,7 @@ def checked(material: Material, lowest: float = STRETCH_RANGE[0],
         limit = f" (of which it reaches {reach:.2g} at most)" if reach < highest else ""
         raise InputError(
             "is outside its admissible range: true stress must grow with stretch (Hill's "
-            "inequality) for "
-            f"stretches from {lowest} to {highest}{limit}, but it falls at "
+            f"inequality) for stretches from {lowest} to {highest}{limit}, but it falls at "
             f"({stretch[0]:.3g}, {stretch[1]:.3g})", given=str(material))
     return material
 

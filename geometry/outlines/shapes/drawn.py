@@ -82,8 +82,8 @@ def joined(pieces: list[Piece], which: str | None) -> Drawn:
             if len(near) != 1:
                 x, y = 1e3 * end
                 words = "is open" if not near else "branches"
-                raise InputError(f"must be one closed curve: it {words} at {x:.6g}, {y:.6g} mm "
-                                 "of the drawing")
+                raise InputError(f"must be one closed curve: it {words} at {x:.6g}, {y:.6g} mm of "
+                                 "the drawing")
             k, side = near[0]
             remaining.remove(k)
             loop.append(pieces[k] if side == 0 else pieces[k].backwards())

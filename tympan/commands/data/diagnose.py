@@ -63,10 +63,10 @@ def _plan(dataset: Dataset, options: argparse.Namespace) -> None:
     if options.json:
         print_json(record)
         return
-    print(f"{record['readings']} readings of {record['dataset']}, "
-          f"noise {record['noise_um']:.3g} um")
-    print(f"{'effect':<40}{'parameter':<16}{'usual':>8}{'seen from':>11}{'told from':>11}"
-          "  nearest rival")
+    print(f"{record['readings']} readings of {record['dataset']}, noise {record['noise_um']:.3g} "
+          "um")
+    print(f"{'effect':<40}{'parameter':<16}{'usual':>8}{'seen from':>11}{'told from':>11}  nearest "
+          "rival")
     for effect in record["effects"]:
         unit = f" [{effect['unit']}]" if effect["unit"] else ""
         print(f"{effect['effect']:<40}{effect['parameter'] + unit:<16}"

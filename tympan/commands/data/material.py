@@ -65,8 +65,8 @@ def _show_fits(comparison: Comparison, result: dict[str, Any]) -> None:
                        for mode, count in result["readings"].items())
     print(f"{counts} readings; lowest criterion first, misfit in kPa; limits are 95 %")
     for fit in comparison.fits:
-        print(f"{fit.family.name:<14} AICc {fit.criterion:9.2f}  misfit {fit.rmse / 1e3:8.4g}"
-              f"{'' if fit.offered else '  not offered'}")
+        print(f"{fit.family.name:<14} AICc {fit.criterion:9.2f}  misfit "
+              f"{fit.rmse / 1e3:8.4g}{'' if fit.offered else '  not offered'}")
         for line in _constants(fit):
             print(f"    {line}")
         for note in fit.notes:

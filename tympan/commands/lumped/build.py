@@ -106,12 +106,12 @@ def _show(result: dict[str, Any]) -> None:
                   f"{circle['membrane_factor']:.3f} times as stiff as the paper's cone")
         for kind, words in KINEMATICS.items():
             errors = built["deflection_error"][kind]
-            print(f"  {kind:<10}deflection off by up to {_percent(errors['fitted']):<8} "
-                  f"where fitted, {_percent(errors['held_out']):<8} elsewhere: {words}")
+            print(f"  {kind:<10}deflection off by up to {_percent(errors['fitted']):<8} where "
+                  f"fitted, {_percent(errors['held_out']):<8} elsewhere: {words}")
         (low, high), (slow, fast) = built["frequency_Hz"]["field"], built["frequency_Hz"]["lumped"]
-        print(f"  heave {_hertz(slow)} and {_hertz(fast)} at the ends of the voltage, "
-              f"field model {_hertz(low)} and {_hertz(high)}; "
-              f"capacitance within {_percent(built['capacitance_error']['corrected'])}")
+        print(f"  heave {_hertz(slow)} and {_hertz(fast)} at the ends of the voltage, field model "
+              f"{_hertz(low)} and {_hertz(high)}; capacitance within "
+              f"{_percent(built['capacitance_error']['corrected'])}")
         for words in built["warnings"]:
             print(f"warning: {words}")
 

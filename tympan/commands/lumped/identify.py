@@ -23,14 +23,14 @@ if TYPE_CHECKING:
          argument("dataset", type=Path, metavar="DATASET",
                   help="folder with dataset.toml and static.csv, transient.csv or both"),
          argument("--dynamic", action="store_true",
-                  help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); "
-                       "the static constants are those of static.csv or, where there is none, "
-                       "the films' own"),
+                  help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the "
+                       "static constants are those of static.csv or, where there is none, the "
+                       "films' own"),
          argument("--law", choices=("eq8", "film"), default="eq8",
                   help="the paper's Eq. (8), or one factor on the films' own material"),
          argument("--alpha", choices=("each", "shared"), default="each",
-                  help="an α of the circle with the short semi-axis for each shape, or one for "
-                       "all as in Eq. (11)"),
+                  help="an α of the circle with the short semi-axis for each shape, or one for all "
+                       "as in Eq. (11)"),
          argument("--weights", metavar="A,B",
                   help="both α of all shapes, for --dynamic without static.csv (default: equal)"),
          argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
@@ -113,6 +113,6 @@ def _show_fit(title: str, fit: dict[str, Any], simplex: dict[str, Any] | None) -
     for warning in fit["warnings"]:
         print(f"warning: {warning}")
     if simplex is not None:
-        print(f"Nelder-Mead: misfit {simplex['rmse_um']:.3g} um, "
-              f"{simplex['evaluations']} evaluations, {simplex['seconds']:.2f} s; "
-              f"least squares: {fit['evaluations']}, {fit['seconds']:.2f} s")
+        print(f"Nelder-Mead: misfit {simplex['rmse_um']:.3g} um, {simplex['evaluations']} "
+              f"evaluations, {simplex['seconds']:.2f} s; least squares: {fit['evaluations']}, "
+              f"{fit['seconds']:.2f} s")

@@ -14,8 +14,8 @@ from tympan.options import argument, command, json_argument, output, parse_quant
          argument("--levels", type=int, default=20, metavar="N",
                   help="of figure 14, which the paper does not give"),
          argument("--seed", type=int,
-                  help="of these levels (default: the first one whose levels come within 100 V "
-                       "of 0 and of 7 kV)"),
+                  help="of these levels (default: the first one whose levels come within 100 V of "
+                       "0 and of 7 kV)"),
          argument("--reading", choices=("rest", "levels"),
                   help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, "
                        "or at the ends of figure 14's levels (default: whichever fits it better)"),

@@ -84,8 +84,8 @@ def _show(result: dict[str, Any]) -> None:
         first, last, reach = (1e3 * response[key] for key in ("first_m", "last_m", "range_m"))
         settled = response["settling_time_s"]
         end = "" if settled is None else f", oscillation gone after {settled:.2f} s"
-        print(f"{response['specimen']}, {1e3 * response['mass_kg']:g} g: {first:.4f} to "
-              f"{last:.4f} mm, range {reach:.4f} mm{end}")
+        print(f"{response['specimen']}, {1e3 * response['mass_kg']:g} g: {first:.4f} to {last:.4f} "
+              f"mm, range {reach:.4f} mm{end}")
         for warning in response["warnings"]:
             print(f"warning: {warning}")
 
