@@ -37,8 +37,6 @@ class Discretisation:
     reference: Array  #: node positions of the flat mounted film [m], shape (nodes, 3)
     connectivity: Array  #: nodes of the elements, shape (elements, local)
     shapes: Array  #: φ at the quadrature points, shape (points, local)
-    gradients: Array  #: ∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]
-    weights: Array  #: mounted area of every quadrature point [m²], shape (elements, points)
     odd: frozenset[str] = frozenset()  #: planes about which motions are odd instead of even
 
     @classmethod
@@ -47,22 +45,18 @@ class Discretisation:
         basis = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order))
         flat = basis.doflocs.T
         shapes = [np.atleast_2d(np.asarray(shape[0]))[0] for shape in basis.basis]
-        gradients = np.stack([shape[0].grad for shape in basis.basis])
         return cls(
             mesh, planes, basis,
             boundaries={name: basis.get_dofs(facets).flatten()
                         for name, facets in (mesh.boundaries or {}).items()},
             reference=np.column_stack([flat, np.zeros(len(flat))]),
             connectivity=np.ascontiguousarray(basis.element_dofs.T),
-            shapes=np.stack(shapes, axis=1),
-            gradients=np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)),
-            weights=np.asarray(basis.dx))
+            shapes=np.stack(shapes, axis=1))
 
     def moved(self, motion: Array) -> Discretisation:
         """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].
 
-        It may be imaginary. scikit-fem does not map complex nodes, so gradients and weights then
-        are our own.
+        It may be imaginary.
         """
         nodes = self.reference[:, :2] + motion
         if not np.iscomplexobj(nodes):
@@ -70,10 +64,26 @@ class Discretisation:
                                    validate=False)
             mesh = mesh.with_boundaries(self.mesh.boundaries or {})
             return Discretisation.of(mesh.with_subdomains(self.mesh.subdomains or {}), self.planes)
-        gradients, weights = isoparametric(self.mesh, self.basis.X, self.basis.W,
-                                           nodes[self.connectivity])
-        reference = np.column_stack([nodes, np.zeros(len(nodes))])
-        return replace(self, reference=reference, gradients=gradients, weights=weights)
+        return replace(self, reference=np.column_stack([nodes, np.zeros(len(nodes))]))
+
+    @property
+    def gradients(self) -> Array:
+        """∂φ/∂X at the quadrature points, shape (elements, points, local, 2) [1/m]."""
+        return self._geometry[0]
+
+    @property
+    def weights(self) -> Array:
+        """Mounted area of every quadrature point [m²], shape (elements, points)."""
+        return self._geometry[1]
+
+    @cached_property
+    def _geometry(self) -> tuple[Array, Array]:
+        """Gradients and weights; our own of complex nodes, which scikit-fem does not map."""
+        if np.iscomplexobj(self.reference):
+            nodes = self.reference[self.connectivity, :2]
+            return isoparametric(self.mesh, self.basis.X, self.basis.W, nodes)
+        gradients = np.stack([shape[0].grad for shape in self.basis.basis])
+        return np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)), np.asarray(self.basis.dx)
 
     @property
     def mirrored(self) -> int:
