@@ -90,7 +90,7 @@ def _(result: BuildResult) -> Any:
 
 @table.register
 def _(result: Diagnosis) -> Any:
-    return _frame([{key: cause[key] for key in ("effect", "probability", "surprise")}
+    return _frame([{key: cause[key] for key in ("effect", "probability")}
                    | {"parameter": name, **sizes}
                    for cause in result.json()["causes"]
                    for name, sizes in cause["parameters"].items()])

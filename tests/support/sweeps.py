@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -93,6 +94,8 @@ class Command:
                 "PYTHONPYCACHEPREFIX": str(Path(tempfile.gettempdir()) / "tympan-tests")}
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         environment |= kept if os.environ.get("PYTHONDONTWRITEBYTECODE") else {}
+        if resource.getrlimit(resource.RLIMIT_FSIZE)[0] != resource.RLIM_INFINITY:
+            environment["PYTHONDONTWRITEBYTECODE"] = "1"  # it would be cut off, and stay so
         arguments = ["-m", "tympan", "sweep", str(file), "-o", str(folder), "--refine", "0.5",
                      "--workers", "2"]
         self.folder = folder

@@ -194,6 +194,6 @@ def test_fields_are_kept_whole_and_a_lost_one_is_solved_again(tmp_path) -> None:
     assert run_sweep(sweep, folder, partial(_never)).kept == 6
 
 
-def _never(tasks: object) -> list:
+def _never(function: object, tasks: object) -> list:
     assert not tasks
     return []
