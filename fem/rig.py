@@ -102,7 +102,9 @@ class Rig:
         -1500.0
         """
         # The lag is the film's own: it comes after all that the supply does.
-        supplied = (1 + self.amplifier_gain) * voltage / (1 + (voltage / self.sag_voltage) ** 2)
+        sag = voltage / self.sag_voltage
+        # As a product: numbers and arrays round a power differently.
+        supplied = (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
         followed = supplied - direction * self.lag_voltage
         return followed * (np.real(followed) * (1 - 2 * (np.real(supplied) < 0)) > 0)
 

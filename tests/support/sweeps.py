@@ -123,4 +123,5 @@ class Command:
 
     @property
     def _finished(self) -> int:
-        return len(list(self.folder.glob("tasks/*/*.json")))
+        # What is being written has a name that begins with a dot.
+        return len(list(self.folder.glob("tasks/*/[!.]*.json")))
