@@ -13,8 +13,9 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.toml_reader import FINITE, Rule
-from tympan.geometry.units import quantity, unit_factor
+from tympan.geometry.units import any_quantity, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
@@ -31,27 +32,41 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True)
-class NumberColumn:
-    """A column of numbers.
+class Column:
+    """A column of numbers, or one of texts as :meth:`labels` makes it.
 
-    ``unit`` is the usual one, with ``_per_`` for a quotient, and ``dimension`` that of
-    :mod:`tympan.geometry.units`, both "" for plain numbers; ``rule`` holds for SI values. Only
-    columns that are not ``required`` may be left out or have blank cells, which read as nan;
-    ``absent`` is how nan is written, and read besides blanks.
+    ``unit`` is the usual one, with ``_per_`` for a quotient, "" for plain numbers; ``rule`` holds
+    for SI values. Only columns that are not ``required`` may be left out or have blank cells, which
+    read as nan or ""; ``absent`` is how nan is written, and read besides blanks. ``choices`` are
+    None for numbers, and empty where any text will do.
     """
 
     name: str
     unit: str = ""
-    dimension: str = ""
     rule: Rule = FINITE
     required: bool = True
     absent: str = ""
-    blank = math.nan
+    choices: tuple[str, ...] | None = None
+
+    @classmethod
+    def labels(cls, name: str, choices: Iterable[str] = (), required: bool = True) -> Column:
+        """A column of texts, of ``choices`` if there are any."""
+        return cls(name, required=required, choices=tuple(choices))
 
     @property
     def title(self) -> str:
         """The usual name in the first line."""
         return f"{self.name}_{self.unit}" if self.unit else self.name
+
+    @property
+    def dimension(self) -> str:
+        """Of :data:`tympan.geometry.units.DIMENSIONS`, "" for plain numbers and texts."""
+        return _dimension(self.unit) if self.unit else ""
+
+    @property
+    def blank(self) -> float | str:
+        """What an empty cell reads as."""
+        return math.nan if self.choices is None else ""
 
     def claims(self, title: str) -> bool:
         """Whether a name of the first line is this column's, with whatever unit."""
@@ -70,73 +85,33 @@ class NumberColumn:
             return quantity(f"1 {quotient}", self.dimension)
         return unit_factor(unit, self.dimension)
 
-    def texts(self, values: Sequence[float]) -> list[str]:
-        """Cells of SI values, with the digits that read back to 12 places."""
+    def texts(self, values: Sequence[Any]) -> list[str]:
+        """Cells of SI values, with the digits that read back to 12 places, or of texts."""
+        if self.choices is not None:
+            return list(values)
         factor = self.factor(self.title)
         return [self.absent if math.isnan(value) else f"{value / factor:.12g}" for value in values]
 
-    def parse(self, sheet: Sheet, factor: float) -> NDArray[Any]:
-        """SI values of the cells, shape (rows,)."""
-        holds, words = self.rule
-        values = np.full(len(sheet), self.blank)
-        for row, cell in enumerate(sheet.texts(self.name)):
-            if not self.required and cell in ("", self.absent):
-                continue
-            if not _NUMBER.fullmatch(cell):
-                raise sheet.error(row, self.name, _no_number(cell))
-            values[row] = value = float(cell) * factor
-            if not math.isfinite(value):
-                raise sheet.error(row, self.name, "must be finite")
-            if not holds(value):
-                raise sheet.error(row, self.name, words)
-        return values
-
-
-@dataclass(frozen=True)
-class LabelColumn:
-    """A column of texts, of ``choices`` if there are any.
-
-    Blank cells, where allowed, read as "".
-    """
-
-    name: str
-    choices: tuple[str, ...] = ()
-    required: bool = True
-    blank = ""
-
-    @property
-    def title(self) -> str:
-        """The name in the first line."""
-        return self.name
-
-    def claims(self, title: str) -> bool:
-        """Whether a name of the first line is this column's."""
-        return title == self.name
-
-    def factor(self, title: str) -> float:
-        """Texts have no unit."""
-        return 1.0
-
-    def texts(self, values: Sequence[str]) -> list[str]:
-        """Cells of texts."""
-        return list(values)
-
-    def parse(self, sheet: Sheet, factor: float) -> NDArray[Any]:
-        """The cells, checked, shape (rows,)."""
-        cells = sheet.texts(self.name)
-        for row, cell in enumerate(cells):
-            if not cell and not self.required:
-                continue
+    def value(self, cell: str, factor: float) -> float | str:
+        """The text or SI value of a cell, or an :class:`InputError` that says what it must be."""
+        if not self.required and cell in ("", self.absent):
+            return self.blank
+        if self.choices is not None:
             if self.choices and cell not in self.choices:
                 blank = "" if self.required else ", or blank"
-                raise sheet.error(row, self.name,
-                                  f"must be one of {', '.join(self.choices)}{blank}")
+                raise InputError(f"must be one of {', '.join(self.choices)}{blank}")
             if not cell:
-                raise sheet.error(row, self.name, "must not be blank")
-        return np.array(cells)
-
-
-Column = NumberColumn | LabelColumn
+                raise InputError("must not be blank")
+            return cell
+        if not _NUMBER.fullmatch(cell):
+            raise InputError(_no_number(cell))
+        value = float(cell) * factor
+        holds, words = self.rule
+        if not math.isfinite(value):
+            raise InputError("must be finite")
+        if not holds(value):
+            raise InputError(words)
+        return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +119,9 @@ class Sheet:
     """A file that was read: SI values by column name, and where each row stood.
 
     Columns are attributes too, as in pandas: ``sheet.mass`` is ``sheet["mass"]``. ``sha256`` is of
-    the bytes read, ``line`` the line of each row (the first line of a file is 1), ``titles`` the
-    names of the columns as written, ``places`` where each stands, ``cells`` the rows as written,
-    without blanks around the cells.
+    the bytes read, ``line`` the line of each row (the first of a file is 1), ``titles`` the names
+    of the columns as written, ``places`` where each stands, ``cells`` the rows as written, without
+    blanks around the cells.
     """
 
     file: Path
@@ -169,32 +144,18 @@ class Sheet:
             raise AttributeError(name)
         return values[name]
 
-    def texts(self, name: str) -> list[str]:
-        """A column as written."""
-        return [cells[self.places[name]] for cells in self.cells]
-
     def error(self, row: int, name: str, allowed: str) -> InputError:
         """An error about one cell."""
         place = self.places[name]
         return InputError(allowed, file=self.file, given=self.cells[row][place],
                           key=f"line {self.line[row]}, column {place + 1} ({self.titles[place]})")
 
-    def identical(self) -> list[tuple[int, int]]:
-        """Rows that are the same as an earlier one in every cell, each with that one."""
-        first: dict[tuple[str, ...], int] = {}
-        pairs = ((row, first.setdefault(tuple(cells), row)) for row, cells in enumerate(self.cells))
-        return [(row, earlier) for row, earlier in pairs if row != earlier]
-
 
 def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     """Read a CSV file that may have the given columns, and no others.
 
-    Blank lines are skipped; a byte-order mark and any line ends are taken.
-
-    Raises
-    ------
-    InputError
-        Naming line and column of what cannot be used, what was given and what is allowed.
+    Blank lines are skipped; a byte-order mark and any line ends are taken. An :class:`InputError`
+    names line and column of what cannot be used, what was given and what is allowed.
     """
     file = Path(file)
     try:
@@ -223,8 +184,14 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
                   {column.name: np.full(len(rows), column.blank) for column in columns},
                   tuple(titles), {column.name: place for place, (column, _) in enumerate(header)},
                   [row for _, row in rows])
-    for column, factor in header:
-        sheet.values[column.name] = column.parse(sheet, factor)
+    for place, (column, factor) in enumerate(header):
+        values = []
+        for number, (_, row) in enumerate(rows):
+            try:
+                values.append(column.value(row[place], factor))
+            except InputError as error:
+                raise sheet.error(number, column.name, error.allowed) from None
+        sheet.values[column.name] = np.array(values)
     return sheet
 
 
@@ -235,20 +202,13 @@ def write_sheet(file: Path, columns: Sequence[Column], values: Mapping[str, Any]
 
 
 def read_own_sheet(file: Path, columns: Sequence[Column]) -> dict[str, NDArray[Any]]:
-    """SI values by column name of a file that :func:`write_sheet` wrote.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, is cut short, or is not of these columns.
-    """
+    """SI values by column name of a file that :func:`write_sheet` wrote."""
     if not read_text(file).endswith("\n"):
         raise InputError("is cut short: run the command that wrote the folder again", file=file)
     return read_sheet(file, columns).values
 
 
 def _lines(file: Path, text: str) -> list[tuple[int, list[str]]]:
-    """Number and cells of each line that is not blank."""
     rows = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
     lines, begin = [], 1
     try:
@@ -292,8 +252,15 @@ def _header(file: Path, line: int, titles: Sequence[str],
     return header
 
 
+@cache
+def _dimension(unit: str) -> str:
+    number = any_quantity(f"1 {unit.replace('_per_', '/')}")
+    if number is None:
+        raise ValueError(f"no unit: {unit}")
+    return number[1]
+
+
 def _column(title: str, columns: Sequence[Column]) -> Column:
-    """The column of a name in the first line."""
     for column in columns:
         if column.claims(title):
             return column
@@ -301,15 +268,18 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
             raise InputError(f"has no unit: write it into the name, such as {column.title}")
     if not title:
         raise InputError("must have a name: every column needs one")
-    lower = {column.title.lower(): column.title for column in columns}
-    near = difflib.get_close_matches(title.lower(), lower, 1)
-    hint = f"did you mean {lower[near[0]]!r}? " if near else ""
-    titles = ", ".join(column.title for column in columns)
-    raise InputError(f"unknown column: {hint}known are {titles}")
+    titles = [column.title for column in columns]
+    hint = did_you_mean(title.lower(), {known.lower(): repr(known) for known in titles})
+    raise InputError(f"unknown column: {hint}known are {', '.join(titles)}")
+
+
+def did_you_mean(word: str, spelled: Mapping[str, str]) -> str:
+    """A question that names the nearest of some words as it is spelled; empty if none is near."""
+    near = difflib.get_close_matches(word, spelled, 1)
+    return f"did you mean {spelled[near[0]]}? " if near else ""
 
 
 def _no_number(cell: str) -> str:
-    """What to write instead of a cell that is no number."""
     if cell.lower().lstrip("+-") in ("nan", "inf", "infinity"):
         return "must be finite"
     if _DECIMAL_COMMA.fullmatch(cell):

@@ -30,7 +30,7 @@ from tympan.studies.case import (
     solve_grid,
     solved,
 )
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 from tympan.studies.paper.actuators import FILES, actuators
@@ -46,27 +46,27 @@ _AXES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
 #: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
 #: radius around the plate.
 LINES: tuple[Column, ...] = (
-    LabelColumn("line", (*_AXES, "plate")),
-    NumberColumn("distance", "mm", "length"),
-    NumberColumn("deflection", "mm", "length"),
-    NumberColumn("stress_1", "kPa", "stress"),
-    NumberColumn("stress_2", "kPa", "stress"),
-    NumberColumn("stress_radial", "kPa", "stress"),
-    NumberColumn("stress_circumferential", "kPa", "stress"),
-    NumberColumn("stretch_1"),
-    NumberColumn("stretch_2"),
-    NumberColumn("thickness", "um", "length"),
-    NumberColumn("field", "MV_per_m", "field"),
+    Column.labels("line", (*_AXES, "plate")),
+    Column("distance", "mm"),
+    Column("deflection", "mm"),
+    Column("stress_1", "kPa"),
+    Column("stress_2", "kPa"),
+    Column("stress_radial", "kPa"),
+    Column("stress_circumferential", "kPa"),
+    Column("stretch_1"),
+    Column("stretch_2"),
+    Column("thickness", "um"),
+    Column("field", "MV_per_m"),
 )
 
 #: The columns of curves/NAME.csv.
 CURVES: tuple[Column, ...] = (
-    NumberColumn("mass", "g", "mass"),
-    NumberColumn("voltage", "kV", "voltage"),
-    LabelColumn("status"),
-    NumberColumn("deflection", "mm", "length", required=False),
-    NumberColumn("slack_share", required=False),
-    NumberColumn("breakdown_margin", required=False),
+    Column("mass", "g"),
+    Column("voltage", "kV"),
+    Column.labels("status"),
+    Column("deflection", "mm", required=False),
+    Column("slack_share", required=False),
+    Column("breakdown_margin", required=False),
 )
 
 
@@ -315,7 +315,7 @@ def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
     attributes = ("mass_kg", "voltage_V", "status", "deflection_m", "slack_share",
                   "breakdown_margin")
     return {column.name: np.array([getattr(result, name) for result in results],
-                                  str if isinstance(column, LabelColumn) else float)
+                                  float if column.choices is None else str)
             for column, name in zip(CURVES, attributes, strict=True)}
 
 

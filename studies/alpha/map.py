@@ -19,7 +19,7 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.formula import Formula, fit_formula
 from tympan.studies.case import Settings, build_model, voltage_ramp
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.paper.actuators import paper_film
 from tympan.studies.parallel import mapped
@@ -35,15 +35,15 @@ SETS = ("grid", "inside", "outside")
 
 #: The columns of alpha-map.csv: one per field of a reading, beside its set and the formula.
 COLUMNS: tuple[Column, ...] = (
-    LabelColumn("where", SETS),
-    LabelColumn("material"),
-    NumberColumn("aspect"),
-    NumberColumn("plate_over_short"),
-    NumberColumn("alpha_1", required=False, absent="nan"),
-    NumberColumn("formula"),
-    NumberColumn("force_error", required=False, absent="nan"),
-    NumberColumn("stroke", "mm", "length", required=False, absent="nan"),
-    LabelColumn("trouble", required=False),
+    Column.labels("where", SETS),
+    Column.labels("material"),
+    Column("aspect"),
+    Column("plate_over_short"),
+    Column("alpha_1", required=False, absent="nan"),
+    Column("formula"),
+    Column("force_error", required=False, absent="nan"),
+    Column("stroke", "mm", required=False, absent="nan"),
+    Column.labels("trouble", required=False),
 )
 _READ = {"material": "material", "aspect": "aspect", "ratio": "plate_over_short",
          "alpha": "alpha_1", "error": "force_error", "stroke": "stroke", "trouble": "trouble"}

@@ -15,13 +15,13 @@ from tympan.geometry.outlines import Circle, Outline, area, examples
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, to_json, write_csv, write_json
 from tympan.studies.paper.actuators import paper_film
 
 #: The columns of outlines-frames.csv: points of each frame's outline.
 FRAMES: tuple[Column, ...] = (
-    LabelColumn("shape"), NumberColumn("x", "mm", "length"), NumberColumn("y", "mm", "length"))
+    Column.labels("shape"), Column("x", "mm"), Column("y", "mm"))
 
 
 @dataclass(frozen=True, eq=False)

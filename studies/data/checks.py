@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
-from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
-from tympan.studies.data.readings import channels
 
 #: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below,
 #: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before

@@ -1,4 +1,4 @@
-"""Tests of strips and sheets of a film: coupon.csv, and the stress a law predicts."""
+"""Tests of strips and sheets of a film: coupon.csv."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.specimen import Material
 from tympan.geometry.toml_reader import Rule
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, Sheet, read_sheet
+from tympan.studies.columns import Column, Sheet, read_sheet
 
 Array = NDArray[np.float64]
 
@@ -21,12 +20,12 @@ _ABOVE_0: Rule = (lambda x: x > 0, "must be above 0")
 
 #: The columns of coupon.csv.
 COLUMNS: tuple[Column, ...] = (
-    LabelColumn("mode", tuple(MODES)),
-    NumberColumn("stretch", rule=_ABOVE_0),
-    NumberColumn("nominal_stress", "kPa", "stress"),
-    LabelColumn("specimen", required=False),
-    NumberColumn("t", "s", "time", required=False),
-    LabelColumn("run", required=False),
+    Column.labels("mode", tuple(MODES)),
+    Column("stretch", rule=_ABOVE_0),
+    Column("nominal_stress", "kPa"),
+    Column.labels("specimen", required=False),
+    Column("t", "s", required=False),
+    Column.labels("run", required=False),
 )
 
 
@@ -35,7 +34,7 @@ class Coupons:
     """Readings, one entry per reading: mode, stretch, nominal stress [Pa].
 
     Nominal stress is force over virgin cross-section, in equibiaxial tests that of one axis.
-    ``time`` [s] is nan where not given, specimen and run are ""; ``line`` is that of the file.
+    ``time`` [s] is nan where not given, specimen and run are "".
     """
 
     mode: NDArray[np.str_]
@@ -44,15 +43,19 @@ class Coupons:
     specimen: NDArray[np.str_]
     run: NDArray[np.str_]
     time: Array
-    line: NDArray[np.int64] | None = None
+
+    @classmethod
+    def of(cls, sheet: Sheet) -> Coupons:
+        """The readings of a file with the columns of :data:`COLUMNS`."""
+        return cls(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
+                   specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"])
 
     def __len__(self) -> int:
         return len(self.stretch)
 
     def __getitem__(self, choice: Any) -> Coupons:
         """Some of the readings."""
-        return Coupons(**{name: values[choice] for name, values in vars(self).items()
-                          if values is not None})
+        return Coupons(**{name: values[choice] for name, values in vars(self).items()})
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -72,35 +75,6 @@ class Coupons:
         return float(both.min()), float(both.max())
 
 
-def nominal_stress(material: Material, mode: str, stretch: Array) -> Array:
-    """Nominal stress of a law along the test [Pa].
-
-    The law must be isotropic with stress-free faces, so that a strip pulled by λ narrows by λ^−½
-    both ways.
-
-    Examples
-    --------
-    >>> from tympan.fem.film.laws import NeoHooke
-    >>> nominal_stress(NeoHooke(20e3), "uniaxial", np.array([2.0]))
-    array([35000.])
-    """
-    return np.real_if_close(material.derivatives(stretch, stretch ** MODES[mode])[1])
-
-
 def read_coupons(file: Path | str) -> Coupons:
-    """The readings of a CSV file with the columns mode, stretch and nominal_stress_kPa.
-
-    specimen, t_s and run may be added.
-
-    Raises
-    ------
-    InputError
-        Naming line and column of what cannot be used.
-    """
-    return coupons_from_sheet(read_sheet(file, COLUMNS))
-
-
-def coupons_from_sheet(sheet: Sheet) -> Coupons:
-    """The readings of a file with the columns of ``COLUMNS``."""
-    return Coupons(mode=sheet["mode"], stretch=sheet["stretch"], stress=sheet["nominal_stress"],
-                   specimen=sheet["specimen"], run=sheet["run"], time=sheet["t"], line=sheet.line)
+    """The readings of a CSV file with the columns of :data:`COLUMNS`."""
+    return Coupons.of(read_sheet(file, COLUMNS))

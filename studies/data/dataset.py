@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -16,14 +15,60 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, read
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import POSITIVE, Table
-from tympan.studies.columns import Sheet, read_sheet
-from tympan.studies.data import coupon, readings
-from tympan.studies.data.coupon import Coupons, coupons_from_sheet
+from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
+from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
+from tympan.studies.data import coupon
+from tympan.studies.data.coupon import Coupons
+
+_VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
+_MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
+
+#: The column every file but coupon.csv has.
+SPECIMEN = Column.labels("specimen")
+_LOAD: tuple[Column, ...] = (SPECIMEN, Column("mass", "g", _MASS))
+_SIGMA = Column("sigma", "mm", POSITIVE, required=False)
+
+#: The columns of static.csv. ``run``: which mounting or ramp a reading belongs to; ``direction``:
+#: the way the voltage got there; ``sigma``: standard deviation of the displacement;
+#: ``film_voltage``: that of a probe on the film; ``tilt``: the plate's.
+STATIC: tuple[Column, ...] = (
+    *_LOAD,
+    Column("voltage", "kV", _VOLTAGE),
+    Column("displacement", "mm"),
+    Column.labels("run", required=False),
+    Column.labels("repeat", required=False),
+    Column("order", required=False),
+    Column("elapsed", "s", required=False),
+    Column.labels("direction", ("up", "down"), required=False),
+    _SIGMA,
+    Column("capacitance", "pF", POSITIVE, required=False),
+    Column("film_voltage", "kV", _VOLTAGE, required=False),
+    Column("tilt", "mrad", FINITE, required=False),
+)
+#: The columns of range.csv: largest minus smallest displacement between two voltages; ``sigma`` is
+#: that of the range.
+RANGE: tuple[Column, ...] = (
+    *_LOAD,
+    Column("voltage_min", "kV", _VOLTAGE),
+    Column("voltage_max", "kV", _VOLTAGE),
+    Column("range", "mm", NON_NEGATIVE),
+    _SIGMA,
+)
+#: The columns of transient.csv.
+TRANSIENT: tuple[Column, ...] = (
+    *_LOAD,
+    Column.labels("run"),
+    Column("t", "s"),
+    Column("voltage", "kV", _VOLTAGE),
+    Column("displacement", "mm"),
+)
 
 #: The files of readings a dataset may hold, and their columns.
-FILES = {"static.csv": readings.STATIC, "range.csv": readings.RANGE,
-         "transient.csv": readings.TRANSIENT, "coupon.csv": coupon.COLUMNS}
+FILES = {"static.csv": STATIC, "range.csv": RANGE, "transient.csv": TRANSIENT,
+         "coupon.csv": coupon.COLUMNS}
+
+#: Columns of static.csv with what else may be measured besides the displacement.
+_CHANNELS = ("capacitance", "film_voltage", "tilt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +121,9 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
                                                 (Dataset, "rig"): _rig})
     files = {about.name: hashlib.sha256(about.read_bytes()).hexdigest()}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() == ".csv")
-    remarks = [_unread(name) for name in there if name not in FILES]
+    stems = {Path(name).stem: name for name in FILES}
+    remarks = [f"{name} is not read: {did_you_mean(Path(name).stem.lower(), stems)}known are "
+               f"{', '.join(FILES)}" for name in there if name not in FILES]
     later = ("displacement", "range") if planned else ()
     sheets: dict[str, Sheet] = {}
     for name, columns in FILES.items():
@@ -86,20 +133,26 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
             replace(column, required=column.required and column.name not in later)
             for column in columns])
         files[name] = sheet.sha256
-        if readings.SPECIMEN in columns:
+        if SPECIMEN in columns:
             _check_specimens(sheet, [specimen.name for specimen in dataset.specimens])
             remarks += _identical(sheet, name)
     static, ranges, transients, coupons = map(sheets.get, FILES)
     if ranges is not None:
-        readings.check_ranges(ranges)
+        for row in np.flatnonzero(ranges.voltage_max <= ranges.voltage_min):
+            raise ranges.error(int(row), "voltage_max", "must be above voltage_min")
     if transients is not None:
-        readings.check_transients(transients)
+        _check_times(transients)
     if not sheets:
         words = f"; there: {', '.join(there)}" if there else ""
         raise InputError(f"must hold at least one of {', '.join(FILES)}{words}", file=folder)
     return replace(dataset, static=static, ranges=ranges, transients=transients, files=files,
-                   coupons=None if coupons is None else coupons_from_sheet(coupons),
+                   coupons=None if coupons is None else Coupons.of(coupons),
                    remarks=tuple(remarks))
+
+
+def channels(static: Sheet) -> tuple[str, ...]:
+    """What was measured besides the displacement."""
+    return tuple(name for name in _CHANNELS if np.isfinite(static[name]).any())
 
 
 def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
@@ -125,26 +178,29 @@ def _rig(table: Table, key: str) -> Rig:
     return Rig.from_table(table.table(key))
 
 
-def _unread(name: str) -> str:
-    """A remark on a CSV file nobody will read."""
-    near = difflib.get_close_matches(Path(name).stem.lower(), [Path(file).stem for file in FILES],
-                                     1)
-    hint = f"did you mean {near[0]}.csv? " if near else ""
-    return f"{name} is not read: {hint}known are {', '.join(FILES)}"
-
-
 def _check_specimens(sheet: Sheet, names: list[str]) -> None:
-    """Refuse a row about a specimen that dataset.toml does not have."""
     for row in np.flatnonzero(~np.isin(sheet.specimen, names)):
-        near = difflib.get_close_matches(str(sheet.specimen[row]), names, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = did_you_mean(str(sheet.specimen[row]), {name: repr(name) for name in names})
         raise sheet.error(int(row), "specimen", f"unknown specimen: {hint}those of dataset.toml "
                                                 f"are {', '.join(names)}")
 
 
+def _check_times(transients: Sheet) -> None:
+    """Refuse a time that stands twice in a run."""
+    lines: dict[tuple[object, ...], int] = {}
+    columns = (transients[name].tolist() for name in ("specimen", "mass", "run", "t"))
+    for row, state in enumerate(zip(*columns, strict=True)):
+        line = int(transients.line[row])
+        if lines.setdefault(state, line) != line:
+            raise transients.error(row, "t", "must be there once in a run: it stands in line "
+                                             f"{lines[state]} too")
+
+
 def _identical(sheet: Sheet, name: str) -> list[str]:
     """Refuse rows that stand twice where a row has a mark of its own; remark on them elsewhere."""
-    pairs = sheet.identical()
+    first: dict[tuple[str, ...], int] = {}
+    earlier_rows = [first.setdefault(tuple(cells), row) for row, cells in enumerate(sheet.cells)]
+    pairs = [(row, earlier) for row, earlier in enumerate(earlier_rows) if row != earlier]
     for mark in ("repeat", "order", "elapsed", "t"):
         for row, earlier in pairs:
             if mark in sheet.places and sheet.cells[row][sheet.places[mark]]:

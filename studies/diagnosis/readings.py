@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import slips_of_unit
-from tympan.studies.data.dataset import Dataset
+from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import reading_sigma, repeat_noise
-from tympan.studies.data.readings import channels
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.hypothesis import Cause

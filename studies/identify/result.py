@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile
 from tympan.studies.files import from_json, read_json, remove, write_json
@@ -20,13 +20,10 @@ from tympan.studies.identify.static import StaticFit
 _FIGURES = "identify-figures.json"
 _SHEETS = {"static": "identify-static.csv", "dynamic": "identify-responses.csv"}
 _COLUMNS = {
-    "static": (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"),
-               NumberColumn("voltage", "kV", "voltage"),
-               NumberColumn("displacement", "mm", "length"),
-               NumberColumn("fitted", "mm", "length")),
-    "dynamic": (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"), NumberColumn("run"),
-                NumberColumn("since", "s", "time"), NumberColumn("displacement", "mm", "length"),
-                NumberColumn("fitted", "mm", "length")),
+    "static": (Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"),
+               Column("displacement", "mm"), Column("fitted", "mm")),
+    "dynamic": (Column.labels("specimen"), Column("mass", "g"), Column("run"),
+                Column("since", "s"), Column("displacement", "mm"), Column("fitted", "mm")),
 }
 
 

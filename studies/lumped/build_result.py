@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.lumped.build import KINEMATICS, Built
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
@@ -20,9 +20,8 @@ Array = NDArray[np.float64]
 _DEFLECTIONS = ("field_mm", *(f"{kinematics}_mm" for kinematics in KINEMATICS))
 _CAPACITANCES = ("field_pF", "corrected_pF")
 _COLUMNS: tuple[Column, ...] = (
-    LabelColumn("specimen"), NumberColumn("mass", "g", "mass"),
-    NumberColumn("voltage", "kV", "voltage"), NumberColumn("fitted"),
-    *(NumberColumn(name, required=False, absent="nan") for name in (*_DEFLECTIONS, *_CAPACITANCES)))
+    Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("fitted"),
+    *(Column(name, required=False, absent="nan") for name in (*_DEFLECTIONS, *_CAPACITANCES)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.lumped.actuator import flat_capacitance
 from tympan.studies.lumped.equilibria import pull_in
@@ -21,11 +21,9 @@ Array = NDArray[np.float64]
 _MOST = 2_000_000
 #: A loop that drifts by less than this share of its range counts as closed.
 _CLOSED = 0.01
-_COLUMNS = (LabelColumn("specimen"), NumberColumn("mass", "g", "mass"), LabelColumn("run"),
-            NumberColumn("t", "s", "time"),
-            NumberColumn("voltage", "kV", "voltage"), NumberColumn("displacement", "mm", "length"))
-_LOOP_COLUMNS = (LabelColumn("specimen"), NumberColumn("voltage", "kV", "voltage"),
-                 NumberColumn("deflection", "mm", "length"))
+_COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
+            Column("t", "s"), Column("voltage", "kV"), Column("displacement", "mm"))
+_LOOP_COLUMNS = (Column.labels("specimen"), Column("voltage", "kV"), Column("deflection", "mm"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.columns import NumberColumn, read_sheet
+from tympan.geometry.toml_reader import Rule
+from tympan.studies.columns import Column, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6
@@ -157,10 +158,8 @@ def read_signal(file: Path | str) -> Pieces:
         Naming line and column of what cannot be used: no file, no rows, no number, times that do
         not ascend.
     """
-    sheet = read_sheet(file,
-                       (NumberColumn("t", "s", "time"),
-                        NumberColumn("voltage", "kV", "voltage",
-                                     (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV"))))
+    limited: Rule = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")
+    sheet = read_sheet(file, (Column("t", "s"), Column("voltage", "kV", limited)))
     time, voltage = sheet["t"], sheet["voltage"]
     for row in np.flatnonzero(np.diff(time) <= 0):
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")

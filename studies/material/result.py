@@ -10,26 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.columns import (
-    Column,
-    LabelColumn,
-    NumberColumn,
-    read_own_sheet,
-    read_sheet,
-    write_sheet,
-)
-from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, coupons_from_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
 from tympan.studies.material.fit import Comparison, material_lines
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
-    LabelColumn("law"),
-    LabelColumn("offered", ("yes", "no")),
-    LabelColumn("mode", tuple(MODES)),
-    NumberColumn("stretch"),
-    NumberColumn("nominal_stress", "kPa", "stress", required=False),
-    NumberColumn("half_band", "kPa", "stress", required=False),
+    Column.labels("law"),
+    Column.labels("offered", ("yes", "no")),
+    Column.labels("mode", tuple(MODES)),
+    Column("stretch"),
+    Column("nominal_stress", "kPa", required=False),
+    Column("half_band", "kPa", required=False),
 )
 #: So many laws have curves, the best first.
 _DRAWN = 6
@@ -73,7 +66,7 @@ class MaterialFitResult:
             When a file is missing or damaged, naming it.
         """
         return cls(read_json(folder / "fit.json"),
-                   coupons_from_sheet(read_sheet(folder / "coupon.csv", COLUMNS)),
+                   read_coupons(folder / "coupon.csv"),
                    read_own_sheet(folder / "curves.csv", CURVES))
 
 

@@ -16,7 +16,7 @@ from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings
-from tympan.studies.columns import Column, LabelColumn, NumberColumn, read_own_sheet, write_sheet
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json, write_text
 from tympan.studies.optimise.design import Design
 from tympan.studies.optimise.optimise import Optima, Optimum, StartRun, find_optima
@@ -26,15 +26,11 @@ from tympan.studies.optimise.sqp import DescentSettings
 #: A limit is active where its value is so near to it, relative.
 ACTIVE = 1e-3
 
-#: Dimensions of the units of limits.
-_DIMENSIONS = {"1": "", "m": "length", "Pa": "stress", "V/m": "field"}
-
 #: The columns of optimum-outlines.csv: edges of frame and plate of the reference (``held`` blank)
 #: and of the designs gone to on the way to each optimum.
 OUTLINES: tuple[Column, ...] = (
-    LabelColumn("held", required=False), NumberColumn("trial"),
-    LabelColumn("part", ("frame", "plate")),
-    NumberColumn("x", "mm", "length"), NumberColumn("y", "mm", "length"))
+    Column.labels("held", required=False), Column("trial"),
+    Column.labels("part", ("frame", "plate")), Column("x", "mm"), Column("y", "mm"))
 
 TableOfColumns = Mapping[str, NDArray[Any]]
 
@@ -122,14 +118,13 @@ def result_of(optima: Optima) -> OptimiseResult:
 
 
 def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
-    variables = [NumberColumn(name, "mm", "length") if variable["dimension"] == "length"
-                 else NumberColumn(name) for name, variable in record["variables"].items()]
-    limits = [NumberColumn(name, limit["unit"].removesuffix("1"), _DIMENSIONS[limit["unit"]],
-                     required=False, absent="nan") for name, limit in record["limits"].items()]
-    return (LabelColumn("held"), NumberColumn("start"), NumberColumn("trial"),
-            NumberColumn("accepted"), *variables,
-            NumberColumn("stroke", "mm", "length", required=False, absent="nan"), *limits,
-            LabelColumn("reason", required=False))
+    variables = [Column(name, "mm" if variable["dimension"] == "length" else "")
+                 for name, variable in record["variables"].items()]
+    limits = [Column(name, limit["unit"].removesuffix("1"), required=False, absent="nan")
+              for name, limit in record["limits"].items()]
+    return (Column.labels("held"), Column("start"), Column("trial"), Column("accepted"), *variables,
+            Column("stroke", "mm", required=False, absent="nan"), *limits,
+            Column.labels("reason", required=False))
 
 
 def _specimen_file(optima: Optima, optimum: Optimum) -> str:

@@ -13,7 +13,8 @@ from tympan.cli import main
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.geometry.errors import InputError
-from tympan.studies.data.coupon import MODES, Coupons, nominal_stress, read_coupons
+from tympan.geometry.specimen import Material
+from tympan.studies.data.coupon import MODES, Coupons, read_coupons
 from tympan.studies.estimation.identifiability import covariance
 from tympan.studies.estimation.noise import Noise
 from tympan.studies.estimation.profile import profile
@@ -29,6 +30,11 @@ from tympan.studies.material.fit import (
 FALL = {"uniaxial": 2, "equibiaxial": 5, "pure_shear": 3}  # nominal stress is 2 W′(I₁) (λ − λ^−k)
 ACROSS = {"uniaxial": 0.5, "equibiaxial": 2.0, "pure_shear": 1.0}  # the thickness is λ^−k
 HEAD = "mode,stretch,nominal_stress_kPa\n"
+
+
+def nominal_stress(law: Material, mode: str, stretch: np.ndarray) -> np.ndarray:
+    """Of an isotropic law with stress-free faces along the test [Pa]."""
+    return np.real_if_close(law.derivatives(stretch, stretch ** MODES[mode])[1])
 
 
 def first_invariant(mode: str, x: np.ndarray) -> np.ndarray:
