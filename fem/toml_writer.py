@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tympan.fem.film.laws import STRETCH_RANGE, inadmissible_stretch
+from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, write

@@ -15,7 +15,7 @@ from numpy.random import Generator, default_rng
 from scipy.constants import epsilon_0
 
 from tests.oracles.laws import SAMPLES
-from tympan.fem.film.laws import checked
+from tympan.fem.film.admissibility import checked
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.membrane.loading import Magnet
 from tympan.fem.rig import Rig

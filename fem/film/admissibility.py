@@ -1,14 +1,106 @@
-"""Where a solved film is stretched to where its law fails."""
+"""Where laws fail: which a film can be made of, and where a solved film is stretched too far."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws import ellipticity_margin, hill_margin
+from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Material
 
 Array = NDArray[np.float64]
+Margin = Callable[[Material, Any, Any], Array]
+
+#: Stretches over which a material must be admissible: beyond them a film tears.
+STRETCH_RANGE = (0.5, 6.0)
+
+
+def reachable_stretches(material: Material, lowest: float = STRETCH_RANGE[0],
+                        highest: float = STRETCH_RANGE[1],
+                        include: float = 1.0) -> tuple[Array, Array]:
+    """A grid of principal stretches λ₁ ≥ λ₂ in a range where W is not infinite, with ``include``.
+
+    No stretch is above ``highest``, none in the plane below ``lowest``.
+    """
+    grid = np.append(np.geomspace(lowest, highest, 61), np.unique([1.0, include]))
+    l1, l2 = (axis.ravel() for axis in np.meshgrid(grid, grid))
+    inside = (l1 >= l2) & (l1 * l2 >= 1 / highest)
+    l1, l2 = l1[inside], l2[inside]
+    with np.errstate(all="ignore"):
+        reached = ~np.isposinf(np.real(material.derivatives(l1, l2)[0]))
+    return l1[reached], l2[reached]
+
+
+def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
+    """Smallest stiffness of true stress against the logarithms of the stretches [Pa].
+
+    Where it is positive, Hill's inequality for incompressible solids holds: W is convex in the
+    logarithms of the stretches (Ogden, *Non-Linear Elastic Deformations*, §6.2.7), so that true
+    stress grows with stretch in every direction.
+    """
+    l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
+    with np.errstate(all="ignore"):
+        h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
+        mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
+        larger = mean + radius
+        # The product of the eigenvalues over the larger keeps its digits where they are far apart.
+        return np.asarray(np.where(larger > 0, (h11 * h22 - h12**2) / larger, mean - radius))
+
+
+def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
+    """The smallest of five stiffnesses [Pa], positive where the film's plane is strongly elliptic.
+
+    Where it is not, deformations of the plane can jump across lines. The five conditions, necessary
+    and sufficient for an isotropic energy of two stretches, are those of Knowles and Sternberg (J.
+    Elasticity 8, 329, 1978); at equal stretches divided differences become derivatives. Out of its
+    plane a film is elliptic where it is in tension, which
+    :func:`tympan.studies.case.field_warnings` reports on its own.
+    """
+    l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
+    with np.errstate(all="ignore"):
+        gap, near = l1 - l2, np.abs(l1 - l2) < 1e-6 * (l1 + l2)
+        safe = np.where(near, 1.0, gap)
+        shear = np.where(near, w1 + l1 * (w11 - w12), (l1 * w1 - l2 * w2) / safe)
+        slope = np.where(near, w11 - w12, (w1 - w2) / safe)
+        root = np.sqrt(np.maximum(w11 * w22, 0))
+        conditions = [w11, w22, shear, root + w12 + slope, root - w12 + (w1 + w2) / (l1 + l2)]
+        return np.asarray(np.min(conditions, axis=0))
+
+
+def inadmissible_stretch(material: Material, lowest: float = STRETCH_RANGE[0],
+                         highest: float = STRETCH_RANGE[1], *,
+                         margin: Margin = hill_margin, nearest: float = 1.0
+                         ) -> tuple[float, float] | None:
+    """The first stretches (λ₁, λ₂) in a range, of those the law can reach, where it softens.
+
+    First means nearest, in the logarithms, to the equibiaxial stretch ``nearest``. ``margin`` is
+    :func:`hill_margin` or :func:`ellipticity_margin`.
+    """
+    l1, l2 = reachable_stretches(material, lowest, highest, nearest)
+    bad = ~(margin(material, l1, l2) > 0)
+    if not bad.any():
+        return None
+    distance = np.log(l1 / nearest) ** 2 + np.log(l2 / nearest) ** 2
+    first = np.argmin(np.where(bad, distance, np.inf))
+    return float(l1[first]), float(l2[first])
+
+
+def checked(material: Material, lowest: float = STRETCH_RANGE[0],
+            highest: float = STRETCH_RANGE[1]) -> Material:
+    """The material itself; refused where true stress falls with stretch within a range."""
+    stretch = inadmissible_stretch(material, lowest, highest)
+    if stretch is not None:
+        reach = reachable_stretches(material, lowest, highest)[0].max()
+        limit = f" (of which it reaches {reach:.2g} at most)" if reach < highest else ""
+        raise InputError(
+            "is outside its admissible range: true stress must grow with stretch (Hill's "
+            f"inequality) for stretches from {lowest} to {highest}{limit}, but it falls at "
+            f"({stretch[0]:.3g}, {stretch[1]:.3g})", given=str(material))
+    return material
+
 
 #: What may fail, in the words of a warning, and its margin [Pa], positive where it holds.
 CRITERIA = {
@@ -20,21 +112,8 @@ CRITERIA = {
 def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[str]:
     """What fails of an elastic law at the stretches a state visits, where worst, and how widely.
 
-    Parameters
-    ----------
-    position
-        Of the points in the mounted film [m], shape (n, 2 or 3).
-    l1, l2
-        Principal stretches from the virgin film at the points, shape (n,).
-
-    Examples
-    --------
-    >>> from tympan.fem.film.laws import Ogden
-    >>> falling = Ogden((20e3, -200.0), (2.0, 4.0))
-    >>> places = np.array([[0.0, 0.0], [0.01, 0.0]])
-    >>> fails = failures(falling, places, np.array([2.0, 8.0]), np.array([2.0, 2.0]))
-    >>> fails[0][-60:]
-    'x 10.0 mm, y 0.0 mm, where the stretches are 8.000 and 2.000'
+    ``position`` of the points in the mounted film [m], shape (n, 2 or 3); ``l1``, ``l2`` principal
+    stretches from the virgin film there, shape (n,).
     """
     result = []
     for criterion, margin in CRITERIA.items():
@@ -48,3 +127,10 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
                 f"points, worst at x {x:.1f} mm, y {y:.1f} mm, where the stretches are "
                 f"{l1[worst]:.3f} and {l2[worst]:.3f}")
     return result
+
+
+def _derivatives(material: Material, l1: Any, l2: Any) -> tuple[Array, Array, tuple[Array, ...]]:
+    l1, l2 = np.broadcast_arrays(np.asarray(l1, float), np.asarray(l2, float))
+    with np.errstate(all="ignore"):
+        return l1, l2, tuple(np.broadcast_to(value, l1.shape)
+                             for value in material.derivatives(l1, l2))

@@ -1,4 +1,4 @@
-"""How large a field a film withstands: laws, cited constants by name, and for which films."""
+"""How large a field a film withstands: laws, and cited constants by name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.geometry.fields import Key, read
 from tympan.geometry.specimen import STRENGTHS, Strength
-from tympan.geometry.toml_reader import PlainTable, Rule, Table
+from tympan.geometry.toml_reader import PlainTable, Rule
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
@@ -27,7 +27,6 @@ class ConstantStrength:
     strength: Annotated[float, Key("field at breakdown", "field", _FIELD)]
 
     def field(self, l1: Any, l2: Any, thickness: Any) -> Any:
-        """The strength at every point [V/m]."""
         return self.strength + 0 * (l1 + l2 + thickness)
 
 
@@ -36,9 +35,8 @@ class ConstantStrength:
 class PowerStrength:
     """E_b = strength · λ^exponent · (h/thickness)^(−thickness_exponent), λ = √(λ₁λ₂).
 
-    h is the stretched thickness.
-    The strengths of films were measured in equibiaxial stretch; λ carries them to other stretches
-    by the area.
+    h is the stretched thickness. The strengths of films were measured in equibiaxial stretch; λ
+    carries them to other stretches by the area.
 
     Examples
     --------
@@ -56,19 +54,17 @@ class PowerStrength:
                                     _THICKNESS, needs="thickness_exponent")] = 1e-3
 
     def field(self, l1: Any, l2: Any, thickness: Any) -> Any:
-        """E_b [V/m]."""
         return (self.strength * np.sqrt(l1 * l2) ** self.exponent
                 * (thickness / self.thickness) ** -self.thickness_exponent)
 
 
 @dataclass(frozen=True)
 class LibraryStrength:
-    """A strength of the library; the default of materials whose name starts with ``film``."""
+    """A strength of the library."""
 
     strength: Annotated[Strength, Key("the law with its constants", kinds=STRENGTHS)]
     source: Annotated[str, Key("where the constants come from")]
     caveat: Annotated[str, Key("what to beware of")]
-    film: Annotated[str, Key("how the names of its materials start")] = ""
 
 
 _FILE = Path(__file__).with_name("strengths.toml")
@@ -76,32 +72,3 @@ _FILE = Path(__file__).with_name("strengths.toml")
 STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
     name: read(LibraryStrength, PlainTable(_FILE, entry))
     for name, entry in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()}
-
-
-def read_strength(table: Table, key: str) -> Strength | None:
-    """The strength under a key: a name of the library, or a table with ``law`` and its constants.
-
-    Without the key, that of the library material named in the same table; None where there is none.
-    """
-    if key not in table:
-        table.asked.add(key)
-        material = table.data.get("material")
-        return default_strength(material) if isinstance(material, str) else None
-    if isinstance(table.value(key), str):
-        return table.choice(key, STRENGTH_LIBRARY).strength
-    strength: Strength = STRENGTHS.read(table.table(key))
-    return strength
-
-
-def default_strength(material: str) -> Strength | None:
-    """The strength that goes with a library material.
-
-    Examples
-    --------
-    >>> default_strength("vhb-4910-gent") == STRENGTH_LIBRARY["vhb-4910"].strength
-    True
-    >>> default_strength("rubber")
-    """
-    fitting = (entry for entry in STRENGTH_LIBRARY.values() if entry.film
-               and material.startswith(entry.film))
-    return next((entry.strength for entry in fitting), None)

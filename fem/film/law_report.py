@@ -1,7 +1,4 @@
-"""A law looked at on its own.
-
-True stress against stretch, and the first stretches where it fails.
-"""
+"""A law looked at on its own: true stress against stretch, and the first stretches it fails at."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
+from tympan.fem.film.admissibility import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
 from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film, Material, read_specimen
@@ -23,7 +20,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What a law does over :data:`tympan.fem.film.laws.STRETCH_RANGE`.
+    """What a law does over :data:`tympan.fem.film.admissibility.STRETCH_RANGE`.
 
     True stress [Pa] at ``stretch``: both axes alike, and along a strip whose other stretch is
     ``mounted``; nan where the law cannot be stretched so far. ``hill`` and ``ellipticity`` are the
@@ -70,13 +67,7 @@ class Examination:
 
 
 def subject(name: str, held: float | None = None) -> tuple[Material, float]:
-    """A material to examine and the stretch it is mounted at: by name, or of a specimen file.
-
-    Raises
-    ------
-    InputError
-        When it is neither, or ``held`` is no stretch.
-    """
+    """A material to examine and the stretch it is mounted at: by name, or of a specimen file."""
     if held is not None and not 0.2 <= held <= 10:
         raise InputError("must be a stretch between 0.2 and 10", key="--held", given=held)
     laws = {key: entry.material for key, entry in MATERIALS.items()} | EXAMINED
@@ -96,8 +87,7 @@ def examine(material: Material, held: float = 1.0) -> Examination:
     Examples
     --------
     >>> from tympan.fem.film.laws import Ogden
-    >>> shown = examine(Ogden((20e3, -500.0), (2.0, 4.0)))
-    >>> shown.peaks[0]
+    >>> examine(Ogden((20e3, -500.0), (2.0, 4.0))).peaks[0]
     4.47
     """
     fine = np.round(np.arange(STRETCH_RANGE[0], STRETCH_RANGE[1] + 0.005, 0.01), 2)
@@ -115,7 +105,7 @@ def examine(material: Material, held: float = 1.0) -> Examination:
 
 
 def _peak(stretch: Array, stress: Array, held: float) -> float | None:
-    """The first stretch from the mounted one on, else of all, from which the stress falls."""
+    # From the mounted stretch on, else of all.
     falling = np.flatnonzero(np.diff(stress) < 0)
     onward = falling[stretch[falling] >= held - 1e-9]
     first = onward if len(onward) else falling

@@ -8,23 +8,32 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tympan.fem.film.breakdown import read_strength
-from tympan.fem.film.laws import LAWS, STRETCH_RANGE, checked
+from tympan.fem.film.admissibility import STRETCH_RANGE, checked
+from tympan.fem.film.breakdown import STRENGTH_LIBRARY
+from tympan.fem.film.laws import LAWS
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Special, read
-from tympan.geometry.specimen import Film, Material, Specimen, read_specimen
+from tympan.geometry.specimen import (
+    STRENGTHS,
+    Film,
+    Material,
+    Specimen,
+    Strength,
+    read_specimen,
+)
 from tympan.geometry.toml_reader import POSITIVE, PlainTable, Table
 
 
 @dataclass(frozen=True)
 class LibraryMaterial:
-    """A material of the library; density [kg/m³] and permittivity are the film's where known."""
+    """A material of the library; what is of the film only where known."""
 
     material: Annotated[Material, Key("the law with its constants", kinds=LAWS)]
     source: Annotated[str, Key("where the constants come from")]
     caveat: Annotated[str, Key("what to beware of")]
     density: Annotated[float | None, Key("of the film", "density")] = None
     relative_permittivity: Annotated[float | None, Key("of the film")] = None
+    breakdown: Annotated[str, Key("name of the film's electric strength")] = ""
     film_source: Annotated[str, Key("where density and permittivity come from")] = ""
 
 
@@ -48,8 +57,8 @@ def read_material(table: Table, key: str) -> Material:
 
     ``range`` in the table are the in-plane stretches the law is meant for, such as those of the
     tests it was fitted to: it must be admissible over them, by default over
-    :data:`tympan.fem.film.laws.STRETCH_RANGE`. What a solution visits beyond is checked there
-    (:mod:`tympan.fem.film.admissibility`) and told in its warnings.
+    :data:`~tympan.fem.film.admissibility.STRETCH_RANGE`. What a solution visits beyond is checked
+    then and told in its warnings.
     """
     name = table.value(key)
     if isinstance(name, str) and name in REFUSED:
@@ -78,6 +87,21 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
         return check(material, low, high)
     except InputError as error:
         raise error.located(file=table.file, key=constants.where) from None
+
+
+def read_strength(table: Table, key: str) -> Strength | None:
+    """The strength under a key: a name of the library, or a table with ``law`` and its constants.
+
+    Without the key that of the library material named in the same table, None where there is none.
+    """
+    if key not in table:
+        table.asked.add(key)
+        film = MATERIALS.get(str(table.data.get("material")))
+        return STRENGTH_LIBRARY[film.breakdown].strength if film and film.breakdown else None
+    if isinstance(table.value(key), str):
+        return table.choice(key, STRENGTH_LIBRARY).strength
+    strength: Strength = STRENGTHS.read(table.table(key))
+    return strength
 
 
 #: Readers of what of a film a file may also name.

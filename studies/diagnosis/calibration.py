@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.ramp import equilibrium
-from tympan.fem.film.laws.scaled import scaled
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import build_model

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from tympan.fem.film.density import maxwell
 from tympan.fem.film.laws import Separable
-from tympan.fem.film.laws.scaled import scaled
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen

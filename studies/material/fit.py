@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.film.laws import inadmissible_stretch
+from tympan.fem.film.admissibility import inadmissible_stretch
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import fields_of
 from tympan.geometry.specimen import Material

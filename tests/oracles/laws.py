@@ -38,6 +38,13 @@ class Sample:
     stress: float
 
 
+def shear_modulus(law: Any) -> float:
+    """½ ∂(σ₁ − σ₂)/∂ln λ₁ of the virgin film, or at a law's own reference [Pa]."""
+    rest = getattr(law, "reference", 1.0)
+    _, w1, _, w11, w12, _ = law.derivatives(rest, rest)
+    return float(rest**2 * (w11 - w12) + rest * w1) / 2
+
+
 def rivlin(energy: Callable[[Any, Any], Any], by_first: Callable[[Any], Any], by_second: float = 0.0
            ) -> axisymmetric.EnergyFunction:
     """A reference from W(I₁, I₂), ∂W/∂I₁ as a function of I₁, and a constant ∂W/∂I₂."""

@@ -1,14 +1,14 @@
-"""A law that hardens more, or less, than another, with the same stress when mounted."""
+"""Laws made of another: one that hardens more or less, and one that is as stiff times a factor."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from tympan.fem.film.laws.invariants import of_first_invariant
-from tympan.geometry.fields import Key, require
+from tympan.geometry.fields import Key, fields_of, require
 from tympan.geometry.specimen import LAWS, Material
 from tympan.geometry.toml_reader import Rule
 
@@ -51,32 +51,39 @@ class Stiffened:
     def __post_init__(self) -> None:
         require(self)
 
-    @property
-    def stress_free_when_virgin(self) -> bool:
-        return bool(getattr(self.nominal, "stress_free_when_virgin", True))
-
-    @property
-    def shear_modulus(self) -> float:
-        """From the virgin film, or as the nominal law states it [Pa]."""
-        extra = 2 * self._scale * ((3 / self.invariant) ** self.exponent - 1)
-        return float(np.real(getattr(self.nominal, "shear_modulus", 2 * self._scale) + extra))
-
-    @property
-    def _scale(self) -> Any:
-        """S [Pa]."""
-        return self.nominal.derivatives(np.ones(()), np.ones(()))[3] / 8
-
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
         added = of_first_invariant(self._energy, l1, l2)
         nominal = self.nominal.derivatives(l1, l2)
         return tuple(value + more for value, more in zip(nominal, added, strict=True))
 
     def _energy(self, excess: Any) -> tuple[Any, Any, Any]:
-        """φ counted from the virgin film, φ′ and φ″."""
+        """φ counted from the virgin film, φ′ and φ″; ``scale`` is S."""
         h, mounted = self.exponent, self.invariant
+        scale = self.nominal.derivatives(np.ones(()), np.ones(()))[3] / 8
         ratio = (excess + 3) / mounted
         power = ratio**h
         energy = mounted / (1 + h) * (power * ratio - (3 / mounted) ** (1 + h)) - excess
         bend = h * power / (ratio * mounted)
-        return self._scale * energy, self._scale * (power - 1), self._scale * bend
+        return scale * energy, scale * (power - 1), scale * bend
 
+
+def scaled(material: Material, factor: float) -> Material:
+    """The law with every stress, and so the energy, times a factor.
+
+    Examples
+    --------
+    >>> from tympan.fem.film.laws import Ogden
+    >>> scaled(Ogden((20e3, 100.0), (2.0, 4.0)), 1.5)
+    Ogden(mu=(30000.0, 150.0), alpha=(2.0, 4.0))
+    """
+    law: Any = material
+    changed: dict[str, Any] = {}
+    for field in fields_of(type(law)):
+        value = getattr(law, field.name)
+        if field.says.kinds is not None:
+            changed[field.name] = scaled(value, factor)
+        elif field.says.dimension == "stress":
+            changed[field.name] = (tuple(factor * stress for stress in value) if field.several
+                                   else factor * value)
+    stiffer: Material = replace(law, **changed)
+    return stiffer

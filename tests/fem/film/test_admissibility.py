@@ -11,17 +11,14 @@ import pytest
 
 from tests.oracles.laws import SAMPLES
 from tests.support.specimens import ROOT5, circular, elliptical
-from tympan.fem.film.admissibility import failures
-from tympan.fem.film.laws import (
-    Ogden,
-    PrestretchedOgden,
-    Separable,
-    Yeoh,
+from tympan.fem.film.admissibility import (
     checked,
     ellipticity_margin,
+    failures,
     hill_margin,
     inadmissible_stretch,
 )
+from tympan.fem.film.laws import Ogden, PrestretchedOgden, Separable, Yeoh
 from tympan.fem.results.fields import Fields, lost_tension
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, Settings, equilibrate, field_warnings, node_fields, solve

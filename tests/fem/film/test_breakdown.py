@@ -17,9 +17,8 @@ from tympan.fem.film.breakdown import (
     STRENGTHS,
     ConstantStrength,
     PowerStrength,
-    read_strength,
 )
-from tympan.fem.film.library import MATERIALS, load_specimen
+from tympan.fem.film.library import MATERIALS, load_specimen, read_strength
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import ELEMENTS

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.oracles.laws import SAMPLES
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, skewed
+from tympan.fem.film.admissibility import checked, inadmissible_stretch
 from tympan.fem.film.density import (
     FilmDensity,
     Maxwell,
@@ -18,7 +19,7 @@ from tympan.fem.film.density import (
     principal_stretches,
     virtual_work,
 )
-from tympan.fem.film.laws import LAWS, Ogden, checked, inadmissible_stretch
+from tympan.fem.film.laws import LAWS, Ogden
 from tympan.fem.film.library import MATERIALS
 from tympan.geometry.errors import InputError
 
@@ -191,4 +192,3 @@ def test_softening_laws_are_refused_with_the_stretch() -> None:
 def test_conventions() -> None:
     ours = Ogden.from_abaqus((20e3, 1e3), (2.0, 4.0))
     assert ours == Ogden((20e3, 500.0), (2.0, 4.0))
-    assert ours.shear_modulus == pytest.approx(21e3)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.oracles.laws import shear_modulus
 from tympan.cli import main
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
@@ -258,7 +259,7 @@ def test_treloar_s_rubber() -> None:
     assert three.offered
     # The initial modulus of this rubber is 0.4 MPa; Gent's law stiffens towards a stretch of about
     # 9.
-    assert three.material.shear_modulus == pytest.approx(0.4e6, rel=0.15)
+    assert shear_modulus(three.material) == pytest.approx(0.4e6, rel=0.15)
     assert gent.material.j_lim == pytest.approx(84, abs=8)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
-from tympan.fem.film.laws.scaled import scaled
+from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
 from tympan.studies.diagnosis.calibration import extended_setup
