@@ -22,11 +22,9 @@ from tympan.studies.paper.published import MASSES, NAMES
 from tympan.studies.replica import settling
 from tympan.studies.replica.missing_parameters import (
     MissingParameters,
-    allowed,
     deflections,
     fit_levels,
     fit_rests,
-    smallest_worst,
     worst_misfit,
 )
 from tympan.studies.replica.settling import Criterion, Decay
@@ -37,6 +35,7 @@ Reading = Literal["rest", "levels"]
 
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
+_VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)  # of figures 7 and 8
 _STEP_END, ZOOM = 30.0, 3.0  # [s]; the time axes of figures 9–12 are lost
 _PRECISION = 1e-10  # of responses [m]; the sensor sees 1 µm
 _BUCKETS = 3000
@@ -69,13 +68,7 @@ class Choices:
                              given=f"{self.period:g} s")
 
     def steps(self) -> tuple[Pieces, int]:
-        """Figure 14's signal and its seed.
-
-        Raises
-        ------
-        InputError
-            When so few levels come near to both voltages with no seed that was tried.
-        """
+        """Figure 14's signal and its seed."""
         for seed in (range(_SEEDS) if self.seed is None else (self.seed,)):
             signal = random_steps(published.LOWEST, published.HIGHEST, published.SWITCH,
                                   self.levels, seed)
@@ -104,17 +97,12 @@ class Replica:
     ``steps`` and ``random`` are thinned responses: times [s] and deflections [m].
     """
 
+    choices: Choices
     reading: Reading
     fits: dict[Reading, MissingParameters]
-    others: dict[str, MissingParameters]
-    smallest_worst: MissingParameters
-    allowed: dict[str, tuple[float, float]]
-    worst: tuple[Array, Array, Array]
-    voltages: Array
     static: Array
     steps: list[list[tuple[Array, Array]]]
     decays: list[list[Decay]]
-    poles: NDArray[np.complex128]
     period: float
     loops: list[list[Loop]]
     signal: Pieces
@@ -159,29 +147,16 @@ def period_of(actuator: Actuator) -> float:
 
 
 def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Replica:
-    """Compute everything; ``progress`` is called :data:`STEPS_OF_RUN` times.
-
-    Raises
-    ------
-    InputError
-        When figure 14's levels cannot reach both voltages, or one of them is beyond pull-in.
-    """
+    """Compute everything; ``progress`` is called :data:`STEPS_OF_RUN` times."""
     progress("missing parameters from Table 2")
     signal, seed = choices.steps()
     fits: dict[Reading, MissingParameters] = {"rest": fit_rests(), "levels": fit_levels(signal)}
     better: Reading = "levels" if fits["levels"].rms < fits["rest"].rms else "rest"
     reading = choices.reading or better
     missing = fits[reading]
-    others = {"one alpha for each ellipse": fit_rests(shared=False),
-              **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
-                 for row, mass in enumerate(MASSES)}}
-    permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
-    map_ = permittivities, alphas, worst_misfit(permittivities, alphas)
-    limits, best = allowed(), smallest_worst()
     models = [missing.actuators(mass) for mass in MASSES]
     progress("figures 7 and 8")
-    voltages = np.linspace(published.LOWEST, published.HIGHEST, 71)
-    static = deflections(missing.permittivity, missing.alpha, voltages[:, None, None])
+    static = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
     progress("figures 9 to 12")
     time, steps = _responses(models, step(*published.STEP, 0.0, _STEP_END))
     traces = [[thinned(time, y, ZOOM) for y in row] for row in steps]
@@ -196,11 +171,8 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     progress("figure 14")
     time, random = _responses(models, signal)
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
-    poles = np.array([[linearise(model, published.STEP[1]).poles[-1] for model in row]
-                      for row in models])
-    return Replica(reading, fits, others, best, limits, map_, voltages,
-                   np.moveaxis(static, 0, -1), traces, decays, poles, period, loops, signal, seed,
-                   [[thinned(time, y) for y in row] for row in random],
+    return Replica(choices, reading, fits, np.moveaxis(static, 0, -1), traces, decays, period,
+                   loops, signal, seed, [[thinned(time, y) for y in row] for row in random],
                    np.ptp(random[..., ends], axis=-1))
 
 
@@ -209,13 +181,7 @@ STEPS_OF_RUN = 4 + len(published.SINES) * len(NAMES)
 
 
 def _responses(models: list[tuple[Actuator, ...]], signal: Pieces) -> tuple[Array, Array]:
-    """Times [s] and deflections [m], shape (masses, actuators, times), from rest.
-
-    Raises
-    ------
-    InputError
-        When a film is drawn in.
-    """
+    """Times [s] and deflections [m], shape (masses, actuators, times), from rest."""
     time = np.arange(0.0, signal.end + INTERVAL / 2, INTERVAL)
     responses = [[simulate(model, signal, precision=_PRECISION) for model in row]
                  for row in models]
@@ -232,7 +198,7 @@ def write_curves(replica: Replica, folder: Path) -> None:
     shapes, distance = ("mass_g", "specimen"), "distance_mm"
     rests = replica.static.reshape(len(names), -1)
     _write_curves(folder / "static.csv", (*shapes, "voltage_kV", distance), names,
-                  [(1e-3 * replica.voltages, 1e3 * y) for y in rests])
+                  [(1e-3 * _VOLTAGES, 1e3 * y) for y in rests])
     for stem, traces in (("step", replica.steps), ("random", replica.random)):
         _write_curves(folder / f"{stem}.csv", (*shapes, "t_s", distance), names,
                       [(time, 1e3 * y) for row in traces for time, y in row])
@@ -244,15 +210,14 @@ def write_curves(replica: Replica, folder: Path) -> None:
                    for row in replica.loops for loop in row])
     _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
                   [(replica.signal.time, 1e-3 * replica.signal.voltage)])
-    permittivity, alpha, worst = replica.worst
+    permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
     _write_curves(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
-                  [(value,) for value in permittivity.tolist()],
-                  [(alpha, 1e3 * row) for row in worst])
+                  [(value,) for value in permittivities.tolist()],
+                  [(alphas, 1e3 * row) for row in worst_misfit(permittivities, alphas)])
 
 
 def _write_curves(file: Path, header: Sequence[str], names: Sequence[tuple[Any, ...]],
                   curves: Sequence[tuple[Array, Array]]) -> None:
-    """Curves one after the other, each behind its name; nan is blank."""
     write_csv(file, header, ((*name, x, "" if np.isnan(y) else y)
                              for name, curve in zip(names, curves, strict=True)
                              for x, y in zip(*(axis.tolist() for axis in curve), strict=True)))

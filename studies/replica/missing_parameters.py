@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ _START = np.array([8.0, 0.5, 0.5])
 _BOUNDS = np.array([(1.0, 15.0), (0.0, 1.0), (0.0, 1.0)])
 _SHARED = np.array([[1.0, 0], [0, 1], [0, 1]])  # (ε_r, α₁, α₁) of ε_r and one α₁ for both ellipses
 _LEVELS_START, _LEVELS_BOUNDS = np.array([9.0, 0.5]), ((1.0, 0.0), (11.0, 1.0))
-_STEPS = np.array([1e-2, 1e-2])  # of ε_r and α₁, for derivatives of the ranges over levels
+_STEP = 1e-2  # of ε_r and α₁, for derivatives of the ranges over levels
 _DRAWN_IN = 1e-2  # [m], far beyond any range: the search turns back
 
 
@@ -98,7 +99,6 @@ class MissingParameters:
 
     @property
     def rms_mm(self) -> float:
-        """Root mean square of the misfit over the rows used [mm]."""
         return 1e3 * self.rms
 
     @property
@@ -108,11 +108,10 @@ class MissingParameters:
 
     @property
     def worst_mm(self) -> float:
-        """Largest misfit over the rows used [mm]."""
         return 1e3 * self.worst
 
     def weights(self, actuator: int) -> tuple[float, ...]:
-        """α of an actuator's circles."""
+        """α of the circles of an actuator (by number)."""
         return (1.0,) if actuator == 0 else (self.alpha[actuator - 1], 1 - self.alpha[actuator - 1])
 
     def actuators(self, mass: float) -> tuple[Actuator, ...]:
@@ -121,7 +120,6 @@ class MissingParameters:
                      for number, specimen in enumerate(paper_actuators(self.permittivity)))
 
     def json(self) -> dict[str, Any]:
-        """As stored."""
         return {"relative_permittivity": self.permittivity, "alpha_1": list(self.alpha),
                 "rms_mm": self.rms_mm, "worst_mm": self.worst_mm,
                 "misfit_mm": (1e3 * self.misfit).tolist(),
@@ -147,6 +145,14 @@ def fit_rests(shared: bool = True, rows: Sequence[int] = (0, 1)) -> MissingParam
     return MissingParameters.of(permittivity, alpha, tuple(rows))
 
 
+def other_fits() -> dict[str, MissingParameters]:
+    """By words: the ellipses each with an α₁ of its own, and each mass alone."""
+    return {"one alpha for each ellipse": fit_rests(shared=False),
+            **{f"{1e3 * mass:g} g alone": fit_rests(rows=(row,))
+               for row, mass in enumerate(MASSES)}}
+
+
+@cache
 def smallest_worst() -> MissingParameters:
     """The ε_r and α₁ whose largest misfit over all six ranges is smallest."""
     began = fit_rests()
@@ -155,13 +161,13 @@ def smallest_worst() -> MissingParameters:
     return MissingParameters.of(permittivity, (alpha, alpha))
 
 
-def allowed(factor: float = 2.0) -> dict[str, tuple[float, float]]:
-    """Lowest and highest ε_r and α₁ whose worst misfit is within ``factor`` times the smallest."""
+def allowed() -> dict[str, tuple[float, float]]:
+    """Lowest and highest ε_r and α₁ whose worst misfit is within twice the smallest."""
     best, limits = smallest_worst(), {}
     start = np.array([best.permittivity, best.alpha[0], best.worst_mm])
     for number, name in enumerate(("relative_permittivity", "alpha_1")):
-        low, high = (float(_limited(start, aim, factor * best.worst_mm)[number])
-                     for aim in (np.eye(3)[number], -np.eye(3)[number]))
+        low, high = (float(_limited(start, sign * np.eye(3)[number], 2 * best.worst_mm)[number])
+                     for sign in (1, -1))
         limits[name] = (low, high)
     return limits
 
@@ -207,28 +213,22 @@ def fit_levels(signal: Signal) -> MissingParameters:
     """ε_r and α₁, one for both ellipses, by least squares over Table 2's ranges at levels' ends.
 
     Inertia's overshoot does not count: it is gone within seconds of a switch.
-
-    Raises
-    ------
-    InputError
-        When the signal goes beyond pull-in on the way.
     """
-    read, tried = ranges(), dict[bytes, tuple[Array, Array]]()
+    read = ranges()
 
-    def both(values: Array) -> tuple[Array, Array]:
-        key = np.asarray(values).tobytes()
-        if key not in tried:
-            # Steps towards the middle of what is allowed, so that none leaves it.
-            moves = np.diag(np.where(values > _LEVELS_START, -_STEPS, _STEPS))
-            with np.errstate(all="ignore"):
-                stepped = level_ranges(signal, np.vstack([values, values + moves]))
-            first, *others = np.nan_to_num(stepped, nan=_DRAWN_IN)
-            slopes = (np.array(others) - first).reshape(2, -1) / moves.sum(axis=1)[:, None]
-            tried[key] = first, slopes.T
-        return tried[key]
+    @cache
+    def both(*values: float) -> tuple[Array, Array]:
+        at = np.array(values)
+        # Steps towards the middle of what is allowed, so that none leaves it.
+        moves = np.diag(np.where(at > _LEVELS_START, -_STEP, _STEP))
+        with np.errstate(all="ignore"):
+            stepped = level_ranges(signal, np.vstack([at, at + moves]))
+        first, *others = np.nan_to_num(stepped, nan=_DRAWN_IN)
+        slopes = (np.array(others) - first).reshape(2, -1) / moves.sum(axis=1)[:, None]
+        return first, slopes.T
 
-    done = least_squares(lambda values: 1e3 * (both(values)[0] - read).ravel(), _LEVELS_START,
-                         lambda values: 1e3 * both(values)[1], _LEVELS_BOUNDS, xtol=1e-5,
+    done = least_squares(lambda values: 1e3 * (both(*values)[0] - read).ravel(), _LEVELS_START,
+                         lambda values: 1e3 * both(*values)[1], _LEVELS_BOUNDS, xtol=1e-5,
                          ftol=1e-7, max_nfev=12)
-    fitted, (permittivity, alpha) = both(done.x)[0], done.x.tolist()
+    fitted, (permittivity, alpha) = both(*done.x)[0], done.x.tolist()
     return MissingParameters(permittivity, (alpha, alpha), fitted, fitted - read)

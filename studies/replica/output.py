@@ -9,17 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.files import remove, write_csv, write_json
+from tympan.studies.lumped.linear import linearise
 from tympan.studies.paper.published import (
     MASSES,
     NAMES,
     PERCENTAGES,
     SETTLING,
     SINES,
+    STEP,
     SWITCH,
     ranges,
 )
-from tympan.studies.replica.figures import INTERVAL, ZOOM, Choices, Replica, write_curves
+from tympan.studies.replica.figures import INTERVAL, ZOOM, Replica, write_curves
 from tympan.studies.replica.findings import findings
+from tympan.studies.replica.missing_parameters import allowed, other_fits, smallest_worst
 from tympan.studies.replica.settling import Criterion
 from tympan.studies.replica.words import sentences
 
@@ -28,13 +31,13 @@ _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 
 _UNITS = {"largest swing": ("%", 100.0), "whole change": ("%", 100.0), "length": ("um", 1e6)}
 
 
-def store(replica: Replica, choices: Choices, seconds: float, folder: Path) -> dict[str, Any]:
+def store(replica: Replica, seconds: float, folder: Path) -> dict[str, Any]:
     """Write folder/paper.json, the tables and the curves; answers what paper.json holds.
 
     paper.json comes last, so its presence means the rest is complete.
     """
     remove(folder, "paper.json", "paper.html")
-    content = paper_numbers(replica, choices, seconds)
+    content = paper_numbers(replica, seconds)
     write_curves(replica, folder)
     for name in ("table_2", "settling"):
         rows = content[name]["rows"]
@@ -43,37 +46,42 @@ def store(replica: Replica, choices: Choices, seconds: float, folder: Path) -> d
     return content
 
 
-def paper_numbers(replica: Replica, choices: Choices, seconds: float) -> dict[str, Any]:
+def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
     """Everything but the curves."""
+    gaps = np.array([[loop_gap(loop.deflection) for loop in row] for row in replica.loops])
+    growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
     return {
         "lost": {
             **replica.missing.json(), "reading": replica.reading,
             "readings": {name: fit.json() for name, fit in replica.fits.items()},
-            "others": {name: fit.json() for name, fit in replica.others.items()},
-            "smallest_worst": replica.smallest_worst.json(), "within_twice": replica.allowed,
+            "others": {name: fit.json() for name, fit in other_fits().items()},
+            "smallest_worst": smallest_worst().json(), "within_twice": allowed(),
         },
-        "chosen": _chosen(replica, choices),
+        "chosen": _chosen(replica),
         "table_2": {"rows": _table_2(replica), "why": _why_ranges(replica)},
         "settling": {"rows": [_settling(criterion) for criterion in replica.criteria],
                      "why": _why_settling(replica)},
         "hysteresis": {
             "rows": [{"offset_kV": 1e-3 * offset, "amplitude_kV": 1e-3 * amplitude,
                       "specimen": name, "range_um": 1e6 * float(np.ptp(loop.deflection)),
-                      "gap_percent": 100 * loop_gap(loop.deflection)}
-                     for (offset, amplitude), row in zip(SINES, replica.loops, strict=True)
-                     for name, loop in zip(NAMES, row, strict=True)],
-            "period_s": replica.period, "why": _why_hysteresis(replica)},
-        "findings": [finding.json() for finding in findings(replica)],
+                      "gap_percent": float(100 * gap)}
+                     for (offset, amplitude), row, row_gaps
+                     in zip(SINES, replica.loops, gaps, strict=True)
+                     for name, loop, gap in zip(NAMES, row, row_gaps, strict=True)],
+            "period_s": replica.period,
+            "why": sentences("hysteresis", low=100 * gaps[0, [0, -1]], high=100 * gaps[1, [0, -1]],
+                             growth=_ends(growth))},
+        "findings": findings(replica),
         "seconds": seconds,
     }
 
 
-def _chosen(replica: Replica, choices: Choices) -> list[str]:
-    levels, given = replica.signal.voltage, choices
+def _chosen(replica: Replica) -> list[str]:
+    levels, given = replica.signal.voltage, replica.choices
     others = "; ".join(f"{_READINGS[name]}: {fit.permittivity:.3f} and {fit.alpha[0]:.3f}, "
                        f"{fit.rms_mm:.3f} mm left" for name, fit in replica.fits.items())
     period = ", at which the linear model of the circle lags most about 3.5 kV"
-    seed = f", the first one that comes within {choices.near:g} V of both ends"
+    seed = f", the first one that comes within {given.near:g} V of both ends"
     return [
         *sentences("missing", missing=replica.missing, reading=_READINGS[replica.reading],
                    others=others),
@@ -119,13 +127,6 @@ def loop_gap(deflection: Array) -> float:
     return float(np.abs(deflection - deflection[back]).max() / np.ptp(deflection))
 
 
-def _why_hysteresis(replica: Replica) -> list[str]:
-    gaps = 100 * np.array([[loop_gap(loop.deflection) for loop in row] for row in replica.loops])
-    growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
-    return sentences("hysteresis", low=gaps[0, [0, -1]], high=gaps[1, [0, -1]],
-                     growth=_ends(growth))
-
-
 def _why_ranges(replica: Replica) -> list[str]:
     read, spans = ranges(), {}
     for name, ours in (("levels", replica.level_ranges), ("rest", replica.rest_ranges),
@@ -139,7 +140,8 @@ def _why_ranges(replica: Replica) -> list[str]:
 def _why_settling(replica: Replica) -> list[str]:
     nearest = min(replica.criteria, key=lambda criterion: criterion.rms)
     seen = next(criterion for criterion in replica.criteria if criterion.kind == "length")
-    rates = -replica.poles.real
+    rates = -np.array([[linearise(actuator, STEP[1]).poles[-1].real
+                        for actuator in replica.missing.actuators(mass)] for mass in MASSES])
     heavier, theirs = (float(np.mean(times[1] / times[0])) for times in (nearest.times, SETTLING))
     slow = [NAMES[int(np.argmax(row))] for row in (*nearest.times, *SETTLING)]
     shapes = "the order of the shapes is not the paper's"

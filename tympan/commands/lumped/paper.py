@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> None:
     with bar(STEPS_OF_RUN + 2) as progress:
         replica = run(choices, progress)
         progress("findings")
-        content = store(replica, choices, time.perf_counter() - began, options.output)
+        content = store(replica, time.perf_counter() - began, options.output)
         progress("figures")
         page = build_paper_page(options.output)
     if options.json:
