@@ -18,8 +18,7 @@ from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.reports.figures.lumped_model import draw_built
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.files import write_text
-from tympan.studies.lumped.build import KINEMATICS, BuildSettings, Built, build
-from tympan.studies.lumped.build_result import BuildResult
+from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
 
 _DOCS = Path(__file__).parent.parent / "docs"
@@ -111,7 +110,7 @@ def page(found: Sequence[Built], others: Sequence[tuple[str, Built]]) -> str:
 
 
 def _kinematics(circle: Built) -> list[str]:
-    factor = circle.membrane_factors[0]
+    factor, = circle.model.circles.membrane_factor
     return [
         "*cone* is the paper's: the film is a straight cone. A film without bending stiffness is "
         "steeper at the plate. "

@@ -18,7 +18,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
-from tympan.studies.lumped.build_result import BuildResult
+from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.result import OptimiseResult
 from tympan.studies.path import PathResult
@@ -148,12 +148,12 @@ def _(result: StudyResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: BuildResult, axes: Axes) -> None:
-    for number, statics in enumerate(result.statics):
+    for number, (name, loads) in enumerate(result.statics.groupby("specimen", sort=False)):
         for kinematics, line in {"field": "o", "membrane": "-"}.items():
-            for row, mass in enumerate(statics.masses):
-                axes.plot(1e-3 * statics.voltages, statics.deflections[f"{kinematics}_mm"][row],
-                          line, color=look.colour_of(number), markersize=3,
-                          label=f"{statics.specimen}, {1e3 * mass:.4g} g, {kinematics}")
+            for mass, ramp in loads.groupby("mass", sort=False):
+                axes.plot(1e-3 * ramp["voltage"], ramp[f"{kinematics}_mm"], line,
+                          color=look.colour_of(number), markersize=3,
+                          label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
     axes.legend()
 

@@ -51,7 +51,7 @@ KINDS = (
     FolderKind("lumped identify", "identify.json", "figures.identification:draw_identified",
                "identify.result:IdentifyResult"),
     FolderKind("lumped build", "build.json", "figures.lumped_model:draw_built",
-               "lumped.build_result:BuildResult"),
+               "lumped.build:BuildResult"),
 )
 
 

@@ -10,7 +10,7 @@ from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
-from tympan.studies.lumped.build_result import BuildResult
+from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.result import OptimiseResult
 from tympan.studies.path import PathResult
@@ -80,12 +80,8 @@ def _(result: StudyResult) -> Any:
 
 @table.register
 def _(result: BuildResult) -> Any:
-    return _frame([{"specimen": statics.specimen, "mass_kg": mass, "voltage_V": voltage}
-                   | {name: values[row, column] for name, values
-                      in (statics.deflections | statics.capacitances).items()}
-                   for statics in result.statics
-                   for row, mass in enumerate(statics.masses)
-                   for column, voltage in enumerate(statics.voltages)])
+    return result.statics.drop(columns="fitted").rename(
+        columns={"mass": "mass_kg", "voltage": "voltage_V"})
 
 
 @table.register

@@ -20,7 +20,7 @@ from tympan.studies.case import Settings as Settings
 if TYPE_CHECKING:
     from tympan.studies.alpha import AlphaResult, AlphaSettings
     from tympan.studies.diagnosis.result import Diagnosis
-    from tympan.studies.lumped.build_result import BuildResult
+    from tympan.studies.lumped.build import BuildResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.optimise.result import OptimiseResult
     from tympan.studies.path import PathResult
@@ -137,8 +137,7 @@ def study(file: File | None = None) -> Result[StudyResult]:
 def lumped(*specimens: Specimen, settings: Settings = Settings(), rig: Rig = Rig()
            ) -> Result[BuildResult]:
     """Lumped models of specimens from their field models alone."""
-    from tympan.studies.lumped.build import build
-    from tympan.studies.lumped.build_result import BuildResult
+    from tympan.studies.lumped.build import BuildResult, build
 
     return Result(BuildResult.of([build(specimen, settings, rig=rig) for specimen in specimens]))
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.lumped.build_result import BuildResult, ModelStatics
+from tympan.studies.lumped.build import BuildResult
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 16.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _ABOVE, _BELOW = 62.0, 34.0
@@ -25,8 +25,8 @@ def draw_built(result: BuildResult, folder: Path) -> list[Path]:
     return style.save_figure(folder, "build", lambda: _compose(result.statics))
 
 
-def _compose(models: Sequence[ModelStatics]) -> Figure:
-    masses = models[0].masses
+def _compose(statics: pd.DataFrame) -> Figure:
+    masses, names = (statics[key].unique().tolist() for key in ("mass", "specimen"))
     columns: list[tuple[Axes, Axes]] = []
     figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
@@ -34,8 +34,9 @@ def _compose(models: Sequence[ModelStatics]) -> Figure:
         start = _LEFT + column * (width + _LEFT)
         above = style.place_axes(figure, start, _TITLE, width, _ABOVE)
         below = style.place_axes(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
-        for number, statics in enumerate(models):
-            _draw(statics, column, number, len(models), above, below)
+        for number, name in enumerate(names):
+            loads = statics[(statics["specimen"] == name) & (statics["mass"] == mass)]
+            _draw(loads, name, number, len(names), above, below)
         columns.append((above, below))
         above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.tick_params(labelbottom=False)
@@ -54,21 +55,19 @@ def _compose(models: Sequence[ModelStatics]) -> Figure:
     return figure
 
 
-def _draw(statics: ModelStatics, row: int, number: int, of: int, above: Axes, below: Axes) -> None:
+def _draw(loads: pd.DataFrame, name: str, number: int, of: int, above: Axes, below: Axes) -> None:
     colour = style.colour_of(number)
-    voltage, fitted = 1e-3 * statics.voltages, statics.fitted[row]
+    voltage, fitted, field = 1e-3 * loads["voltage"], loads["fitted"] == 1, loads["field_mm"]
     for kind, (line, _) in _SHOWN.items():
         # Cones of several shapes may coincide: their dashes take turns.
         dashes = (4.0 * number, (4.0, 4.0 * max(1, of - 1))) if kind == "cone" else line
-        above.plot(voltage, statics.deflections[f"{kind}_mm"][row], linestyle=dashes,
-                   color=colour, linewidth=0.9)
+        above.plot(voltage, loads[f"{kind}_mm"], linestyle=dashes, color=colour, linewidth=0.9)
         if kind != "cone":
-            error = 100 * statics.error(kind)[row]
+            error = 100 * (loads[f"{kind}_mm"] / field - 1)
             below.plot(voltage, error, line, color=colour, linewidth=0.8)
             if kind == "corrected":
                 below.plot(voltage[fitted], error[fitted], "o", color=colour, markersize=3)
-    above.plot(voltage, statics.deflections["field_mm"][row], "o", color=colour, markersize=3,
-               markerfacecolor="none", label=statics.specimen)
+    above.plot(voltage, field, "o", color=colour, markersize=3, markerfacecolor="none", label=name)
 
 
 def _key(axes: Axes) -> None:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.membrane.model import Model
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.samples import Samples, equilibria
-from tympan.studies.case import Case, Settings, build_model, failure_reason
+from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import curve, pull_in, rest
-from tympan.studies.lumped.model_file import LumpedModel
+from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
 from tympan.studies.modes import modes
 
 Array = NDArray[np.float64]
@@ -35,6 +39,12 @@ KINEMATICS = {"cone": "the paper's cones with the α best for them",
 #: Error of deflection or capacitance, relative, above which a model is said not to stand for its
 #: specimen.
 NEAR = 0.01
+
+_COLUMNS = (
+    Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("fitted"),
+    *(Column(name, required=False, absent="nan")
+      for name in ("field_mm", *(f"{kinematics}_mm" for kinematics in KINEMATICS), "field_pF",
+                   "corrected_pF")))
 
 
 @dataclass(frozen=True)
@@ -126,10 +136,7 @@ class Built:
         return np.asarray(self.deflection[kinematics] / self.field_deflection - 1)
 
     def worst(self, kinematics: str, *, held_out: bool) -> float | None:
-        """Largest error in deflection at loads it was fitted on, or not.
-
-        None where there is none, or it pulls in.
-        """
+        """Largest error in deflection at loads it was fitted on, or not; None where it pulls in."""
         return _largest(self.errors(kinematics)[self.settings.fitted != held_out])
 
     def stroke_error(self, kinematics: str) -> float | None:
@@ -141,11 +148,6 @@ class Built:
     def capacitance_error(self, kinematics: str) -> float | None:
         """Largest error of the capacitance, relative; None where it pulls in."""
         return _largest(self.capacitance[kinematics] / self.field_capacitance - 1)
-
-    @property
-    def membrane_factors(self) -> tuple[float, ...]:
-        """By how much each circle's membrane is stiffer than its cone."""
-        return tuple(self.model.circles.membrane_factor.tolist())
 
     @property
     def warnings(self) -> list[str]:
@@ -165,10 +167,23 @@ class Built:
                             "and weight alone")
         return warnings
 
+    @property
+    def statics(self) -> pd.DataFrame:
+        """What statics.csv has of it: a row for each load."""
+        mass, voltage = np.meshgrid(self.settings.masses, self.settings.voltages, indexing="ij")
+        columns = {"mass": mass, "voltage": voltage, "fitted": self.settings.fitted,
+                   "field_mm": 1e3 * self.field_deflection,
+                   **{f"{kind}_mm": 1e3 * y for kind, y in self.deflection.items()},
+                   "field_pF": 1e12 * self.field_capacitance,
+                   "corrected_pF": 1e12 * self.capacitance["corrected"]}
+        return pd.DataFrame({"specimen": self.model.specimen.name,
+                             **{name: values.ravel() for name, values in columns.items()}})
+
     def json(self) -> dict[str, Any]:
         """The object of ``lumped build --json`` for one specimen."""
-        model, names = self.model, ("fitted", "held_out")
-        circles = zip(model.radii, model.weights, self.membrane_factors, strict=True)
+        model = self.model
+        circles = zip(model.radii, model.weights, model.circles.membrane_factor.tolist(),
+                      strict=True)
         return {
             "specimen": model.specimen.name,
             "circles": [{"radius_m": radius, "alpha": weight, "membrane_factor": factor}
@@ -180,8 +195,8 @@ class Built:
             "cone": {"alpha": list(self.alpha.by_basis["cone"].alpha),
                      "scale": self.alpha.cone_scale,
                      "scaled_alpha": list(self.alpha.by_basis["cone_scaled"].alpha)},
-            "deflection_error": {kind: {name: self.worst(kind, held_out=name == "held_out")
-                                        for name in names}
+            "deflection_error": {kind: {"fitted": self.worst(kind, held_out=False),
+                                        "held_out": self.worst(kind, held_out=True)}
                                  for kind in KINEMATICS},
             "stroke_error": {kind: self.stroke_error(kind) for kind in KINEMATICS},
             "capacitance_error": {kind: self.capacitance_error(kind) for kind in KINEMATICS},
@@ -215,11 +230,11 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     """
     Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
-    deflection, capacitance = _at_rest(specimen, settings, chosen, rig)
+    model = build_model(specimen, settings, rig.loading)
+    deflection, capacitance = _at_rest(model, settings, chosen, rig)
     weights = alpha(specimen, settings,
                     AlphaSettings(chosen.fit, LoadGrid((), ()), chosen.circles, chosen.radii),
                     rig, progress)
-    model = build_model(specimen, settings, rig.loading)
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()),
                         rig.film_voltage(chosen.voltages[-1]),
@@ -227,37 +242,34 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
     lumped = replace(plain, stiffness=stiffness, permittivity=permittivity)
-    ends = (chosen.voltages[0], chosen.voltages[-1])
     progress(f"{specimen.name}: vibrations")
-    pairs = [_frequencies(lumped.actuator(chosen.masses[0], rig), u, settings) for u in ends]
+    actuator = lumped.actuator(chosen.masses[0], rig)
+    low, high = (_frequencies(actuator, voltage, settings)
+                 for voltage in (chosen.voltages[0], chosen.voltages[-1]))
     return Built(chosen, rig, lumped, weights, deflection, capacitance,
-                 {"lumped": (pairs[0][0], pairs[1][0]), "field": (pairs[0][1], pairs[1][1])})
+                 {"lumped": (low[0], high[0]), "field": (low[1], high[1])})
 
 
-def _at_rest(specimen: Specimen, settings: Settings, chosen: BuildSettings,
+def _at_rest(model: Model, settings: Settings, chosen: BuildSettings,
              rig: Rig) -> tuple[Array, Array]:
     """Deflections [m] and capacitances [F] of the field model, shape (masses, voltages)."""
-    model = build_model(specimen, settings, rig.loading)
-    deflection, capacitance = (np.empty((len(chosen.masses), len(chosen.voltages)))
-                               for _ in range(2))
-    seen = [rig.film_voltage(voltage) for voltage in chosen.voltages]
-    for row, mass in enumerate(chosen.masses):
-        outcomes = voltage_path(model, rig.force(mass, model.plate_area), seen, rig.gas_pressure,
-                                settings.path)
-        for column, outcome in enumerate(outcomes):
+    rests = []
+    for mass in chosen.masses:
+        for case, outcome in voltage_ramp(model, mass, chosen.voltages, rig, settings.path):
+            load = f"{case.specimen.name}, {1e3 * mass:g} g"
             if outcome.status != "equilibrium":
                 missing = "did not converge"
                 if outcome.status == "no_equilibrium":
                     missing = "has no equilibrium"
                 raise InputError(f"the field model {missing}: {failure_reason(outcome)}",
-                                 key=f"{specimen.name}, {1e3 * mass:g} g",
-                                 given=f"{1e-3 * chosen.voltages[column]:.5g} kV")
-            deflection[row, column] = outcome.state.plate.deflection
-            capacitance[row, column] = model.capacitance(outcome.state)
-        if deflection[row].min() <= 1e-6 * model.size:
-            raise InputError("the plate must sink: the mass is too small to tell a force",
-                             key=specimen.name, given=f"{1e3 * mass:g} g")
-    return deflection, capacitance
+                                 key=load, given=f"{1e-3 * case.voltage:.5g} kV")
+            deflection = outcome.state.plate.deflection
+            if deflection <= 1e-6 * model.size:
+                raise InputError("the plate must sink: the mass is too small to tell a force",
+                                 key=case.specimen.name, given=f"{1e3 * mass:g} g")
+            rests.append((deflection, model.capacitance(outcome.state)))
+    deflections, capacitances = np.array(rests).T.reshape(2, len(chosen.masses), -1)
+    return deflections, capacitances
 
 
 def _factors(model: LumpedModel, samples: Samples) -> tuple[float, float]:
@@ -275,7 +287,62 @@ def _frequencies(actuator: Actuator, voltage: float, settings: Settings) -> tupl
     still = rest(actuator, voltage)
     lumped = float(np.sqrt(actuator.balance(still, voltage)[1] / actuator.moved) / (2 * np.pi))
     case = Case(actuator.specimen, mass=actuator.mass, voltage=voltage, rig=actuator.rig)
-    result = modes(case, settings)
-    along = [mode for mode in result.modes if mode.plate_share["z"] > 0.5
-             and mode.frequency_Hz is not None]
-    return lumped, min((mode.frequency_Hz or np.nan for mode in along), default=np.nan)
+    along = (mode.frequency_Hz for mode in modes(case, settings).modes
+             if mode.plate_share["z"] > 0.5)
+    return lumped, min((hertz for hertz in along if hertz is not None), default=np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class BuildResult:
+    """Models of several specimens, built at the same loads.
+
+    ``numbers`` are those of ``lumped build --json``; ``statics`` has the columns of statics.csv,
+    loads in SI.
+    """
+
+    numbers: dict[str, Any]
+    models: tuple[LumpedModel, ...]
+    statics: pd.DataFrame
+
+    @classmethod
+    def of(cls, models: Sequence[Built]) -> BuildResult:
+        """Of models built with the same settings."""
+        chosen = models[0].settings
+        numbers = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
+                   "fitted_masses_kg": list(chosen.fit.masses),
+                   "fitted_voltages_V": list(chosen.fit.voltages),
+                   "built": [built.json() for built in models]}
+        return cls(numbers, tuple(built.model for built in models),
+                   pd.concat([built.statics for built in models], ignore_index=True))
+
+    def json(self) -> dict[str, Any]:
+        """The object of ``lumped build --json``."""
+        return self.numbers
+
+    def save(self, folder: Path) -> None:
+        """Write build.json, statics.csv and for each specimen its model, NAME.lumped.toml.
+
+        build.json comes last, so its presence means the rest is complete.
+        """
+        remove(folder, "build.json")
+        write_sheet(folder / "statics.csv", _COLUMNS, self.statics)
+        for model in self.models:
+            write_model(folder / f"{model.specimen.name}.lumped.toml", model)
+        write_json(folder / "build.json", self.numbers)
+
+    @classmethod
+    def load(cls, folder: Path) -> BuildResult:
+        """What was saved; what is missing, damaged or of another kind is an InputError."""
+        numbers = read_json(folder / "build.json")
+        if not isinstance(numbers, dict) or not numbers.get("built"):
+            raise InputError("is not of tympan lumped build: run it again",
+                             file=folder / "build.json")
+        names = [built["specimen"] for built in numbers["built"]]
+        statics = pd.DataFrame(read_own_sheet(folder / "statics.csv", _COLUMNS))
+        for name in names:
+            if sum(statics["specimen"] == name) != \
+                    len(numbers["masses_kg"]) * len(numbers["voltages_V"]):
+                raise InputError(f"must have a row of {name} for each load of build.json: run "
+                                 "tympan lumped build again", file=folder / "statics.csv")
+        return cls(numbers, tuple(read_model(folder / f"{name}.lumped.toml") for name in names),
+                   statics)

@@ -46,8 +46,7 @@ def run(options: argparse.Namespace) -> None:
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings
-    from tympan.studies.lumped.build import BuildSettings, build
-    from tympan.studies.lumped.build_result import BuildResult
+    from tympan.studies.lumped.build import BuildResult, BuildSettings, build
 
     try:
         AlphaSettings(circles=options.circles)
