@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from statistics import median
 
-from tympan.fem.derivatives.parameters import parameters
-from tympan.fem.derivatives.sensitivity import deflection_gradient
+from tympan.fem.derivatives.parameters import parameters, shape_names
+from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.sensitivity import gradient
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model
@@ -58,18 +59,21 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
     """Median seconds of solve, step and gradients."""
     outcome = equilibrium(model, FORCE, VOLTAGE)
     known = parameters(model)
-    fixed = [name for name in known if not known[name].moves]
-    lengths = [name for name in known if known[name].moves]
+    lengths = shape_names(model.specimen)
+    fixed = [name for name in known if name not in lengths]
+
+    def slopes(film: Model, names: Sequence[str]) -> dict[str, float]:
+        return gradient(film, outcome, QUANTITIES["heave"], names)
+
     works: dict[str, Callable[[], object]] = {
         "solve": lambda: equilibrium(model, FORCE, VOLTAGE),
         "step": lambda: equilibrium(model, FORCE, FURTHER, start=outcome.solution),
-        "gradient by thickness": lambda: deflection_gradient(model, outcome,
-                                                             ["membrane.thickness"]),
-        "gradient by one length": lambda: deflection_gradient(model, outcome, lengths[:1]),
-        f"gradient by {len(fixed)}, no lengths": lambda: deflection_gradient(model, outcome, fixed),
-        f"gradient by all {len(known)}": lambda: deflection_gradient(model, outcome, list(known)),
-        "first by one length": lambda: deflection_gradient(anew(model), outcome, lengths[:1]),
-        "first by all": lambda: deflection_gradient(anew(model), outcome, list(known))}
+        "gradient by thickness": lambda: slopes(model, ["membrane.thickness"]),
+        "gradient by one length": lambda: slopes(model, lengths[:1]),
+        f"gradient by {len(fixed)}, no lengths": lambda: slopes(model, fixed),
+        f"gradient by all {len(known)}": lambda: slopes(model, list(known)),
+        "first by one length": lambda: slopes(anew(model), lengths[:1]),
+        "first by all": lambda: slopes(anew(model), list(known))}
     times = [{name: seconds(work) for name, work in works.items()} for _ in range(repeat)]
     return {name: median(each[name] for each in times) for name in works}
 

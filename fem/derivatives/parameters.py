@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.shape import moved_by, velocities
+from tympan.fem.derivatives.shape import moved_by, velocity
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
@@ -31,13 +31,12 @@ class ModelParameter:
 
     ``value`` gives it [SI]; ``changed`` model and state after a change, real or imaginary, in which
     every node keeps its displacement from its own place. ``odd``: the axes whose reversal turns it
-    into its opposite. ``moves``: whether a change moves the nodes.
+    into its opposite.
     """
 
     value: Callable[[Model, State], float]
     changed: Callable[[Model, State, Any], tuple[Model, State]]
     odd: frozenset[str] = frozenset()
-    moves: bool = False
 
 
 def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
@@ -83,12 +82,12 @@ def _load(name: Load) -> ModelParameter:
 def _length(path: Sequence[str]) -> ModelParameter:
     """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
-        motion = velocities(model.discretisation, model.specimen).of(path)
+        motion = velocity(model.discretisation, model.specimen, tuple(path))
         return moved_by(model, state, with_change(model.specimen, path, change), change * motion)
 
     odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
     return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
-                          frozenset(odd), moves=True)
+                          frozenset(odd))
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:

@@ -27,16 +27,14 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A scalar result of the whole film.
+    """A scalar result of the whole film, the same for a state and its mirror image.
 
     ``value`` gives it [SI], complex for a complex model or state; ``slope`` its derivative by the
-    free nodal components and the plate's allowed freedoms. ``even``: whether the mirror image of a
-    state has the same value, so that a change and its opposite do the same.
+    free nodal components and the plate's allowed freedoms.
     """
 
     value: Callable[[Model, State], Any]
     slope: Callable[[Model, State], Parts]
-    even: bool = True
 
 
 def _tilt_slope(model: Model, state: State) -> Parts:
@@ -57,13 +55,6 @@ def _reaction_slope(model: Model, state: State) -> Parts:
         lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
 
 
-def _energy(model: Model, state: State) -> Any:
-    return model.energy(state.positions, state.voltage_squared) * model.discretisation.mirrored
-
-
-def _energy_slope(model: Model, state: State) -> Parts:
-    return _of_nodes(model, state, model.forces(state.positions, state.voltage_squared))
-
 
 def _capacitance(model: Model, state: State) -> Any:
     if model.wrinkles:
@@ -74,9 +65,8 @@ def _capacitance(model: Model, state: State) -> Any:
 
 def _capacitance_slope(model: Model, state: State) -> Parts:
     """−2 ∂forces/∂U²."""
-    forces = complex_step(lambda squared: model.forces(state.positions, squared),
-                          state.voltage_squared)
-    return _of_nodes(model, state, -2 * forces)
+    factor, (inner, plate) = -2 * model.discretisation.mirrored, model.by_load(state, "voltage")
+    return factor * inner, factor * plate
 
 
 #: A field at quadrature points from model, U² and C of the mounted film.
@@ -108,36 +98,37 @@ def largest(field: Field, power: int = 64) -> Quantity:
     From the quadrature points; below the true maximum, which it nears as p grows, and which has no
     derivative where two places share it.
     """
+    def norm(h: Any, weights: Array) -> Any:
+        scale = np.abs(np.real(h)).max()
+        if scale == 0:
+            raise InputError("has no derivative where it is zero all over", key="quantity",
+                             given="a largest value")
+        return scale * ((weights * (h / scale) ** power).sum() / weights.sum()) ** (1 / power)
+
     def value(model: Model, state: State) -> Any:
-        return _norm(_at_points(field, model, state), model.discretisation.weights, power)
+        h = field(model, state.voltage_squared, model.cauchy_green(state.positions))
+        return norm(h, model.discretisation.weights)
 
     def slope(model: Model, state: State) -> Parts:
-        weights = model.discretisation.weights
-        h = _at_points(field, model, state)
-        slopes = (h / _norm(h, weights, power)) ** (power - 1)
-        return _by_strain(model, state, field, slopes * (weights / weights.sum()))
+        mesh = model.discretisation
+        f = mesh.deformation(state.positions)
+        c = cauchy_green(f)
+        h = field(model, state.voltage_squared, c)
+        slopes = (h / norm(h, mesh.weights)) ** (power - 1)
+        shares = slopes * (mesh.weights / mesh.weights.sum())
+
+        def by(component: int) -> Any:
+            stepped: list[Any] = list(c)
+            stepped[component] = stepped[component] + 1j * STEP
+            changed = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
+            return shares * np.imag(changed) / STEP
+
+        stress = np.stack([2 * by(0), 2 * by(1), by(2)], axis=-1)
+        forces = mesh.scatter(element_forces(mesh.gradients, f, stress))
+        # A mean over the part is one over the whole: what a node does, its mirror images do.
+        return model.on_freedoms(forces, state.plate)
 
     return Quantity(value, slope)
-
-
-def at_point(field: Field, place: tuple[float, float]) -> Quantity:
-    """A field at the quadrature point nearest to a place on the mounted film [m].
-
-    With the mesh, that point moves.
-    """
-    def nearest(model: Model) -> tuple[np.intp, ...]:
-        mesh = model.discretisation
-        nodes = mesh.reference.real[mesh.connectivity, :2]
-        away = np.einsum("pl,elc->epc", mesh.shapes, nodes) - place
-        return np.unravel_index(np.argmin((away**2).sum(axis=-1)), mesh.weights.shape)
-
-    def slope(model: Model, state: State) -> Parts:
-        only = np.zeros(model.discretisation.weights.shape)
-        only[nearest(model)] = 1.0
-        return _by_strain(model, state, field, only)
-
-    return Quantity(lambda model, state: _at_points(field, model, state)[nearest(model)], slope,
-                    even=False)
 
 
 #: Quantities by name: the plate's deflection along the load [m]; the angle between its normal and
@@ -150,7 +141,11 @@ QUANTITIES: dict[str, Quantity] = {
     "tilt": Quantity(lambda model, state: state.plate.tilt, _tilt_slope),
     "reaction": Quantity(Model.reaction, _reaction_slope),
     "capacitance": Quantity(_capacitance, _capacitance_slope),
-    "energy": Quantity(_energy, _energy_slope),
+    "energy": Quantity(
+        lambda model, state: (model.energy(state.positions, state.voltage_squared)
+                              * model.discretisation.mirrored),
+        lambda model, state: _of_nodes(model, state,
+                                       model.forces(state.positions, state.voltage_squared))),
     "max_stretch": largest(larger_stretch),
     "max_true_stress": largest(larger_stress),
     "max_field": largest(true_field),
@@ -158,29 +153,10 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def named_quantity(name: str) -> Quantity:
-    """The quantity of a name.
-
-    Raises
-    ------
-    InputError
-        For a name nobody registered.
-    """
+    """The quantity of a name; InputError for a name nobody registered."""
     if name not in QUANTITIES:
         raise InputError(f"must be one of {', '.join(QUANTITIES)}", key="quantity", given=name)
     return QUANTITIES[name]
-
-
-def _at_points(field: Field, model: Model, state: State) -> Array:
-    h = field(model, state.voltage_squared, model.cauchy_green(state.positions))
-    return np.broadcast_to(h, model.discretisation.weights.shape)
-
-
-def _norm(h: Any, weights: Array, power: int) -> Any:
-    scale = np.abs(np.real(h)).max()
-    if scale == 0:
-        raise InputError("has no derivative where it is zero all over", key="quantity",
-                         given="a largest value")
-    return scale * ((weights * (h / scale) ** power).sum() / weights.sum()) ** (1 / power)
 
 
 def _of_plate(model: Model, values: dict[int, float]) -> Parts:
@@ -192,20 +168,3 @@ def _of_plate(model: Model, values: dict[int, float]) -> Parts:
 def _of_nodes(model: Model, state: State, forces: Array) -> Parts:
     """From derivatives of this mesh's part by its nodes; the plate's edge follows the plate."""
     return model.on_freedoms(forces * model.discretisation.mirrored, state.plate)
-
-
-def _by_strain(model: Model, state: State, field: Field, weights: Array) -> Parts:
-    """Derivative of Σ weights · field at the quadrature points."""
-    mesh = model.discretisation
-    f = mesh.deformation(state.positions)
-    c = cauchy_green(f)
-
-    def along(component: int) -> Any:
-        stepped: list[Any] = list(c)
-        stepped[component] = stepped[component] + 1j * STEP
-        changed = field(model, state.voltage_squared, (stepped[0], stepped[1], stepped[2]))
-        return weights * np.imag(changed) / STEP
-
-    stress = np.stack([2 * along(0), 2 * along(1), along(2)], axis=-1)
-    # A mean over the part is one over the whole: what a node does, its mirror images do.
-    return model.on_freedoms(mesh.scatter(element_forces(mesh.gradients, f, stress)), state.plate)

@@ -1,4 +1,4 @@
-"""Virtual work of all forces along fixed motions, and its derivatives by whatever it depends on.
+"""Derivatives of the residual at a state: by motions, and, along fixed ones, by what it depends on.
 
 Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
 number of the film costs no more than the materials it changes: their W₁δλ₁ + W₂δλ₂. A change of
@@ -19,20 +19,96 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.derivatives.stiffness import Stiffness, spread, strains
+from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
 from tympan.fem.film.density import Part, plane_stress, virtual_work
-from tympan.fem.membrane.model import Model, Parts
+from tympan.fem.membrane.enclosed_volume import film_volume
+from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualDerivative:
-    """Derivatives of the residual, times motions of film and plate, by what it depends on.
+class Stiffness:
+    """The exact tangent of a model at a state, as an operator."""
 
-    ``at`` is the state the motions start from.
-    """
+    model: Model
+    state: State
+
+    def product(self, motion: Parts) -> Parts:
+        """Change of the residual with a motion of free components and plate freedoms."""
+        model, state = self.model, self.state
+        inner, plate = model.on_freedoms(self.nodal(self.spread(motion)), state.plate)
+        return inner, plate + self._turning @ motion[1]
+
+    def nodal(self, motion: Array) -> Array:
+        """Change of the nodal forces of film and gas with a motion, both (nodes, 3) [N]."""
+        mesh, pressure, (sw, dw) = self.model.discretisation, self.state.pressure, self.weighted
+        change = mesh.deformation(motion)
+        by_stress = np.matmul(dw, self.strains(change)[..., None])[..., 0]
+        elements = gathered(mesh.gradients, first_piola(change, sw)
+                            + first_piola(self.deformation, by_stress))
+        if pressure:
+            local = motion[mesh.connectivity].reshape(len(elements), -1, 1)
+            elements -= pressure * np.matmul(self.volume[1], local).reshape(elements.shape)
+        return mesh.scatter(elements)
+
+    def spread(self, motion: Parts) -> Array:
+        """The motion of all nodes, shape (nodes, 3)."""
+        mesh, model = self.model.discretisation, self.model
+        nodal = np.zeros(self.state.positions.shape)
+        nodal[mesh.free] = motion[0]
+        gradient = self.state.plate.gradient(model.arms)[:, :, model.plate_freedoms]
+        nodal[mesh.plate_nodes] = gradient @ motion[1]
+        return nodal
+
+    def strains(self, change: Array) -> Array:
+        """What S₁₁, S₂₂ and S₁₂ work on when F changes."""
+        product = np.matmul(self.deformation.swapaxes(-1, -2), change)
+        return np.stack([product[..., 0, 0], product[..., 1, 1],
+                         product[..., 0, 1] + product[..., 1, 0]], axis=-1)
+
+    @cached_property
+    def deformation(self) -> Array:
+        """F at the quadrature points, shape (elements, points, 3, 2)."""
+        return self.model.discretisation.deformation(self.state.positions)
+
+    @cached_property
+    def c(self) -> tuple[Array, Array, Array]:
+        """C at the quadrature points."""
+        return cauchy_green(self.deformation)
+
+    @cached_property
+    def weighted(self) -> tuple[Array, Array]:
+        """Stress and its tangent by strains, times virgin volumes."""
+        density = self.model.density(self.state.voltage_squared)(self.c)
+        volumes = self.model.volumes[..., None]
+        return density.stress * volumes, density.tangent * volumes[..., None]
+
+    @cached_property
+    def forces(self) -> Array:
+        """Nodal forces of film, gas and own weight, without what acts on the plate [N]."""
+        mesh = self.model.discretisation
+        elements = element_forces(mesh.gradients, self.deformation, self.weighted[0])
+        if self.state.pressure:
+            elements -= self.state.pressure * self.volume[0]
+        return mesh.scatter(elements) - self.model.weight
+
+    @cached_property
+    def volume(self) -> tuple[Array, Any]:
+        """Derivatives of the film's volume, the second only under pressure."""
+        return film_volume(self.model.discretisation, self.state.positions,
+                           second=self.state.pressure != 0)[1:]
+
+    @cached_property
+    def _turning(self) -> Array:
+        """What the turning of the plate adds to its own stiffness: that of the forces on it."""
+        return self.model.plate_curvature(self.forces, self.state)
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualDerivative:
+    """Derivatives of the residual, times motions from a state, by what it depends on."""
 
     at: Stiffness
     motions: Sequence[Parts]
@@ -47,7 +123,9 @@ class ResidualDerivative:
         if model.pull != mine.pull:
             result = result - self._nodal[:, :, 2] @ model.weight[:, 2].imag
         if np.imag(state.pressure):
-            result = result - np.imag(state.pressure) * self._by_pressure
+            nodes = mine.discretisation.connectivity
+            volume = np.tensordot(self._nodal[:, nodes], self.at.volume[0], axes=3)
+            result = result - np.imag(state.pressure) * volume
         loads = state.force, state.pressure, model.plate_area
         if model.loading is not mine.loading or np.any(np.imag(loads)):
             on_plate = model.loading.on_plate(state, model.centre, model.plate_area)[1]
@@ -63,8 +141,9 @@ class ResidualDerivative:
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
         thickness = film.thickness / film.area_prestretch
+        unchanged = self.at.model.density(self.at.state.voltage_squared).parts
         for name, part in model.density(state.voltage_squared).parts.items():
-            mine = self._parts.get(name)
+            mine = unchanged.get(name)
             if mine is None or (part.key, part.prestretch) != (mine.key, mine.prestretch):
                 result = result + np.imag(thickness * self._virtual_work(part))
             elif np.imag(thickness):
@@ -116,18 +195,8 @@ class ResidualDerivative:
         return np.stack(result)
 
     @cached_property
-    def _by_pressure(self) -> Array:
-        """Change of the volume under the film [m³], shape (motions,)."""
-        nodes = self.at.model.discretisation.connectivity
-        return np.tensordot(self._nodal[:, nodes], self.at.volume_forces, axes=3)
-
-    @cached_property
-    def _parts(self) -> dict[str, Part]:
-        return self.at.model.density(self.at.state.voltage_squared).parts
-
-    @cached_property
     def _nodal(self) -> Array:
-        return np.stack([spread(self.at.model, self.at.state, motion) for motion in self.motions])
+        return np.stack([self.at.spread(motion) for motion in self.motions])
 
     @cached_property
     def _plate(self) -> Array:
@@ -136,8 +205,8 @@ class ResidualDerivative:
     @cached_property
     def _strains(self) -> Array:
         """What the stress works on, shape (motions, elements, points, 3)."""
-        return np.stack([strains(self.at.deformation, self.at.model.discretisation.deformation(row))
-                         for row in self._nodal])
+        deformation = self.at.model.discretisation.deformation
+        return np.stack([self.at.strains(deformation(row)) for row in self._nodal])
 
     @cached_property
     def _stretching(self) -> Callable[[Any], Any]:

@@ -8,9 +8,8 @@ them or move between them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,82 +43,62 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> t
     return moved, replace(state, positions=moved.place(displaced, state.plate))
 
 
+@lru_cache(maxsize=32)
+def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> Array:
+    """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
+
+    Raises
+    ------
+    InputError
+        Where an edge of the electrode runs into another edge, so that nodes would have to slide
+        along it, or where the film's stress is infinite at a sharp corner.
+    """
+    edges, stepped = _edges(specimen), _edges(with_change(specimen, path, 1j * STEP))
+    return _extended(discretisation,
+                     [(nodes, stepped[name].at(foot).imag / STEP) for name, (nodes, foot)
+                      in edge_nodes(discretisation, specimen).items()
+                      if edges[name] != stepped[name]])
+
+
+def motion_between(discretisation: Discretisation, specimen: Specimen, other: Specimen) -> Array:
+    """Motion of the nodes to a specimen with the same edges of other lengths, (nodes, 2) [m].
+
+    Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
+    """
+    edges, others = _edges(specimen), _edges(other)
+    return _extended(discretisation,
+                     [(nodes, others[name].at(foot) - edges[name].at(foot)) for name, (nodes, foot)
+                      in edge_nodes(discretisation, specimen).items()])
+
+
+def _extended(discretisation: Discretisation, motions: list[tuple[Array, Array]]) -> Array:
+    """The motion of all nodes from those of nodes on some edges; the other edges rest."""
+    given = np.zeros((len(discretisation.reference), 2))
+    for nodes, motion in motions:
+        given[nodes] = motion
+    return discretisation.extended(given)
+
+
 @lru_cache(maxsize=8)
-def velocities(discretisation: Discretisation, specimen: Specimen) -> Velocities:
-    """Those of a specimen on its mesh; kept, since every length asks for the same edges."""
-    return Velocities(discretisation, specimen)
-
-
-@dataclass(frozen=True, eq=False)
-class Velocities:
-    """How fast the nodes of a mesh move with a length of the specimen's shape."""
-
-    discretisation: Discretisation
-    specimen: Specimen
-    _by_path: dict[tuple[str, ...], Array] = field(default_factory=dict, repr=False)
-
-    def of(self, path: Sequence[str]) -> Array:
-        """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
-
-        Raises
-        ------
-        InputError
-            Where an edge of the electrode runs into another edge, so that nodes would have to slide
-            along it, or where the film's stress is infinite at a sharp corner.
-        """
-        key = tuple(path)
-        if key not in self._by_path:
-            stepped = _edges(with_change(self.specimen, key, 1j * STEP))
-            self._by_path[key] = self._extended(
-                {name: stepped[name].at(foot).imag / STEP
-                 for name, (_, foot) in self._feet.items() if self._edges[name] != stepped[name]})
-        return self._by_path[key]
-
-    def towards(self, specimen: Specimen) -> Array:
-        """Motion of the nodes to a specimen with the same edges of other lengths, (nodes, 2) [m].
-
-        Nodes on an edge end on the other specimen's edge, however that bends with its lengths.
-        """
-        others = _edges(specimen)
-        return self._extended({name: others[name].at(foot) - self._edges[name].at(foot)
-                               for name, (_, foot) in self._feet.items()})
-
-    def check(self) -> None:
-        """Raise what :meth:`of` would."""
-        _ = self._feet
-
-    def _extended(self, motions: dict[str, Array]) -> Array:
-        """The motion of all nodes from those of the nodes on some edges; the other edges rest."""
-        given = np.zeros((len(self.discretisation.reference), 2))
-        for name, motion in motions.items():
-            given[self._feet[name][0]] = motion
-        return self.discretisation.extended(given)
-
-    @cached_property
-    def _edges(self) -> dict[str, Edge]:
-        return _edges(self.specimen)
-
-    @cached_property
-    def _feet(self) -> dict[str, tuple[Array, Foot]]:
-        """Nodes on each edge, and where along it."""
-        mesh, edges = self.discretisation, self._edges
-        _refuse_notches(self.specimen)
-        places = mesh.reference[:, :2]
-        rims = {name: mesh.boundary_nodes(name) for name in ("frame", "plate")}
-        inner = mesh.electrode_edge_nodes
-        if len(inner):
-            miss = np.stack([np.linalg.norm(edge.at(edge.foot(places[inner])) - places[inner],
-                                            axis=1)
-                             for edge in edges.values()])
-            close = miss < 1e-6 * max(self.specimen.frame.semi_axes)
-            if (np.count_nonzero(close, axis=0) > 1).any():
-                raise InputError("must have an edge of its own, away from plate, frame and "
-                                 "margins, whose nodes could not follow both", key="electrode",
-                                 given=str(self.specimen.electrode.outline))
-            owner = miss.argmin(axis=0)
-            rims |= {name: inner[owner == number] for number, name in enumerate(edges)
-                     if name not in rims}
-        return {name: (nodes, edges[name].foot(places[nodes])) for name, nodes in rims.items()}
+def edge_nodes(discretisation: Discretisation, specimen: Specimen
+               ) -> dict[str, tuple[Array, Foot]]:
+    """Nodes on each edge, and where along it; raises what :func:`velocity` does."""
+    _refuse_notches(specimen)
+    edges, places = _edges(specimen), discretisation.reference[:, :2]
+    nodes = {name: discretisation.boundary_nodes(name) for name in ("frame", "plate")}
+    inner = discretisation.electrode_edge_nodes
+    if len(inner):
+        miss = np.stack([np.linalg.norm(edge.at(edge.foot(places[inner])) - places[inner], axis=1)
+                         for edge in edges.values()])
+        close = miss < 1e-6 * max(specimen.frame.semi_axes)
+        if (np.count_nonzero(close, axis=0) > 1).any():
+            raise InputError("must have an edge of its own, away from plate, frame and margins, "
+                             "whose nodes could not follow both", key="electrode",
+                             given=str(specimen.electrode.outline))
+        owner = miss.argmin(axis=0)
+        nodes |= {name: inner[owner == number] for number, name in enumerate(edges)
+                  if name not in nodes}
+    return {name: (there, edges[name].foot(places[there])) for name, there in nodes.items()}
 
 
 @dataclass(frozen=True)

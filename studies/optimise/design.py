@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import gradient_many
-from tympan.fem.derivatives.shape import moved_by, velocities
+from tympan.fem.derivatives.shape import motion_between, moved_by
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
@@ -138,5 +138,5 @@ class DesignEvaluator:
     def _moved_model(self, specimen: Specimen) -> Model:
         model = self.model
         assert model is not None
-        motion = velocities(model.discretisation, model.specimen).towards(specimen)
+        motion = motion_between(model.discretisation, model.specimen, specimen)
         return moved_by(model, model.mounted(), specimen, motion)[0]

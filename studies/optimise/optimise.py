@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
 from tympan.fem.derivatives.parameters import shape_names
-from tympan.fem.derivatives.shape import velocities
+from tympan.fem.derivatives.shape import edge_nodes
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
@@ -117,7 +117,7 @@ def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
     """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
     specimen = problem.specimen
     model = build_model(specimen, settings, problem.rig.loading)
-    velocities(model.discretisation, model.specimen).check()
+    edge_nodes(model.discretisation, model.specimen)
     values = np.array([at(specimen, variable.path) for variable in problem.variables])
     for variable, value, unit in zip(problem.variables, values, np.eye(len(values)), strict=True):
         part = variable.path[0]

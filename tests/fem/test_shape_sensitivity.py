@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
-from tests.support.models import model
+from tests.support.models import deflection_gradient, model
 from tests.support.specimens import ROOT5, circular, skewed
 from tympan.fem.derivatives.parameters import parameters
-from tympan.fem.derivatives.residual_derivative import ResidualDerivative
-from tympan.fem.derivatives.sensitivity import deflection_gradient, limit_gradient
-from tympan.fem.derivatives.shape import velocities
-from tympan.fem.derivatives.stiffness import Stiffness
+from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
+from tympan.fem.derivatives.sensitivity import limit_gradient
+from tympan.fem.derivatives.shape import edge_nodes, velocity
 from tympan.fem.discretisation.isoparametric import isoparametric
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium
@@ -106,7 +105,8 @@ def test_geometry_is_that_of_scikit_fem_and_its_derivative() -> None:
     np.testing.assert_allclose(gradients, mesh.gradients, rtol=1e-9,
                                atol=1e-8 * np.abs(gradients).max())
     np.testing.assert_allclose(weights, mesh.weights, rtol=1e-10)
-    motion = velocities(mesh, film.specimen).of(("frame", "semi_axes", "0"))[mesh.connectivity]
+    path = ("frame", "semi_axes", "0")
+    motion = velocity(mesh, film.specimen, path)[mesh.connectivity]
     stepped = isoparametric(mesh.mesh, mesh.basis.X, mesh.basis.W,
                             nodes + 1e-30j * motion)[1].imag / 1e-30
     # The film's area πab − πr² grows with a by πb.
@@ -193,6 +193,6 @@ def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, nam
 def test_sharp_corners_into_the_film_are_refused_and_named() -> None:
     film = model(replace(circular(), plate=Plate(RoundedRectangle((20e-3, 10e-3), 0.0))), order=2)
     with pytest.raises(InputError, match=r"sharp corner at 20, -?10 mm"):
-        velocities(film.discretisation, film.specimen).check()
+        edge_nodes(film.discretisation, film.specimen)
     film = model(replace(circular(), frame=RoundedRectangle((45e-3, 40e-3), 0.0)), order=2)
-    velocities(film.discretisation, film.specimen).check()
+    edge_nodes(film.discretisation, film.specimen)

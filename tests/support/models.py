@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tests.support.specimens import circular
+from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.sensitivity import gradient
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.newton import moved
+from tympan.fem.equilibrium.newton import Solution, moved
+from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import PlateMotion
 from tympan.fem.membrane.state import State
@@ -72,3 +77,9 @@ def loaded(film: Model, seed: int = 0) -> State:
     waves = sum(rng.normal(size=3) * np.cos(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
                 for _ in range(4))
     return moved(film, start, (1.5e-3 * waves[film.discretisation.free], size))
+
+
+def deflection_gradient(film: Model, at: Outcome | Solution | State,
+                        names: Sequence[str]) -> dict[str, float]:
+    """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
+    return gradient(film, at, QUANTITIES["heave"], names)

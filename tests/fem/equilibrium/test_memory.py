@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.models import model
+from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular
-from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.equilibrium import tangent
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import Ogden

@@ -14,9 +14,8 @@ from scipy.optimize import brentq
 
 from tests.oracles import axisymmetric
 from tests.oracles.laws import SAMPLES, Sample, gent, shear_modulus
-from tests.support.models import model
+from tests.support.models import deflection_gradient, model
 from tests.support.specimens import ROOT5, circular
-from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.equilibrium.constraints import held_plate
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held

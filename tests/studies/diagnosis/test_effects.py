@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, truncnorm
 
+from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
 from tympan.cli import main
-from tympan.fem.derivatives.sensitivity import deflection_gradient
 from tympan.fem.film.laws import NeoHooke, Stiffened
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
