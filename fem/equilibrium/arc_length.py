@@ -6,23 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tympan.fem.equilibrium.constraints import (
-    Constraint,
-    arc_length,
-    difference,
-    length,
-    product,
-)
+from tympan.fem.equilibrium.constraints import Constraint, arc_length, difference, length, product
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,37 +35,26 @@ class ArcSettings:
 class PathPoint:
     """An equilibrium on a branch.
 
-    ``direction``: unit motion of film and plate along it; ``rates``: change of the free loads per
-    unit of arc length, the followed one first.
+    ``direction``: unit motion of film and plate along it; ``rate``: change of the load per unit of
+    arc length, zero at a limit point and negative beyond it.
     """
 
     solution: Solution
     direction: Parts
-    rates: Array
+    rate: float
 
     @property
     def state(self) -> State:
         """The equilibrium."""
         return self.solution.state
 
-    @property
-    def rate(self) -> float:
-        """Change of the followed load per arc length: zero at a limit point, negative beyond it."""
-        return float(self.rates[0])
-
 
 @dataclass(frozen=True)
 class Branch:
-    """The equilibria of a model when one load is free and the others are given.
-
-    ``load`` is the one that is followed. Further loads may be ``freed`` by as many
-    ``constraints``, such as the voltage by a charge.
-    """
+    """The equilibria of a model when one ``load`` is free and the others are given."""
 
     model: Model
     load: Load
-    freed: tuple[Load, ...] = ()
-    constraints: tuple[Constraint, ...] = ()
     subspace: Subspace = FULL
     newton: NewtonSettings = field(default_factory=NewtonSettings)
     arc: ArcSettings = field(default_factory=ArcSettings)
@@ -104,8 +84,7 @@ class Branch:
 
     def at(self, point: PathPoint, step: float) -> PathPoint | None:
         """The point a length along the direction of another, if Newton finds it."""
-        changes = dict(zip(self._free, point.rates.tolist(), strict=True))
-        guess = moved(self.model, point.state, point.direction, step, changes)
+        guess = moved(self.model, point.state, point.direction, step, {self.load: point.rate})
         point.solution.release()
         return self._solved(guess, arc_length(point.state, point.direction, step))
 
@@ -141,39 +120,31 @@ class Branch:
         except LookupError:
             return None
 
-    @property
-    def _free(self) -> tuple[Load, ...]:
-        return (self.load, *self.freed)
-
     def _first(self, start: State, sense: int) -> PathPoint | None:
-        at_loads = newton(self.model, start, self.freed, self.constraints, self.newton,
-                          self.subspace)
+        at_loads = newton(self.model, start, settings=self.newton, subspace=self.subspace)
         if not at_loads.converged or at_loads.tangent is None:
             return None
         film, plate = self.model.by_load(at_loads.state, self.load)
-        motion, _ = at_loads.tangent.correct((sense * film, sense * plate),
-                                             [0.0] * len(self.constraints))
+        motion, _ = at_loads.tangent.correct((sense * film, sense * plate), [])
         at_loads.release()
         return self._solved(at_loads.state, arc_length(at_loads.state, self._unit(motion)[0], 0.0))
 
     def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:
-        solution = newton(self.model, guess, self._free, (*self.constraints, arc), self.newton,
-                          self.subspace)
+        solution = newton(self.model, guess, (self.load,), (arc,), self.newton, self.subspace)
         return self._point(solution) if solution.converged else None
 
     def _point(self, solution: Solution) -> PathPoint:
         assert solution.tangent is not None
         motion, loads = solution.tangent.along()
         direction, scale = self._unit(motion)
-        return PathPoint(solution, direction, np.array(list(loads.values())) / scale)
+        return PathPoint(solution, direction, loads[self.load] / scale)
 
     def _renewed(self, point: PathPoint) -> PathPoint:
         """The point with the tangent there: Newton's, an iterate's, is too far off for limits."""
         state = point.state
         point.solution.release()
-        constraints = (*self.constraints, arc_length(state, point.direction, 0.0))
-        equations = [constraint(self.model, state) for constraint in constraints]
-        tangent = Tangent(self.model, self.model.linearised(state), state, self._free, equations,
+        arc = arc_length(state, point.direction, 0.0)(self.model, state)
+        tangent = Tangent(self.model, self.model.linearised(state), state, (self.load,), [arc],
                           self.subspace)
         return self._point(replace(point.solution, tangent=tangent))
 

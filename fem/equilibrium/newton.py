@@ -45,7 +45,7 @@ class Solution:
     residual: float
     tangent: Tangent | None
     advice: str = ""
-    _predictions: dict[Load, Prediction] = field(default_factory=dict, repr=False)
+    _responses: dict[tuple[Model, Load], Parts] = field(default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
@@ -57,14 +57,18 @@ class Solution:
         """In how many directions the film, its plate held, has lost its stiffness."""
         return 0 if self.tangent is None else self.tangent.wrinkling
 
-    def prediction(self, model: Model, load: Load) -> Prediction:
-        """By the last iterate's tangent, which is close enough; kept, without the factors."""
-        made = self._predictions.get(load)
-        if made is None or made.model is not model:
+    def predicted(self, model: Model, load: Load, value: float) -> State:
+        """The state at another value of a load along the path's tangent: Euler's predictor.
+
+        By the last iterate's tangent, which is close enough; what it says is kept, without factors.
+        """
+        if (model, load) not in self._responses:
             assert self.tangent is not None
             film, plate = self.tangent.respond(model.by_load(self.state, load))
-            made = self._predictions[load] = Prediction(model, self.state, load, (-film, -plate))
-        return made
+            self._responses[model, load] = -film, -plate
+        loads = {load: value}
+        return moved(model, self.state.under(**loads), self._responses[model, load],
+                     value - self.state.load(load))
 
     def release(self) -> None:
         """Drop a large film's factors before the next are made: two would double the memory."""
@@ -128,25 +132,6 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 return Solution(state, True, iteration, balance, tangent)
     return Solution(state, False, settings.iterations, balance, tangent,
                     "the iteration limit was reached: start closer or take smaller steps")
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """States moved along a path's tangent to new values of one load: Euler's predictor.
-
-    ``response``: motion of film and plate per unit of the load.
-    """
-
-    model: Model
-    origin: State
-    load: Load
-    response: Parts
-
-    def at(self, value: float) -> State:
-        """The state at a value of the load."""
-        loads = {self.load: value}
-        return moved(self.model, self.origin.under(**loads), self.response,
-                     value - self.origin.load(self.load))
 
 
 def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,

@@ -11,14 +11,7 @@ import numpy as np
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, held_plate, length
-from tympan.fem.equilibrium.newton import (
-    STRAINED,
-    NewtonSettings,
-    Prediction,
-    Solution,
-    moved,
-    newton,
-)
+from tympan.fem.equilibrium.newton import STRAINED, NewtonSettings, Solution, moved, newton
 from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace, Subspace
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.plate import HEAVE
@@ -208,16 +201,14 @@ class Ramp:
             return Outcome("equilibrium", start)
         solution, in_tension, done, step = start, start, 0.0, self.settings.first
         before = abs(origin / (self.target - origin))
-        ahead = solution.prediction(self.model, self.load)
         while done < 1:
             share = min(1.0, done + step)
-            guess = ahead.at(origin + share * (self.target - origin))
+            guess = solution.predicted(self.model, self.load,
+                                       origin + share * (self.target - origin))
             solution.release()
             trial = newton(self.model, guess, settings=self.settings.newton)
-            onward = (trial.prediction(self.model, self.load)
-                      if trial.converged and trial.stable else None)
-            if onward is not None and _foreseen(ahead, guess, onward):
-                solution, done, step, ahead = trial, share, 2 * step, onward
+            if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
+                solution, done, step = trial, share, 2 * step
                 in_tension = trial if self.model.in_tension(trial.state) else in_tension
                 continue
             trial.release()
@@ -227,6 +218,19 @@ class Ramp:
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
+
+    def _foreseen(self, last: Solution, guess: State, trial: Solution) -> bool:
+        """Whether a step ended so near its prediction that it passed no limit points.
+
+        Up to a limit point the motion grows like a square root, to at most twice the prediction,
+        and ever faster. A plate that snapped to another branch went further than the predictions
+        from either end say.
+        """
+        back = trial.predicted(self.model, self.load, last.state.load(self.load))
+        missed, gone, explained = (length(self.model, difference(self.model, trial.state, state))
+                                   for state in (guess, last.state, back))
+        return (missed <= _SURPRISE * gone + _UNNOTICED
+                and explained >= _EXPLAINED * gone - _UNNOTICED)
 
     def _by_arc_length(self, start: Solution, in_tension: Solution) -> Outcome:
         """With all motions while the film resists them, then with smooth ones that cannot wrinkle.
@@ -330,20 +334,6 @@ class Ramp:
     @property
     def _word(self) -> str:
         return "load" if self.load == "force" else self.load
-
-
-def _foreseen(ahead: Prediction, guess: State, onward: Prediction) -> bool:
-    """Whether a step ended so near its prediction that it passed no limit points.
-
-    Up to a limit point the motion grows like a square root, to at most twice the prediction, and
-    ever faster. A plate that snapped to another branch went further than the predictions from
-    either end say.
-    """
-    model, origin = onward.model, ahead.origin
-    back = onward.at(origin.load(ahead.load))
-    missed, gone, explained = (length(model, difference(model, onward.origin, state))
-                               for state in (guess, origin, back))
-    return missed <= _SURPRISE * gone + _UNNOTICED and explained >= _EXPLAINED * gone - _UNNOTICED
 
 
 def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()

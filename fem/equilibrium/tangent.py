@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from tympan.fem.equilibrium.constraints import Equation
 from tympan.fem.equilibrium.subspace import FULL, Subspace
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model, Parts
-from tympan.fem.membrane.plate import HEAVE
 from tympan.fem.membrane.state import Load, State
 
 Array = NDArray[np.float64]
@@ -36,7 +36,6 @@ class Tangent:
         self.model, self.free, self.subspace, self._state = model, free, subspace, state
         part = subspace.reduced(part)
         self._kept: Any = _factorise(part.inner, model)
-        self._negative: int | None = None
         loads = {name: subspace.project(model.by_load(state, name)) for name in free}
         rows = [subspace.project(equation.by_motion) for equation in equations]
         self._plates = len(model.plate_freedoms)
@@ -86,19 +85,10 @@ class Tangent:
         """
         return self.plate_stable if self.subspace is FULL else self.negative == 0
 
-    @property
-    def deflection_stiffness(self) -> float:
-        """dF/dw of the whole plate [N/m] at constant voltage, everything else following."""
-        row = self.model.plate_freedoms.index(HEAVE)
-        compliance = np.linalg.inv(self.plate_stiffness)[row, row]
-        return float(self.model.discretisation.mirrored / compliance)
-
-    @property
+    @cached_property
     def wrinkling(self) -> int:
         """Number of negative eigenvalues of the film with the plate held."""
-        if self._negative is None:
-            self._negative = int(self._factor.negative)
-        return self._negative
+        return int(self._factor.negative)
 
     @property
     def negative(self) -> int:

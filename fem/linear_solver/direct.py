@@ -7,23 +7,110 @@ has what was measured.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 from tympan.fem.linear_solver.pardiso import Pardiso, PardisoFactors
-from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors
 
 Array = NDArray[Any]
+
+#: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
+PARDISO_PAYS = 20_000
+
+#: A multiplier of the elimination above this has cost so many digits that the pivots' signs are not
+#: trusted.
+_GROWTH = 1e6
+
+#: Order up to which eigenvalues are simply computed where pivots will not do.
+_DENSE = 300
+
+
+@dataclass(frozen=True, eq=False)
+class SuperLU:
+    """SciPy's sparse LU in a given order, pivots on the diagonal: LDLᵀ in all but name."""
+
+    indices: Array
+    indptr: Array
+    order: Array | None = None
+
+    def factorise(self, matrix: csc_matrix) -> SuperLUFactors:
+        """Factorise; rows are exchanged only where a pivot is exactly zero."""
+        permuted, spec = matrix, "MMD_AT_PLUS_A"
+        if self.order is not None:
+            source, indices, indptr = self._permutation
+            permuted = csc_matrix((matrix.data[source], indices, indptr), matrix.shape)
+            spec = "NATURAL"
+        factors = splu(permuted, permc_spec=spec, diag_pivot_thresh=0.0,
+                       options={"SymmetricMode": True})
+        return SuperLUFactors(factors, self.order, matrix)
+
+    @cached_property
+    def _permutation(self) -> tuple[Array, Array, Array]:
+        """For the permuted matrix: the place of each entry in the given one, and its sparsity."""
+        count = len(self.indptr) - 1
+        places = csc_matrix((np.arange(len(self.indices), dtype=np.int32), self.indices,
+                             self.indptr), (count, count))
+        permuted = places[:, self.order][self.order]
+        permuted.sort_indices()
+        return permuted.data, permuted.indices, permuted.indptr
+
+
+@dataclass(frozen=True, eq=False)
+class SuperLUFactors:
+    """Factors by SuperLU, the order their rows and columns are in, and the matrix they are of."""
+
+    factors: Any
+    order: Array | None
+    matrix: csc_matrix
+
+    def solve(self, right: Array) -> Array:
+        """Solution for right-hand sides of shape (n,) or (n, k)."""
+        if self.order is None:
+            return np.asarray(self.factors.solve(right))
+        solution = np.empty(right.shape)
+        solution[self.order] = self.factors.solve(right[self.order])
+        return solution
+
+    @cached_property
+    def negative(self) -> int:
+        """Number of negative eigenvalues.
+
+        SciPy copies the factors to show their pivots, and keeps the copy as long as this.
+        """
+        lower, pivots = self.factors.L, self.factors.U.diagonal()
+        reach = np.maximum(np.maximum.reduceat(lower.data, lower.indptr[:-1]),
+                           -np.minimum.reduceat(lower.data, lower.indptr[:-1]))
+        position = np.argsort(self.factors.perm_c)
+        doubtful = (reach > _GROWTH) | (self.factors.perm_r[position] != np.arange(len(pivots)))
+        if not doubtful.any():
+            return int(np.count_nonzero(pivots < 0))
+        last = position[doubtful] if self.order is None else self.order[position[doubtful]]
+        return _negative_eigenvalues(self.matrix, last)
+
+
+def _negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
+    """Those of the unknowns but the ``last``, and of their Schur complement (Haynsworth)."""
+    count = matrix.shape[0]
+    if count <= _DENSE or len(last) == count:
+        return int(np.count_nonzero(np.linalg.eigvalsh(matrix.toarray()) < 0))
+    rest = np.setdiff1d(np.arange(count), last)
+    factors = SuperLU(matrix.indices, matrix.indptr).factorise(csc_matrix(matrix[rest][:, rest]))
+    coupling = matrix[rest][:, last].toarray()
+    complement = matrix[last][:, last].toarray() - coupling.T @ factors.solve(coupling)
+    values = np.linalg.eigvalsh((complement + complement.T) / 2)
+    return factors.negative + int(np.count_nonzero(values < 0))
+
 
 #: What all symmetric matrices with one sparsity have in common; a factorised one of them.
 Analysis = SuperLU | Pardiso
 Factorisation = SuperLUFactors | PardisoFactors
-
-#: Unknowns above which PARDISO is faster than SuperLU over a path of a few factorisations.
-PARDISO_PAYS = 20_000
 
 
 def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analysis:
@@ -56,4 +143,8 @@ def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisa
     >>> factors.solve(np.array([3.0, -2.0])), factors.negative
     (array([1., 1.]), 1)
     """
-    return (analysis or analyse(matrix.indices, matrix.indptr)).factorise(matrix)
+    factors = (analysis or analyse(matrix.indices, matrix.indptr)).factorise(matrix)
+    if isinstance(factors, PardisoFactors) and factors.perturbed:
+        # SuperLU exchanges rows instead of perturbing pivots.
+        return SuperLU(matrix.indices, matrix.indptr).factorise(matrix)
+    return factors

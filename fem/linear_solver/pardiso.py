@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors
-
 Array = NDArray[Any]
 
 _SYMMETRIC_INDEFINITE = -2
@@ -27,6 +25,9 @@ _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 _SETTINGS = {0: 1, 1: 2, 9: 10, 20: 1, 34: 1}
 #: Where PARDISO reports how many pivots it perturbed and how many were negative.
 _PERTURBED, _NEGATIVE = 13, 22
+
+#: Where a call needs no values, or no indices.
+_NOTHING, _NONE = np.zeros(1), np.zeros(1, dtype=np.int32)
 
 
 class Pardiso:
@@ -45,16 +46,10 @@ class Pardiso:
         self._columns = indices[self._lower].astype(np.int32)
         self._idle: list[_Handle] = []
 
-    def factorise(self, matrix: csc_matrix) -> PardisoFactors | SuperLUFactors:
-        """Factorise a matrix of this sparsity; raises RuntimeError if it is singular.
-
-        Where PARDISO would perturb a pivot, SuperLU is asked: it exchanges rows instead.
-        """
+    def factorise(self, matrix: csc_matrix) -> PardisoFactors:
+        """Factorise a matrix of this sparsity; raises RuntimeError if it is singular."""
         handle = self._idle.pop() if self._idle else _Handle(self._rows, self._columns)
         handle.factorise(matrix.data[self._lower])
-        if handle.settings[_PERTURBED]:
-            _give_back(self._idle, handle)
-            return SuperLU(matrix.indices, matrix.indptr).factorise(matrix)
         factors = PardisoFactors(handle)
         weakref.finalize(factors, _give_back, self._idle, handle)
         return factors
@@ -71,6 +66,11 @@ class PardisoFactors:
         return self._handle.solve(right)
 
     @property
+    def perturbed(self) -> bool:
+        """Whether a pivot was too small and replaced, so that the factors are of another matrix."""
+        return bool(self._handle.settings[_PERTURBED])
+
+    @property
     def negative(self) -> int:
         """Number of negative eigenvalues, by Sylvester's law from the pivots."""
         return int(self._handle.settings[_NEGATIVE])
@@ -84,15 +84,13 @@ class _Handle:
         self.settings[list(_SETTINGS)] = list(_SETTINGS.values())
         self._address = np.zeros(64, dtype=np.int64)
         self._rows, self._columns, self._data = rows, columns, np.ones(len(columns))
-        nothing = np.zeros(1)
-        self._call(_ANALYSE, nothing, nothing, 1)
-        weakref.finalize(self, _release, self._address, self.settings).atexit = False
+        self._call(_ANALYSE)
+        weakref.finalize(self, _pardiso, self._address, self.settings, _RELEASE).atexit = False
 
     def factorise(self, data: Array) -> None:
         """Factorise the upper triangle given by rows."""
         self._data = data
-        nothing = np.zeros(1)
-        self._call(_FACTORISE, nothing, nothing, 1)
+        self._call(_FACTORISE)
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
@@ -102,7 +100,8 @@ class _Handle:
             self._call(_SOLVE, columns, solution, columns.size // len(columns))
         return solution
 
-    def _call(self, phase: int, right: Array, solution: Array, count: int) -> None:
+    def _call(self, phase: int, right: Array = _NOTHING, solution: Array = _NOTHING,
+              count: int = 1) -> None:
         matrix = self._data, self._rows, self._columns
         error = _pardiso(self._address, self.settings, phase, matrix, right, solution, count)
         if error:
@@ -115,14 +114,9 @@ def _give_back(idle: list[_Handle], handle: _Handle) -> None:
         idle.append(handle)
 
 
-def _release(address: Array, settings: Array) -> None:
-    nothing, none = np.zeros(1), np.zeros(1, dtype=np.int32)
-    _pardiso(address, settings, _RELEASE, (nothing, none, none), nothing, nothing, 1)
-
-
-def _pardiso(address: Array, settings: Array, phase: int, matrix: tuple[Array, Array, Array],
-             right: Array,
-             solution: Array, count: int) -> int:
+def _pardiso(address: Array, settings: Array, phase: int,
+             matrix: tuple[Array, Array, Array] = (_NOTHING, _NONE, _NONE),
+             right: Array = _NOTHING, solution: Array = _NOTHING, count: int = 1) -> int:
     """Call the library with arrays of exactly the types it wants; its error code."""
     data, rows, columns = matrix
 
@@ -132,13 +126,12 @@ def _pardiso(address: Array, settings: Array, phase: int, matrix: tuple[Array, A
     def pointer(array: Array) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)
 
-    unused, error = np.zeros(1, dtype=np.int32), ctypes.c_int32(0)
+    error = ctypes.c_int32(0)
     _library().pardiso(
         pointer(address), number(1), number(1), number(_SYMMETRIC_INDEFINITE), number(phase),
-        number(len(rows) - 1),
-        pointer(data), pointer(rows), pointer(columns), pointer(unused), number(count),
-        pointer(settings), number(0),
-        pointer(right), pointer(solution), ctypes.byref(error))
+        number(len(rows) - 1), pointer(data), pointer(rows), pointer(columns), pointer(_NONE),
+        number(count), pointer(settings), number(0), pointer(right), pointer(solution),
+        ctypes.byref(error))
     return error.value
 
 

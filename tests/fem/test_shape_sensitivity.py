@@ -82,7 +82,7 @@ def test_pull_in_against_the_axisymmetric_equations() -> None:
     with pytest.raises(InputError, match="is the load that has the limit"):
         limit_gradient(film, outcome.critical, "voltage", {"voltage": known["voltage"]})
     with pytest.raises(InputError, match="no smooth limit"):
-        limit_gradient(film, replace(outcome.critical, rates=np.array([1e9])), "voltage", {})
+        limit_gradient(film, replace(outcome.critical, rate=1e9), "voltage", {})
 
 
 @pytest.mark.parametrize("name", ["plate.offset.0", "electrode.margin_plate"])

@@ -13,10 +13,15 @@ from scipy.sparse.linalg import splu
 from tests.support.models import deformed, model
 from tests.support.specimens import circular, skewed
 from tympan.fem.discretisation.pattern import SparsityPattern
-from tympan.fem.linear_solver.direct import Analysis, analyse, factorise
+from tympan.fem.linear_solver.direct import (
+    Analysis,
+    SuperLU,
+    SuperLUFactors,
+    analyse,
+    factorise,
+)
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.fem.linear_solver.pardiso import Pardiso
-from tympan.fem.linear_solver.superlu import SuperLU, SuperLUFactors
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 
