@@ -32,7 +32,7 @@ from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
 
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
-HIDDEN = Use("prestretch_loss", (0.02,), "elliptical-small")
+HIDDEN: Use = ("prestretch_loss", (0.02,), "elliptical-small")
 OTHER_MESH = Settings(mesh=MeshSettings(order=3, around_plate=17, growth=0.45, across=0.55))
 AIM = 60.0
 

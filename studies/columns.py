@@ -269,7 +269,7 @@ def _column(title: str, columns: Sequence[Column]) -> Column:
     if not title:
         raise InputError("must have a name: every column needs one")
     titles = [column.title for column in columns]
-    hint = did_you_mean(title.lower(), {known.lower(): repr(known) for known in titles})
+    hint = did_you_mean(title.lower(), {name.lower(): repr(name) for name in titles})
     raise InputError(f"unknown column: {hint}known are {', '.join(titles)}")
 
 

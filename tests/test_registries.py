@@ -107,7 +107,7 @@ class DummyRig(Rig):
 
 
 def tail(setup: Setup, weight: Annotated[float, EffectParameter(
-        "mass of the tail", "g", width=1e-3, low=0.0, high=5e-3, sign="positive",
+        "mass of the tail", "g", width=1e-3, low=0.0, high=5e-3,
         reason="a test")]) -> Setup:
     return setup.with_rig(unaccounted_mass=setup.rig.unaccounted_mass + weight)
 

@@ -237,7 +237,7 @@ class Truth:
 def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
          stranger: Stranger = NOBODY) -> Truth:
     """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors."""
-    sizes = [float(item.draw(generator, 1)[0]) for cause in hypothesis
+    sizes = [float(item.prior.ppf(generator.random())) for cause in hypothesis
              for item in cause.effect.parameters]
     return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
                  hypothesis,

@@ -21,10 +21,13 @@ _FIELDS = (1e5, 1e9)
 
 def summary(dataset: Dataset) -> dict[str, Any]:
     """What a dataset holds, as plain values for JSON, SI; voltages of transients are left out."""
-    static, ranges = dataset.static, dataset.ranges
-    loads = [table for table in (static, ranges, dataset.transients) if table is not None]
+    static, ranges, transients = dataset.static, dataset.ranges, dataset.transients
+    loads = [table for table in (static, ranges, transients) if table is not None]
     voltages = [static.voltage] if static is not None else []
     voltages += [ranges.voltage_min, ranges.voltage_max] if ranges is not None else []
+    runs = [] if transients is None else zip(*(
+        transients[name].tolist() for name in ("specimen", "mass", "run")), strict=True)
+    scatter = repeat_noise(dataset)
     return {
         "dataset": dataset.name,
         "source": dataset.source,
@@ -35,13 +38,16 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "masses_kg": _distinct([table.mass for table in loads]),
         "voltages_V": _distinct(voltages),
         "channels": [] if static is None else ["displacement", *channels(static)],
-        "runs": 0 if dataset.transients is None else len({*zip(
-            dataset.transients.specimen.tolist(), dataset.transients.mass.tolist(),
-            dataset.transients.run.tolist(),
-            strict=True)}),
+        "runs": len({*runs}),
         "repeated_states": 0 if static is None
         else int((np.bincount(repeat_groups(static)) > 1).sum()),
-        "noise": _noise(dataset),
+        "noise": {
+            "given_m": dataset.noise,
+            "readings_with_their_own": 0 if static is None
+            else int(np.isfinite(static.sigma).sum()),
+            "found_m": None if scatter is None else {
+                "value": scatter.sigma, "low": scatter.low, "high": scatter.high,
+                "degrees_of_freedom": scatter.freedom}},
         "warnings": dataset_warnings(dataset),
     }
 
@@ -49,7 +55,7 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
     checks: tuple[Callable[[Dataset], Iterator[str]], ...] = (
-        _unused, _too_little, _ramps, _noise_warnings, slips_of_unit)
+        _too_little, _ramps, _noise_warnings, slips_of_unit)
     return [*dataset.remarks, *(words for check in checks for words in check(dataset))]
 
 
@@ -57,35 +63,16 @@ def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
     return sorted({value for column in values for value in column.tolist()})
 
 
-def _noise(dataset: Dataset) -> dict[str, Any]:
-    """Noise given and noise of repeats [m]; None where there is none."""
-    scatter, static = repeat_noise(dataset), dataset.static
-    return {"given_m": dataset.noise,
-            "readings_with_their_own": 0 if static is None
-            else int(np.isfinite(static.sigma).sum()),
-            "found_m": None if scatter is None else
-            {"value": scatter.sigma, "low": scatter.low, "high": scatter.high,
-             "degrees_of_freedom": scatter.freedom}}
-
-
-def _actuators(dataset: Dataset) -> set[str]:
-    """Specimens that have readings."""
-    tables = (dataset.static, dataset.ranges, dataset.transients)
-    return {name for table in tables if table is not None for name in table.specimen.tolist()}
-
-
-def _unused(dataset: Dataset) -> Iterator[str]:
-    read = _actuators(dataset)
+def _too_little(dataset: Dataset) -> Iterator[str]:
+    tables = [table for table in (dataset.static, dataset.ranges) if table is not None]
+    read = {name for table in (*tables, dataset.transients) if table is not None
+            for name in table.specimen.tolist()}
     idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]
     if read and idle:
         yield f"no readings of {', '.join(idle)}"
-
-
-def _too_little(dataset: Dataset) -> Iterator[str]:
-    tables = [table for table in (dataset.static, dataset.ranges) if table is not None]
     if not tables:
         return
-    if len(_actuators(dataset)) == 1:
+    if len(read) == 1:
         yield "one specimen only: what the shape does cannot be told from what the specimen does"
     if len(_distinct([table.mass for table in tables])) == 1:
         yield "one mass only: what grows with the load cannot be told from what is always there"

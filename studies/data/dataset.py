@@ -75,9 +75,9 @@ _CHANNELS = ("capacitance", "film_voltage", "tilt")
 class Dataset:
     """Measured readings with the specimens and the rig they came from.
 
-    ``static``, ``ranges`` and ``transients`` have the columns of
-    :mod:`tympan.studies.data.readings`. ``files`` are those read, with the SHA-256 of their bytes;
-    ``remarks`` what reading found odd. Each reading's ``line`` is its line in its file.
+    ``static``, ``ranges`` and ``transients`` have the columns of :data:`STATIC`, :data:`RANGE` and
+    :data:`TRANSIENT`. ``files`` are those read, with the SHA-256 of their bytes; ``remarks`` what
+    reading found odd.
     """
 
     name: Annotated[str, Key("what messages call it")]
@@ -104,13 +104,8 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     """Read a dataset's folder.
 
     The specimen of a coupon names its strip and need not be one of dataset.toml. Of readings that
-    are only ``planned`` static.csv and range.csv may leave out what was read.
-
-    Raises
-    ------
-    InputError
-        Naming file and key, or line and column, of what cannot be used, what was given and what is
-        allowed.
+    are only ``planned`` static.csv and range.csv may leave out what was read. An
+    :class:`InputError` names file and key, or line and column, of what cannot be used.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -168,7 +163,6 @@ def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
 
 
 def _rig(table: Table, key: str) -> Rig:
-    """The rig's table, or gravity alone."""
     table.asked.update((key, "gravity"))
     if key not in table:
         return Rig(gravity=table.quantity("gravity", "acceleration", "9.80665 m/s^2", POSITIVE))

@@ -27,20 +27,6 @@ class Scatter:
     low: float
     high: float
 
-    @classmethod
-    def of(cls, squares: float, freedom: int) -> Scatter:
-        """From the sum of squared distances from the groups' means.
-
-        Examples
-        --------
-        >>> scatter = Scatter.of(10.0, 10)
-        >>> scatter.sigma, round(scatter.low, 4), round(scatter.high, 4)
-        (1.0, 0.6987, 1.7549)
-        """
-        upper, lower = chi2.ppf([0.975, 0.025], freedom)
-        return cls(float(np.sqrt(squares / freedom)), freedom, float(np.sqrt(squares / upper)),
-                   float(np.sqrt(squares / lower)))
-
 
 def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
     """Each reading's group: those of the same specimen, mass, voltage, direction and run."""
@@ -51,14 +37,10 @@ def repeat_groups(readings: Sheet) -> NDArray[np.int64]:
 
 
 def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0) -> Scatter | None:
-    """Scatter of values about their groups' means in units of ``sigma``; None when nothing repeats.
+    """Scatter of values, (n,), about their groups' means; None when nothing repeats.
 
-    Parameters
-    ----------
-    values, groups
-        Shape (n,): readings, and the number of each one's group.
-    sigma
-        Standard deviation of each reading, up to a common factor; it also weights the means.
+    It is in units of ``sigma``, the standard deviation of each reading up to a common factor, which
+    also weights the means. ``groups`` are the numbers of the readings' groups, (n,).
     """
     weight = np.broadcast_to(1 / np.square(sigma), values.shape)
     _, group, count = np.unique(groups, return_inverse=True, return_counts=True)
@@ -67,8 +49,9 @@ def pooled(values: Array, groups: NDArray[np.int64], sigma: Array | float = 1.0)
         return None
     centred = values - values.mean()
     mean = np.bincount(group, weight * centred) / np.bincount(group, weight)
-    alone = count[group] == 1
-    return Scatter.of(float((weight * (centred - mean[group]) ** 2)[~alone].sum()), freedom)
+    squares = (weight * (centred - mean[group]) ** 2)[count[group] > 1].sum()
+    limits = np.sqrt(squares / chi2.ppf([0.975, 0.025], freedom))
+    return Scatter(float(np.sqrt(squares / freedom)), freedom, *limits.tolist())
 
 
 def repeat_noise(dataset: Dataset) -> Scatter | None:

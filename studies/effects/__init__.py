@@ -1,26 +1,17 @@
 """Effects: what measured data may hold and the nominal model leaves out.
 
-A new effect is a function in one of the chapters below, under the decorator
+A new effect is a function in :mod:`~tympan.studies.effects.library` under the decorator
 :func:`~tympan.studies.effects.effect.effect`. Diagnoses, the contract tests and the documentation
 follow the registry. One that needs what specimens and rigs do not have yet (viscosity, a history of
 voltages) adds that to :class:`~tympan.geometry.specimen.Film` or :class:`~tympan.fem.rig.Rig`.
 
-Several effects are applied in the order of the registry, that of the chapters and of the functions
-in them, whatever the order they are named in: the material first, so that the flat state its stress
-refers to is the nominal one.
+Several effects are applied in the order of the registry, whatever the order they are named in: the
+material first, so that the flat state its stress refers to is the nominal one.
 """
 
 from tympan.studies.effects.effect import EFFECTS, Effect, EffectParameter, Setup, Use, extended
 
 # isort: split
-from tympan.studies.effects import film as film
-from tympan.studies.effects import plate as plate
-from tympan.studies.effects import voltage as voltage
-
-# isort: split
-from tympan.studies.effects import sensor as sensor
-
-# isort: split
-from tympan.studies.effects import lumped as lumped
+from tympan.studies.effects import library as library
 
 __all__ = ["EFFECTS", "Effect", "EffectParameter", "Setup", "Use", "extended"]

@@ -16,11 +16,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import any_quantity
-from tympan.studies.case import Case
 from tympan.studies.circles.cone import Lumped
-
-#: ``even``: the sign changes no reading of a specimen that is its own mirror image.
-Sign = Literal["signed", "positive", "even"]
 
 
 @dataclass(frozen=True)
@@ -29,12 +25,6 @@ class Setup:
 
     specimens: tuple[Specimen, ...]
     rig: Rig
-
-    def case(self, specimen: str, mass: float, voltage: float, elapsed: float = 0.0,
-             direction: float = 0.0) -> Case:
-        """A reading to predict, of nominal mass [kg] and voltage [V], after ``elapsed`` [s]."""
-        return Case(self.specimen(specimen), mass=mass, voltage=voltage, rig=self.rig,
-                    elapsed=elapsed, direction=direction)
 
     def specimen(self, name: str) -> Specimen:
         """The specimen of that name; an :class:`InputError` where there is none."""
@@ -71,7 +61,8 @@ class EffectParameter:
     ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as
     standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
     ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
-    ``least`` cannot be built. ``name`` is that of the argument it annotates.
+    ``least`` cannot be built. ``even``: the sign changes no reading of a specimen that is its own
+    mirror image. ``name`` is that of the argument it annotates.
     """
 
     meaning: str
@@ -79,10 +70,10 @@ class EffectParameter:
     width: float
     low: float
     high: float
-    sign: Sign
     reason: str
     power: Literal[1, -2] = 1
     least: float = 0.0
+    even: bool = False
     name: str = ""
 
     @cached_property
@@ -118,19 +109,18 @@ class EffectParameter:
         """Standard deviation of the size before the cut."""
         return self.size(self.width)
 
-    def log_prior(self, size: float) -> float:
-        """Logarithm of the prior's density by the size; −∞ beyond the limits."""
+    @property
+    def sign(self) -> Literal["signed", "positive", "even"]:
+        """What signs it can have."""
+        return "even" if self.even else "signed" if self.limits[0] < 0 else "positive"
+
+    @property
+    def prior(self) -> Any:
+        """The distribution of the size, as :mod:`scipy.stats` has them."""
         from scipy.stats import truncnorm
 
         low, high = np.array(self.limits) / self.deviation
-        return float(truncnorm.logpdf(size, low, high, scale=self.deviation))
-
-    def draw(self, generator: np.random.Generator, count: int) -> np.ndarray:
-        """Sizes drawn from the prior, shape (count,)."""
-        from scipy.special import ndtr, ndtri
-
-        low, high = ndtr(np.array(self.limits) / self.deviation)
-        return np.asarray(self.deviation * ndtri(low + (high - low) * generator.random(count)))
+        return truncnorm(low, high, scale=self.deviation)
 
 
 @dataclass(frozen=True)
@@ -161,11 +151,8 @@ class Effect:
     def apply(self, setup: Setup, values: Sequence[float], which: str | None = None) -> Setup:
         """The setup with this effect: ``values`` in SI, ``which`` for an effect on one specimen.
 
-        Raises
-        ------
-        InputError
-            For values beyond their limits or of which no specimen can be built, and where ``which``
-            is missing.
+        An :class:`InputError` for values beyond their limits or of which no specimen can be built,
+        and where ``which`` is missing.
         """
         for parameter, value in zip(self.parameters, values, strict=True):
             if not parameter.low <= value <= parameter.high:
@@ -182,6 +169,9 @@ class Effect:
         return self.apply(setup, values, which)
 
 
+#: An effect by name, its values in SI, and the specimen it happens to, if it is on one.
+Use = tuple[str, tuple[float, ...], str | None]
+
 #: All effects by name, in the order in which several are applied.
 EFFECTS: Registry[Effect] = Registry("name")
 
@@ -190,8 +180,7 @@ def effect(explanation: str, *, columns: tuple[str, ...] = (),
            lumped: bool = False) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
-    One with an argument ``which`` is on one specimen. Diagnoses, the contract tests and the
-    documentation follow.
+    One with an argument ``which`` is on one specimen.
     """
     def registered(edit: Callable[..., Setup]) -> Effect:
         hints = get_type_hints(edit, include_extras=True)
@@ -206,18 +195,9 @@ def effect(explanation: str, *, columns: tuple[str, ...] = (),
     return registered
 
 
-@dataclass(frozen=True)
-class Use:
-    """An effect by name, its values in SI, and the specimen it happens to, if it is on one."""
-
-    effect: str
-    values: tuple[float, ...]
-    which: str | None = None
-
-
 def extended(setup: Setup, uses: Iterable[Use]) -> Setup:
     """The setup with several effects, applied in the order of the registry."""
     order = list(EFFECTS)
-    for use in sorted(uses, key=lambda use: order.index(use.effect)):
-        setup = EFFECTS[use.effect].apply(setup, use.values, use.which)
+    for name, values, which in sorted(uses, key=lambda use: order.index(use[0])):
+        setup = EFFECTS[name].apply(setup, values, which)
     return setup

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from importlib import resources
 from math import isinf
 from typing import Any
 
-from tympan.studies.effects import EFFECTS, Effect, EffectParameter
+import jinja2
 
-_INTRODUCTION = """# Effects
-
-Written by `tympan effects --markdown`. An effect is something measured data may hold and the
-nominal model leaves out; it is an edit of the specimens or of the rig, so that `tympan solve`
-honours it. What is known of a parameter before any data is a normal distribution about no effect,
-with the standard deviation and limits given here, and the reason for it. A sign that is even cannot
-be seen on a specimen that is its own mirror image. Where a reason says "no source", it is a
-judgement: a diagnosis must say whether its verdict moves with it.
-"""
+from tympan.studies.effects import EFFECTS, EffectParameter
 
 #: What the size of a value is where its power is not 1.
 _INVERSE = "1/square of "
@@ -33,13 +25,21 @@ def listing() -> dict[str, Any]:
 
 def text() -> str:
     """Every effect in a few lines."""
-    return "\n".join(line for effect in EFFECTS.values() for line in _lines(effect))
+    return _written("text")
 
 
 def markdown() -> str:
     """The page ``docs/effects.md``."""
-    return "\n".join([_INTRODUCTION,
-                      *(line for effect in EFFECTS.values() for line in _section(effect))])
+    return _written("page")
+
+
+def _written(part: str) -> str:
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True,
+                                     lstrip_blocks=True)
+    environment.filters |= {"named": named, "prior": _prior}
+    words = resources.files("tympan.studies.effects").joinpath("listing.txt")
+    template = environment.from_string(words.read_text(encoding="utf-8"))
+    return str(getattr(template.module, part)(EFFECTS.values())).removesuffix("\n")
 
 
 def _parameter(item: EffectParameter) -> dict[str, Any]:
@@ -53,29 +53,6 @@ def _parameter(item: EffectParameter) -> dict[str, Any]:
 
 def _distribution(item: EffectParameter) -> str:
     return "normal" if item.limits[0] < 0 else "half-normal"
-
-
-def _lines(effect: Effect) -> Iterator[str]:
-    notes = ["of one specimen" if effect.on_one else "",
-             f"needs {', '.join(effect.columns)}" if effect.columns else "",
-             "of the lumped model only" if effect.lumped else ""]
-    yield f"{effect.name}\n  {effect.explanation}"
-    yield from (f"  {note}" for note in notes if note)
-    for item in effect.parameters:
-        yield f"  {named(item)}: {item.meaning}; {item.sign}"
-        yield f"    prior: {_prior(item)}\n    why: {item.reason}"
-
-
-def _section(effect: Effect) -> Iterator[str]:
-    yield f"## {effect.name}\n"
-    notes = [effect.explanation, "It happens to one specimen." if effect.on_one else "",
-             f"It needs the column {', '.join(effect.columns)}." if effect.columns else "",
-             "It is one of the lumped model only." if effect.lumped else ""]
-    yield " ".join(filter(None, notes)) + "\n"
-    yield "| parameter | meaning | sign | prior | reason |\n|---|---|---|---|---|"
-    for item in effect.parameters:
-        yield f"| {named(item)} | {item.meaning} | {item.sign} | {_prior(item)} | {item.reason} |"
-    yield ""
 
 
 def named(item: EffectParameter) -> str:

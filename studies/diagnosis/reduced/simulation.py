@@ -46,7 +46,7 @@ class Simulation:
     def uses(self, hypothesis: Hypothesis, unknowns: Array) -> tuple[Use, ...]:
         """The effects with their values."""
         return tuple(
-            Use(cause.name, tuple(parameter.value(size) for parameter, size in zip(
+            (cause.name, tuple(parameter.value(size) for parameter, size in zip(
                 cause.effect.parameters, unknowns[sizes_of(hypothesis, cause)].tolist(),
                 strict=True)), cause.which)
             for cause in hypothesis)

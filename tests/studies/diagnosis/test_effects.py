@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import kstest, truncnorm
+from scipy.special import ndtr, ndtri
+from scipy.stats import norm
 
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
@@ -20,7 +21,8 @@ from tympan.fem.rig import Rig
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.case import Settings, equilibrate, solve
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended, listing
 
 MATERIAL = NeoHooke(20e3)
@@ -59,13 +61,16 @@ each_parameter = pytest.mark.parametrize(
      for effect in FILM_EFFECTS.values() for number, item in enumerate(effect.parameters)])
 
 
+def case_of(setup: Setup, specimen: Specimen, load: Reading) -> Case:
+    return Case(specimen, mass=load.mass, voltage=load.voltage, rig=setup.rig, elapsed=load.elapsed,
+                direction=load.direction)
+
+
 @cache
 def readings(setup: Setup, settings: Settings = FINE) -> np.ndarray:
     """What the sensor shows of every specimen, shape (specimens, readings) [m]."""
-    results = [[solve(setup.case(one.name, load.mass, load.voltage, load.elapsed, load.direction),
-                      settings)
-                for load in READINGS]
-               for one in setup.specimens]
+    results = [[solve(case_of(setup, specimen, load), settings) for load in READINGS]
+               for specimen in setup.specimens]
     assert all(result.status == "equilibrium" for row in results for result in row)
     return np.array([[result.reading_m for result in row] for row in results])
 
@@ -161,9 +166,11 @@ def test_files_give_the_same_number(effect: Effect, tmp_path: Path,
     assert main([*command, "--json", "--refine", "0.5"]) == 0
     printed = json.loads(capsys.readouterr().out)["reading_m"]
     settings = Settings(MeshSettings().refined(0.5))
-    here = solve(setup.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
+    load = Reading(20e-3, 3e3, 1800.0, -1.0)
+    here, taken = (solve(case_of(edited, edited.specimen(specimen.name), load), settings).reading_m
+                   for edited in (setup, TAKEN))
     assert printed == here
-    assert here != solve(TAKEN.case(specimen.name, 20e-3, 3e3, 1800.0, -1.0), settings).reading_m
+    assert here != taken
 
 
 @each_effect
@@ -184,13 +191,15 @@ def test_priors(effect: Effect, number: int) -> None:
     """Density and draws are those of the cut normal distribution, and the limits can be built."""
     item = effect.parameters[number]
     low, high = item.limits
-    assert item.log_prior(high * 1.001) == -np.inf
-    drawn = item.draw(np.random.default_rng(3), 400)
+    assert item.prior.logpdf(high * 1.001) == -np.inf
+    shares = np.random.default_rng(3).random(400)
+    drawn = item.prior.ppf(shares)
     assert low <= drawn.min() <= drawn.max() <= high
-    known = truncnorm(low / item.deviation, high / item.deviation, scale=item.deviation)
-    assert kstest(drawn, known.cdf).pvalue > 1e-3
-    assert item.log_prior(0.7 * item.deviation) == pytest.approx(known.logpdf(0.7 * item.deviation),
-                                                                 rel=1e-12)
+    below, above = ndtr(np.array([low, high]) / item.deviation)
+    assert drawn == pytest.approx(item.deviation * ndtri(below + (above - below) * shares),
+                                  rel=1e-9, abs=1e-12 * item.deviation)
+    density = norm(scale=item.deviation).pdf(0.7 * item.deviation) / (above - below)
+    assert item.prior.pdf(0.7 * item.deviation) == pytest.approx(density, rel=1e-9)
     assert item.size(item.value(item.deviation)) == pytest.approx(item.deviation, rel=1e-12)
     for size in (low, high):
         changed(effect, number, size)
@@ -209,7 +218,8 @@ def test_slope_is_that_of_the_adjoint(name: str, path: str, chain: float) -> Non
     step = effect.parameters[0].deviation / 10
     middle = changed(effect, 0, 2 * step)
     high, low = (readings(changed(effect, 0, factor * step))[1, 0] for factor in (3, 1))
-    model, outcome = equilibrate(middle.case("ellipse 0.06", 17.9e-3, 5e3), FINE)
+    model, outcome = equilibrate(
+        Case(middle.specimen("ellipse 0.06"), mass=17.9e-3, voltage=5e3, rig=middle.rig), FINE)
     assert (high - low) / (2 * step) == pytest.approx(
         chain * deflection_gradient(model, outcome.state, [path])[path], rel=2e-3)
 
@@ -264,7 +274,7 @@ def test_sag_is_a_gain_that_depends_on_the_voltage() -> None:
 def test_gains_multiply() -> None:
     rig = Rig(amplifier_gain=0.1, sensor_gain=0.2, sensor_zero=1e-3)
     both = extended(replace(NOMINAL, rig=rig),
-                    [Use("amplifier_gain", (-0.2,)), Use("sensor_gain", (0.05,))]).rig
+                    [("amplifier_gain", (-0.2,), None), ("sensor_gain", (0.05,), None)]).rig
     assert both.film_voltage(1e3) == pytest.approx(1e3 * 1.1 * 0.8, rel=1e-14)
     assert both.reading(2e-3) == pytest.approx(2e-3 * 1.2 * 1.05 + 1e-3, rel=1e-14)
 
@@ -285,15 +295,15 @@ def test_stiffening_keeps_the_stress_of_every_flat_film_and_wraps_any_law() -> N
 
 
 def test_several_effects_do_not_depend_on_their_order() -> None:
-    uses = [Use("prestretch_loss", (0.03,), "circle"), Use("voltage_sag", (20e3,)),
-            Use("strain_stiffening", (0.3,)),
-            Use("amplifier_gain", (0.02,))]
+    uses: list[Use] = [
+        ("prestretch_loss", (0.03,), "circle"), ("voltage_sag", (20e3,), None),
+        ("strain_stiffening", (0.3,), None), ("amplifier_gain", (0.02,), None)]
     one, other = extended(NOMINAL, uses), extended(NOMINAL, uses[::-1])
     assert one == other
     assert one.specimens[0].membrane.material == one.specimens[1].membrane.material
     assert one.rig.film_voltage(5e3) == pytest.approx(1.02 * 5e3 / (1 + 1 / 16), rel=1e-14)
     with pytest.raises(InputError, match="must be one of circle, ellipse"):
-        extended(NOMINAL, [Use("prestretch_loss", (0.03,), "square")])
+        extended(NOMINAL, [("prestretch_loss", (0.03,), "square")])
 
 
 def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixture[str]) -> None:

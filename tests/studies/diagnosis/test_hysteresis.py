@@ -29,7 +29,9 @@ UP, DISCREPANCY, DOWN = 1.0, 0.0, -1.0
 def deflection(lag: float, voltage: float, direction: float, specimen: str = "circle") -> float:
     """Of a specimen with 17.9 g behind the voltage by so much [m]."""
     setup = EFFECTS["hysteresis"].apply(NOMINAL, [lag])
-    result = solve(setup.case(specimen, 17.9e-3, voltage, direction=direction), COARSE)
+    case = Case(setup.specimen(specimen), mass=17.9e-3, voltage=voltage, rig=setup.rig,
+                direction=direction)
+    result = solve(case, COARSE)
     assert result.deflection_m is not None
     return result.deflection_m
 
@@ -60,7 +62,8 @@ def test_a_lag_is_another_voltage() -> None:
 
 def test_the_lag_is_behind_what_the_supply_gives() -> None:
     """Other edits of the voltage change what the lag is taken from, not the lag; lags add up."""
-    uses = [Use("hysteresis", (100.0,)), Use("amplifier_gain", (0.1,)), Use("voltage_sag", (10e3,))]
+    uses: list[Use] = [("hysteresis", (100.0,), None), ("amplifier_gain", (0.1,), None),
+                       ("voltage_sag", (10e3,), None)]
     rig = extended(NOMINAL, uses).rig
     assert rig == extended(NOMINAL, uses[::-1]).rig
     assert rig.film_voltage(5e3, UP) == pytest.approx(1.1 * 5e3 / 1.25 - 100, rel=1e-14)

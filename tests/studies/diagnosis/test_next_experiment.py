@@ -158,7 +158,7 @@ def tried(simulation: Simulation, seed: int) -> Trial | None:
     causes = every_cause(simulation)
     cause = causes[generator.integers(len(causes))]
     unknowns = np.r_[0.05, -0.03,
-                     [one.draw(generator, 1)[0] for one in cause.effect.parameters]]
+                     [one.prior.ppf(generator.random()) for one in cause.effect.parameters]]
     table = read(simulation, design(SIGMA), (cause,), unknowns[2:].tolist(), seed)
     if not np.isfinite(table.value).all():
         return None

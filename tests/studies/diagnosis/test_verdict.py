@@ -29,11 +29,10 @@ def _brute_force(simulation: Simulation, cause: Cause, table: ReadingTable) -> f
     centre = fit(simulation, (cause,), table)
     factor = np.linalg.cholesky(np.linalg.inv(centre.precision))
     proposal = multivariate_t(centre.unknowns, 1.5 * factor @ factor.T, df=5, seed=7)
-    parameter = cause.effect.parameters[0]
+    known = cause.effect.parameters[0].prior
     logs = []
     for unknowns in proposal.rvs(3000):
-        prior = parameter.log_prior(float(unknowns[2])) - 0.5 * np.sum((unknowns[:2]
-                                                                        / NUISANCE) ** 2)
+        prior = known.logpdf(unknowns[2]) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
         if prior > -np.inf:
             residual = (table.value - simulation.predict((cause,), unknowns, table)) / table.sigma
             likelihood = -0.5 * np.sum(residual**2) - np.log(2 * np.pi * NUISANCE.prod())

@@ -1,0 +1,204 @@
+"""All effects, in the order in which several are applied.
+
+What an effect says of itself stands in its decorator and in its parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, isinf, sqrt
+from typing import Annotated
+
+import numpy as np
+
+from tympan.fem.film.laws import Stiffened
+from tympan.fem.film.laws.invariants import first_invariant
+from tympan.geometry.errors import InputError
+from tympan.geometry.paths import with_change
+from tympan.geometry.specimen import Film, Specimen
+from tympan.studies.circles.cone import Lumped
+from tympan.studies.effects.effect import EffectParameter, Setup, effect
+
+
+@effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
+        "stress when mounted.")
+def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
+        "power of the first invariant by which the slope of the energy grows", "",
+        width=0.2, low=-0.8, high=2.0, reason=(
+            "Gent's law with J_lim has h = I_m/(J_lim + 3 - I_m) about the mounted I_m = 10: 0.1 "
+            "for the 110 of the library's VHB 4910, 0.3 for 40, against 0 for neo-Hooke: sources "
+            "on one tape differ so"))]) -> Setup:
+    def change(film: Film) -> Film:
+        mounted = float(np.real(first_invariant(*film.prestretch)[0])) + 3
+        return replace(film, material=Stiffened(film.material, h, mounted))
+
+    return setup.with_films(change)
+
+
+@effect("The permittivity of the film falls (n > 0) or rises as its area grows beyond the mounted "
+        "one.")
+def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
+        "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-1.0, high=1.0, reason=(
+            "VHB 4910: ε_r 4.7 unstretched and 2.6 at a stretch of 5 (Wissler, Mazza, Sens. "
+            "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
+            "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"))]) -> Setup:
+    return setup.with_films(
+        lambda film: replace(film, permittivity_exponent=film.permittivity_exponent + n))
+
+
+@effect("All films were stretched a little more along one axis of the frame than along the other, "
+        "at the same area.")
+def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
+        "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.1, high=0.1,
+        reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source"
+        )]) -> Setup:
+    def change(film: Film) -> Film:
+        x, y = film.prestretch
+        return replace(film, prestretch=(x * (1 + a), y / (1 + a)))
+
+    return setup.with_films(change)
+
+
+@effect("The film of one specimen slipped in its frame or was stretched less than the others.")
+def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
+        "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.15, reason=(
+            "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "
+            "source"))], which: str) -> Setup:
+    def change(film: Film) -> Film:
+        x, y = film.prestretch
+        return replace(film, prestretch=(x * (1 - delta), y * (1 - delta)))
+
+    return setup.with_films(change, which)
+
+
+@effect("The electrode does not reach the frame: an uncovered band along it carries no field.")
+def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
+        "width of the uncovered band along the frame", "mm", width=2e-3, low=0.0, high=10e-3,
+        least=0.5e-3, reason=(
+            "grease is brushed by hand and kept clear of a frame against flashover, about 1 mm per "
+            "few kV; no source. A specimen can have a band from 1 % of the gap between plate and "
+            "frame on"))]) -> Setup:
+    return setup.with_specimens(
+        lambda specimen: with_change(specimen, ("electrode", "margin_frame"), d))
+
+
+@effect("The electrodes add stiffness of their own, without stress in the flat mounted film.")
+def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
+        "neo-Hookean modulus per virgin volume, without stress when mounted", "kPa",
+        width=1e3, low=0.0, high=10e3, reason=(
+            "dried grease of 20 kPa, 25 µm on both sides of a virgin film of 1 mm, is 1 kPa; no "
+            "source"))]) -> Setup:
+    return setup.with_specimens(
+        lambda specimen: with_change(specimen, ("electrode", "stiffness"), mu_e))
+
+
+def _offset(axis: str) -> EffectParameter:
+    return EffectParameter(
+        f"offset along {axis}", "mm", width=1e-3, low=-5e-3, high=5e-3, even=True,
+        reason="a plate placed by eye on marks or in a loose jig; no source")
+
+
+@effect("The plates were glued off the centre of their frames, and may tilt.")
+def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
+                       dy: Annotated[float, _offset("y")]) -> Setup:
+    def change(specimen: Specimen) -> Specimen:
+        x, y = specimen.plate.offset
+        return replace(specimen, plate=replace(specimen.plate, offset=(x + dx, y + dy)))
+
+    return setup.with_specimens(change)
+
+
+@effect("Every load is heavier (or lighter) by the same mass than its label says: a plate, hook or "
+        "lead was not weighed.")
+def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
+        "every load is m + m_0", "g", width=1e-3, low=-5e-3, high=15e-3, reason=(
+            "plate, screw, hook and glue weigh 0.5 to 3 g and leads carry some of it; no "
+            "source"))]) -> Setup:
+    return setup.with_rig(unaccounted_mass=setup.rig.unaccounted_mass + m_0)
+
+
+@effect("A lead, a guide or a touching probe holds the plate like a spring.")
+def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
+        "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=100.0,
+        reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 N/m"
+        )]) -> Setup:
+    return setup.with_rig(spring=setup.rig.spring + k)
+
+
+@effect("The voltage across the film is a constant fraction larger or smaller than the one written "
+        "down.")
+def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
+        "the film sees (1+k) U", "", width=0.02, low=-0.3, high=0.3, reason=(
+            "converter modules set by a control voltage, without calibration, to a few per cent; "
+            "no source"))]) -> Setup:
+    before = setup.rig.amplifier_gain
+    return setup.with_rig(amplifier_gain=before + k + before * k)
+
+
+@effect("The high-voltage supply sags under the film's leakage: the higher the voltage, the more "
+        "of it is missing.")
+def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
+        "the film sees U/(1+(U/U_s)^2); infinite where there is no sag", "kV",
+        width=25e3, low=5e3, high=inf, power=-2, reason=(
+            "25 kV is 7 % less at 7 kV: what a leaking film takes from a small unregulated "
+            "converter; no source"))]) -> Setup:
+    small, large = sorted((U_s, setup.rig.sag_voltage))  # 1/U_s² add up
+    both = small if isinf(large) else small / sqrt(1 + (small / large) ** 2)
+    return setup.with_rig(sag_voltage=both)
+
+
+# One play operator between turns of the voltage; Zou and Gu (Polymers 10, 2018, 525; abstract read)
+# fit actuators of this kind with a sum of such operators.
+@effect("The film follows the voltage late: on the way up it stands where a lower voltage would "
+        "hold it, on the way down where a higher one would.", columns=("direction",))
+def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
+        "the film responds as to U - H (at least 0) on the way up, to U + H on the way down", "kV",
+        width=0.1e3, low=0.0, high=1e3, reason=(
+            "a film with a share g of its response delayed by τ lags a slow ramp by g τ dU/dt: "
+            "with 0.1, 100 s and 10 V/s, 5 kV in 8 min, 0.1 kV; no source"))]) -> Setup:
+    return setup.with_rig(lag_voltage=setup.rig.lag_voltage + H)
+
+
+@effect("The displacement sensor shows a constant fraction too much or too little, as when its "
+        "axis is tilted.")
+def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
+        "readings are (1+k) y", "", width=0.01, low=-0.2, high=0.2, reason=(
+            "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
+            "is better than that"))]) -> Setup:
+    before = setup.rig.sensor_gain
+    return setup.with_rig(sensor_gain=before + k + before * k)
+
+
+@effect("All readings are shifted by the same length: the sensor was not zero at the flat film.")
+def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
+        "readings are y + y_0", "um", width=50e-6, low=-1e-3, high=1e-3,
+        reason="the zero is set by hand on a plate that is not yet loaded; no source")]) -> Setup:
+    return setup.with_rig(sensor_zero=setup.rig.sensor_zero + y_0)
+
+
+@effect("Readings wander in proportion to the time since the run began: sensor and stand warm up.",
+        columns=("elapsed_s",))
+def drift(setup: Setup, rate: Annotated[float, EffectParameter(
+        "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-6 / 60,
+        high=1e-6 / 60, reason=(
+            "temperature drift of laser sensors: 0.03 %/°C of a range of 20 mm is 6 µm/°C (example "
+            "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
+            "an hour"))]) -> Setup:
+    return setup.with_rig(drift=setup.rig.drift + rate)
+
+
+@effect("The film between plate and frame is not the lumped model's straight cone but hollow, "
+        "steepest at the plate.", lumped=True)
+def cone_kinematics(setup: Setup, c: Annotated[float, EffectParameter(
+        "film from the straight cone (0) to a weightless membrane hardly deflected (1)", "",
+        width=1.0, low=0.0, high=1.5, reason=(
+            "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: "
+            "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict "
+            "both; no source"))]) -> Setup:
+    def change(specimen: Specimen) -> Specimen:
+        if not isinstance(specimen, Lumped):
+            raise InputError("is an effect on the lumped model", key="cone_kinematics",
+                             given=specimen.name)
+        return replace(specimen, profile=specimen.profile + c)
+
+    return setup.with_specimens(change)
