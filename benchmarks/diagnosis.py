@@ -21,7 +21,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
-from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
+from tympan.studies.diagnosis.inference.identifiability import detectable_effects, signatures
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.next_experiment.proposals import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
@@ -81,7 +81,7 @@ def main() -> None:
         for widen in (0.5, 2.0):
             judge(simulation, table, causes, widen=widen)
     with stage("what can be known", spent):
-        effect_identifiability(simulation, table, judged.nominal.unknowns, causes)
+        detectable_effects(signatures(simulation, table, judged.nominal.unknowns, causes))
     with stage("gain on readings held out", spent):
         gain_of(simulation, table, causes, judged)
     with stage("next experiment", spent):

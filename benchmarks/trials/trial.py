@@ -358,9 +358,12 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
         found = judge(simulation, table, design.causes, seed=record.number)
     except ArithmeticError as error:
         return replace(record, words=str(error)), None
+    p_values = found.test.p_values
+    # The least probable pattern, one of few columns where there is a choice.
+    strongest = min([name for name in p_values if name != "ramps"] or p_values, key=p_values.get)
     record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)),
                      p_value=found.test.p_value,
-                     noise=found.test.noise, words=found.test.strongest)
+                     noise=found.test.noise, words=strongest)
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
         record = replace(record, inside=_inside(simulation, found, truth))

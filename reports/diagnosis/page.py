@@ -12,8 +12,8 @@ from jinja2 import Template
 from tympan.reports.diagnosis import residuals
 from tympan.reports.diagnosis.residuals import Residuals
 from tympan.reports.template import embedded_picture, sentence, template
+from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import load_diagnosis
-from tympan.studies.diagnosis.validation.gain import LENGTHS
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 

@@ -154,16 +154,15 @@ def _profiles(judgement: Identifiability) -> Figure:
         row, column = divmod(number, _COLUMNS)
         axes = style.place_axes(figure, _LEFT + column * (_LEFT + width + _RIGHT),
                            _TOP + row * (_TOP + _PANEL + _BOTTOM), width, _PANEL)
-        values = np.array([judgement.to_value(constant.name, value) for value in profile.values])
         colour = style.PALETTE[0] if constant.low is not None else style.PALETTE[1]
-        axes.plot(values, np.abs(profile.rise), "o-", color=colour, markersize=2.5, linewidth=0.8)
+        axes.plot(profile.values, np.abs(profile.rise), "o-", color=colour, markersize=2.5,
+                  linewidth=0.8)
         axes.axhline(judgement.quantile, color="black", linewidth=0.6, linestyle=":")
         for limit in (profile.low, profile.high):
             if limit is not None:
-                axes.axvline(judgement.to_value(constant.name, limit), color=colour, linewidth=0.6,
-                             linestyle="--")
+                axes.axvline(limit, color=colour, linewidth=0.6, linestyle="--")
         # A little more than the limits; than all that was tried where one is open.
-        inside = values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
+        inside = profile.values[np.abs(profile.rise) <= 1.2 * np.abs(profile.rise).max()]
         low, high = float(inside.min()), float(inside.max())
         edge = 0.08 * (high - low or abs(low) or 1.0)
         axes.set_xlim(low - edge, high + edge)

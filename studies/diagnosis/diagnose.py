@@ -13,7 +13,6 @@ from tympan.studies.diagnosis.calibration import calibrated, law_error, with_eff
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.result import Diagnosis, cause_names, chosen_fit
-from tympan.studies.diagnosis.validation.gain import LENGTHS
 
 #: Factors on the widths of the priors for which the verdict is found again.
 SWEEP = (0.5, 2.0)
@@ -42,9 +41,8 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     nominal, fit = calibrated(readings.setup, readings.table)
     error = law_error(nominal, fit, readings.table)
     # The reduced model's error is noise of the lengths.
-    lengths = np.isin(readings.table.kind, LENGTHS)
     table = readings.table.with_sigma(np.hypot(readings.table.sigma,
-                                               np.where(lengths, error, 0.0)))
+                                               np.where(readings.table.lengths, error, 0.0)))
     readings = replace(readings, table=table)
     simulation = with_effects(nominal, progress, workers)
     try:

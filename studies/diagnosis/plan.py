@@ -15,11 +15,14 @@ from tympan.studies.diagnosis.calibration import (
     nominal_laws,
     with_effects,
 )
-from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
+from tympan.studies.diagnosis.inference.identifiability import (
+    classes_of,
+    detectable_effects,
+    signatures,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.validation.gain import LENGTHS
 from tympan.studies.effects import Setup
 
 _ROUNDS, _GROWTH = 5, 1.5
@@ -40,17 +43,17 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     readings = prepared_readings(dataset)
     table = _predicted(readings.setup, readings.table)
     nominal, fit = calibrated(readings.setup, table)
-    knowable = effect_identifiability(with_effects(nominal, progress, workers), table, fit.unknowns,
-                                      readings.causes)
-    lengths = np.isin(table.kind, LENGTHS)
+    signs = signatures(with_effects(nominal, progress, workers), table, fit.unknowns,
+                       readings.causes)
+    invisible, classes = classes_of(signs)
     return {
         "dataset": dataset.name,
         "readings": len(table),
-        "noise_um": 1e6 * float(np.sqrt(np.mean(table.sigma[lengths] ** 2))),
+        "noise_um": 1e6 * float(np.sqrt(np.mean(table.sigma[table.lengths] ** 2))),
         "noise_from": readings.noise_from,
-        "not_visible": sorted({str(cause) for cause in knowable.invisible}),
-        "indistinguishable": [[str(cause) for cause in group] for group in knowable.classes],
-        "effects": [effect.json() for effect in knowable.effects],
+        "not_visible": sorted({str(cause) for cause in invisible}),
+        "indistinguishable": [[str(cause) for cause in group] for group in classes],
+        "effects": [effect.json() for effect in detectable_effects(signs)],
     }
 
 

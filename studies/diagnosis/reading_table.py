@@ -17,6 +17,9 @@ Numbers = NDArray[np.int64]
 #: [F], voltage on the film [V], force that holds the plate at a heave [N].
 Kind = Literal["displacement", "range", "capacitance", "film_voltage", "force"]
 
+#: Kinds of rows that are lengths, on which errors are counted.
+LENGTHS = ("displacement", "range")
+
 
 @dataclass(frozen=True, eq=False)
 class States:
@@ -108,6 +111,17 @@ class ReadingTable:
     def voltage(self) -> Array:
         """Nominal voltage of each row [V]."""
         return self.states.voltage[self.state]
+
+    @property
+    def lengths(self) -> NDArray[np.bool_]:
+        """Which rows are lengths."""
+        return np.isin(self.kind, LENGTHS)
+
+    @cached_property
+    def ramp(self) -> Numbers:
+        """Number of the specimen and mass of each row."""
+        keys = np.stack([self.specimen.astype(float), self.mass], 1)
+        return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
 
     @cached_property
     def rows_of(self) -> dict[str, Numbers]:

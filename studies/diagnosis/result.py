@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,10 @@ from tympan.geometry.units import quantity
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.inference.fit import Fit
-from tympan.studies.diagnosis.inference.identifiability import (
-    EffectIdentifiability,
-    effect_identifiability,
-)
+from tympan.studies.diagnosis.inference.identifiability import Detectable, detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
+from tympan.studies.diagnosis.inference.residual_tests import words_of
 from tympan.studies.diagnosis.inference.verdict import (
     Judgement,
     SingleEffect,
@@ -36,7 +34,7 @@ from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.text import AGAIN, limitations, where
-from tympan.studies.diagnosis.validation.gain import LENGTHS, GainReport, gain_of
+from tympan.studies.diagnosis.validation.gain import GainReport, gain_of
 from tympan.studies.effects import Setup
 from tympan.studies.files import write_csv, write_json, write_text
 
@@ -59,8 +57,7 @@ class Diagnosis:
     finite elements on a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times
     each of some factors; ``chosen``: the hypothesis the extended model has, None when nothing is
     wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and ``advice`` in a
-    sentence; ``single_effects`` each fitted alone; ``identifiability``: what these readings can
-    tell.
+    sentence; ``single_effects`` each fitted alone; ``detectable``: what these readings can tell.
     """
 
     dataset: Dataset
@@ -74,7 +71,7 @@ class Diagnosis:
     proposals: tuple[Proposal, ...]
     advice: str
     single_effects: tuple[SingleEffect, ...]
-    identifiability: EffectIdentifiability
+    detectable: tuple[Detectable, ...]
 
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, simulation: Simulation,
@@ -87,8 +84,7 @@ class Diagnosis:
                    gain_of(simulation, readings.table, causes, judgement, seed),
                    *propose(simulation, judgement, causes),
                    single_effects(simulation, judgement, causes),
-                   effect_identifiability(simulation, judgement.table, judgement.nominal.unknowns,
-                                          causes))
+                   detectable_effects(judgement.signatures))
 
     @property
     def verdict(self) -> str:
@@ -134,7 +130,7 @@ class Diagnosis:
                                                         "permittivity_factor"))},
             "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
-            "knowable": [effect.json() for effect in self.identifiability.effects],
+            "knowable": [effect.json() for effect in self.detectable],
             "warnings": limitations(self.dataset, self.readings, judged, self.model_error, moves),
         }
 
@@ -168,7 +164,6 @@ class Diagnosis:
     def _misfit(self) -> Json:
         """What the calibrated nominal model leaves."""
         judged, table = self.judgement, self.judgement.table
-        words = {pattern.name: pattern.words for pattern in judged.patterns}
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = table.value - judged.nominal.residual * table.sigma
         p_values = sorted(judged.test.p_values.items(), key=lambda item: item[1])
@@ -180,10 +175,9 @@ class Diagnosis:
             "p_value": judged.test.p_value,
             "where": (where(judged) if self.verdict != "nothing"
                       else "nowhere: what is left is noise"),
-            "ratios": [{**asdict(ratio), "off_by_noise": ratio.off}
-                       for ratio in ratios(table, predicted, names)],
-            "patterns": [{"what": words[name], "p_value": p} for name, p in p_values
-                         if name in words],
+            "ratios": ratios(table, predicted, names),
+            "patterns": [{"what": words_of(name), "p_value": p} for name, p in p_values
+                         if name in judged.patterns],
         }
 
     def _after(self) -> Json | None:
@@ -258,8 +252,7 @@ def cause_names(causes: tuple[Cause, ...]) -> tuple[str, ...]:
 
 def _rmse_um(residual: Array, table: ReadingTable) -> float:
     """Root mean square of a table's lengths' residuals, given over their noise [µm]."""
-    lengths = np.isin(table.kind, LENGTHS)
-    return 1e6 * float(np.sqrt(np.mean((residual * table.sigma)[lengths] ** 2)))
+    return 1e6 * float(np.sqrt(np.mean((residual * table.sigma)[table.lengths] ** 2)))
 
 
 def _parameters(fit: Fit, cause: Cause) -> Json:

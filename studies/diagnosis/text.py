@@ -6,6 +6,7 @@ import numpy as np
 
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
+from tympan.studies.diagnosis.inference.residual_tests import words_of
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.readings import PreparedReadings
 
@@ -27,13 +28,13 @@ def where(judged: Judgement) -> str:
     Of patterns that are about as strong the one is taken that says more: of a specimen before of
     all readings.
     """
-    words = {pattern.name: pattern.words for pattern in judged.patterns if pattern.name != "ramps"}
-    strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items() if name in words}
+    strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items()
+                if name in judged.patterns and name != "ramps"}
     vague = {"level": 1e4, "fitted value": 1e3, "voltage": 10.0}
     order = sorted(strength, key=lambda name: strength[name] * vague.get(name, 1.0))
     others = [name for name in order[1:] if strength[name] < _CLEAR and name not in vague
               and name.split()[0] != order[0].split()[0]]
-    return "; ".join(words[name] for name in order[:1] + others[:1])
+    return "; ".join(words_of(name) for name in order[:1] + others[:1])
 
 
 def limitations(dataset: Dataset, readings: PreparedReadings, judged: Judgement,

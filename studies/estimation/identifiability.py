@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm, t
 
-from tympan.studies.estimation.least_squares import LeastSquares
-from tympan.studies.estimation.profile import Profile, profile, settled_minimum
+from tympan.studies.estimation.least_squares import LeastSquares, minimise
+from tympan.studies.estimation.profile import EXACT, Profile, profile
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,33 @@ _DOUBTFUL = 5.0
 #: How firmly what readings do not determine stays where the search began, in standard deviations
 #: per scale.
 _FIRM = 100.0
+#: A misfit above so many times the stated noise is the law's, not the noise's.
+MISFIT = 2.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of a reading in its unit, and the quantile for 95 % intervals.
+
+    Given, the quantile is the normal one; estimated from the residuals, Student's with their
+    degrees of freedom.
+    """
+
+    sigma: float
+    quantile: float
+
+    @classmethod
+    def of(cls, squares: float, freedom: int, given: float | None, widen: bool = False) -> Noise:
+        """Estimated from the sum of squares unless given.
+
+        ``widen``: a misfit that the noise given cannot explain takes its place, which would make
+        limits too narrow.
+        """
+        estimated = (squares / freedom) ** 0.5
+        if given is None:
+            return cls(estimated, float(t.ppf(0.975, freedom)))
+        beyond = widen and estimated >= MISFIT * given
+        return cls(estimated if beyond else given, float(norm.ppf(0.975)))
 
 
 @dataclass(frozen=True)
@@ -64,7 +92,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Of every constant its limits and, where one was made, its profile (in units of the scales).
+    """Of every constant its limits and, where one was made, the profile of its values.
 
     ``combinations`` are the right singular vectors of the Jacobian, the best determined first;
     errors along them are independent. ``correlations`` are of the constants, linearised.
@@ -76,7 +104,6 @@ class Identifiability:
     correlations: Array
     profiles: tuple[Profile | None, ...]
     quantile: float
-    values_of: Callable[[int, float], float]
 
     @property
     def determined(self) -> int:
@@ -87,10 +114,6 @@ class Identifiability:
     def undetermined(self) -> list[str]:
         """Names of the constants the data do not determine."""
         return [constant.name for constant in self.constants if constant.low is None]
-
-    def to_value(self, name: str, z: float) -> float:
-        """The value of a constant that is z in the search's unit."""
-        return self.values_of([constant.name for constant in self.constants].index(name), z)
 
     def json(self) -> dict[str, Any]:
         """As the command prints it."""
@@ -107,7 +130,7 @@ class Identifiability:
         }
 
 
-def seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
+def _seen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, Array]:
     """How well, and along which directions (rows), readings see the first ``count`` unknowns.
 
     The others are left free.
@@ -125,7 +148,7 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
     For :meth:`LeastSquares.with_rows`, centred where the search began: left to itself it would
     follow the noise to the ends of its bounds.
     """
-    singular, right = seen(problem, at, count)
+    singular, right = _seen(problem, at, count)
     determined = int(np.sum(singular > 2 / DETERMINED))
     rows = np.zeros((count - determined, len(at)))
     rows[:, :count] = _FIRM * right[determined:]
@@ -135,11 +158,8 @@ def unseen(problem: LeastSquares, at: Array, count: int) -> tuple[Array, int]:
 def covariance(jacobian: Array, sigma: float) -> Array:
     """Linearised covariance of unknowns, shape (p, p); inf on the diagonal where nothing sees one.
 
-    Parameters
-    ----------
-    jacobian
-        Of the residuals, shape (n, p), in units in which a reading's standard deviation is
-        ``sigma``.
+    ``jacobian`` is of the residuals, shape (n, p), in units in which a reading's standard deviation
+    is ``sigma``.
     """
     lengths = np.linalg.norm(jacobian, axis=0)
     safe = np.where(lengths > 0, lengths, 1.0)
@@ -153,7 +173,7 @@ def covariance(jacobian: Array, sigma: float) -> Array:
 
 
 def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[str, str]],
-                    quantile: float, values_of: Callable[[int, float], float],
+                    quantile: float, value_of: Callable[[int, float], float],
                     profiles: bool = True) -> Identifiability:
     """Limits at a minimum of a problem in units of the noise, each constant in units of its scale.
 
@@ -163,13 +183,13 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
         The minimum, shape (p,); what comes after the constants is left to fit.
     names
         Each constant's name and unit.
-    values_of
-        ``values_of(index, z)`` is a constant's value at z.
+    value_of
+        ``value_of(index, z)`` is a constant's value at z, with which it ascends.
     profiles
         Without them the limits are linearised.
     """
     count = len(names)
-    singular, right = seen(problem, best, count)
+    singular, right = _seen(problem, best, count)
     with np.errstate(divide="ignore"):
         halves = quantile / singular
     deviations = 1 / np.maximum(singular, 1e-14 * singular[0])
@@ -177,36 +197,42 @@ def identifiability(problem: LeastSquares, best: Array, names: Sequence[tuple[st
                       for width in (np.minimum(deviations, CREDIBLE), deviations))
     spread = quantile * np.sqrt(np.diag(credible))
     anchored = problem.with_rows(np.eye(len(best))[:count] / CREDIBLE, best)
-    free = settled_minimum(anchored, best) if profiles else best
+    # With everything free: what readings do not determine follows the noise there, and χ² is
+    # smaller by about one for each such direction.
+    free = minimise(anchored, best, precision=0.0, exact=EXACT).unknowns if profiles else best
     estimates, lines = [], []
     for index, (name, unit) in enumerate(names):
         z, half = float(best[index]), float(spread[index])
-        inside = problem.low[index] < z < problem.high[index]
-        linear = (max(z - half, float(problem.low[index])),
-                  min(z + half, float(problem.high[index])))
-        line = None
-        if profiles and inside and half < _WORTH:
-            line = profile(anchored, free, index, quantile)
-        lines.append(line)
-        rough = linear if inside and half < DETERMINED else None
-        if profiles:
-            sure = None if line is None else _limited(line.low, line.high, 2 * half / _DOUBTFUL)
-        else:
-            sure = rough and _limited(*rough, 2 * half / _DOUBTFUL)
-        ends = [None if limits is None else values_of(index, limits[side])
+        low, high = float(problem.low[index]), float(problem.high[index])
+        inside = low < z < high
+        rough = (max(z - half, low), min(z + half, high)) if inside and half < DETERMINED else None
+        line = (profile(anchored, free, index, quantile)
+                if profiles and inside and half < _WORTH else None)
+        limits = (line.low, line.high) if line else None if profiles else rough
+        sure = _credible(limits, 2 * half / _DOUBTFUL)
+        ends = [limits and value_of(index, limits[side])
                 for limits in (sure, rough) for side in (0, 1)]
-        estimates.append(Estimate(name, unit, values_of(index, z), *ends))
+        estimates.append(Estimate(name, unit, value_of(index, z), *ends))
+        lines.append(line and _in_values(line, index, value_of))
     combinations = tuple(
         Combination(tuple(direction.tolist()), float(direction @ best[:count]),
                     float(half) if half < DETERMINED else None, float(half / quantile))
         for direction, half in zip(right, halves, strict=True))
     lengths = np.sqrt(np.diag(wide))
     return Identifiability(tuple(estimates), combinations, wide / np.outer(lengths, lengths),
-                           tuple(lines), quantile, values_of)
+                           tuple(lines), quantile)
 
 
-def _limited(low: float | None, high: float | None, least: float) -> tuple[float, float] | None:
+def _credible(limits: tuple[float | None, float | None] | None,
+              least: float) -> tuple[float, float] | None:
     """The limits, where both are there and neither too far apart nor closer than can be."""
+    low, high = limits or (None, None)
     if low is None or high is None or not least <= high - low <= 2 * DETERMINED:
         return None
     return low, high
+
+
+def _in_values(line: Profile, index: int, value_of: Callable[[int, float], float]) -> Profile:
+    low, high = (None if z is None else value_of(index, z) for z in (line.low, line.high))
+    values = np.array([value_of(index, z) for z in line.values.tolist()])
+    return replace(line, values=values, low=low, high=high)

@@ -100,14 +100,11 @@ class LeastSquares:
         return np.asarray(inner + np.diag(np.broadcast_to(self.prior, len(inner))))
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
-        """With further residuals ``rows`` (z − ``centre``).
-
-        Priors, or what is to stay where it is.
-        """
+        """With further residuals ``rows`` (z − ``centre``): priors, or what is to stay."""
         def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
             point = self.evaluate(unknowns, near)
             return Evaluation(np.concatenate([point.residual, rows @ (unknowns - centre)]),
-                         lambda: np.concatenate([point.jacobian, rows]), point.state)
+                              lambda: np.concatenate([point.jacobian, rows]), point.state)
 
         return replace(self, evaluate=evaluate)
 
@@ -186,7 +183,6 @@ def minimise(problem: LeastSquares, start: Array, fixed: Mask | None = None,
 
 
 def _damped(curvature: Array, slope: Array, damping: float) -> Array:
-    """Solution of (H + damping diag H) x = slope."""
     diagonal = np.diag(curvature)
     diagonal = np.where(diagonal > 0, diagonal, 1.0)
     damped = curvature + max(damping, _TINY) * np.diag(diagonal)
@@ -218,9 +214,9 @@ def _separated(problem: LeastSquares, linear: Mask) -> LeastSquares:
     return LeastSquares(evaluate, problem.low, problem.high)
 
 
-def minima(problem: LeastSquares, starts: Array, precision: float = 1e-12) -> list[Array]:
+def minima(problem: LeastSquares, starts: Array) -> list[Array]:
     """Local minima from the starts, shape (k, p), best first."""
-    ends = [minimise(problem, start, precision=precision) for start in starts]
+    ends = [minimise(problem, start) for start in starts]
     return [end.unknowns for end in sorted(ends, key=lambda end: end.cost)]
 
 

@@ -20,7 +20,7 @@ _MOST = 20
 _FAR = 2.0
 #: For limits so exact, how much half of χ² may still fall where a profile's fit stops: 0.1 % of the
 #: 3.84 that make a 95 % limit.
-_EXACT = 2e-3
+EXACT = 2e-3
 #: What the other unknowns could still take from χ², by their derivatives, that is taken without
 #: fitting them again; as many times that.
 _LITTLE = 20.0
@@ -42,22 +42,13 @@ class Profile:
     evaluations: int
 
 
-def settled_minimum(problem: LeastSquares, best: Array) -> Array:
-    """The minimum with everything free, from one where some directions were held.
-
-    What readings do not determine follows the noise there, and χ² is smaller by about one for each
-    such direction.
-    """
-    return minimise(problem, best, precision=0.0, exact=_EXACT).unknowns
-
-
 def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
             met: float = _MET) -> Profile:
     """The profile of one unknown about a minimum, out to where χ² has grown by quantile².
 
     At each value of it all others are fitted again, those the readings do not determine included
-    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). ``met`` is how exactly the
-    limits are, as a share of the quantile.
+    (Bates and Watts, *Nonlinear Regression Analysis*, 1988, §6.1). Limits are exact to the share
+    ``met`` of the quantile.
     """
     point = problem.at(best)
     least = point.squares
@@ -67,12 +58,11 @@ def profile(problem: LeastSquares, best: Array, index: int, quantile: float,
     along[others] = -np.linalg.lstsq(point.jacobian[:, others], point.jacobian[:, index],
                                      rcond=1e-12)[0]
     along[index] = 1.0
-    exact, evaluations = _EXACT * met / _MET, 0
+    exact, evaluations = EXACT * met / _MET, 0
     centre = float(best[index]), 0.0
     places = [centre]
 
     def refitted(last: Array, at: float) -> tuple[Array, float]:
-        """The unknowns with this one at a value, and the rise [standard deviations]."""
         nonlocal evaluations
         unknowns = np.clip(last + along * (at - last[index]), problem.low, problem.high)
         unknowns[index] = at

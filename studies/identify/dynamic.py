@@ -15,9 +15,13 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles.cone import radii_of
-from tympan.studies.estimation.identifiability import Identifiability, identifiability, unseen
+from tympan.studies.estimation.identifiability import (
+    Identifiability,
+    Noise,
+    identifiability,
+    unseen,
+)
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
-from tympan.studies.estimation.noise import noise_of
 from tympan.studies.identify.responses import Record
 from tympan.studies.identify.static import Constant, StaticFit
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -328,7 +332,7 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
         calls, z = calls + minimum.evaluations, minimum.unknowns
         squares = sum(float(residual @ residual) for residual, _ in problem.parts(z))
         freedom = problem.size - determined - (len(z) - count)
-        noise = noise_of(squares, freedom, problem.noise)
+        noise = Noise.of(squares, freedom, problem.noise, widen=True)
         settled, sigma = 0.9 < noise.sigma / sigma < 1.1, noise.sigma
         if settled and (moved < 1e-4 or determined == count):
             break

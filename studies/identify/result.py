@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -60,10 +60,9 @@ class IdentifyResult:
         """Of fits and what a command prints of them."""
         fits = {}
         if static is not None:
-            fits["static"] = Fitted(_at_rest(static), _in_values(static.judgement))
+            fits["static"] = Fitted(_at_rest(static), static.judgement)
         if dynamic is not None:
-            fits["dynamic"] = Fitted(_responses(dynamic), _in_values(dynamic.judgement),
-                                     dynamic.fast)
+            fits["dynamic"] = Fitted(_responses(dynamic), dynamic.judgement, dynamic.fast)
         return cls(numbers, fits)
 
     def json(self) -> dict[str, Any]:
@@ -110,7 +109,7 @@ class IdentifyResult:
                 **{**profile, "values": np.array(profile["values"]),
                    "rise": np.array(profile["rise"])}) for profile in content["profiles"])
             determined = Identifiability(estimates, (), np.array(numbers[name]["correlations"]),
-                                         profiles, content["quantile"], lambda _, value: value)
+                                         profiles, content["quantile"])
             sheet = read_own_sheet(folder / _SHEETS[name], _COLUMNS[name])
             fits[name] = Fitted(pd.DataFrame(sheet), determined, content["radian_s"])
         return cls(numbers, fits)
@@ -133,18 +132,3 @@ def _responses(fit: DynamicFit) -> pd.DataFrame:
         "run": number, "since": record.time - record.begins, "displacement": record.displacement,
         "fitted": record.displacement + residual})
         for number, (record, (residual, _)) in enumerate(parts)])
-
-
-def _in_values(judgement: Identifiability) -> Identifiability:
-    """With profiles of the constants' values, instead of what the search moved."""
-    profiles = []
-    for index, profile in enumerate(judgement.profiles):
-        if profile is not None:
-            def value(z: float | None, index: int = index) -> float | None:
-                return None if z is None else judgement.values_of(index, z)
-
-            values = np.array([judgement.values_of(index, z) for z in profile.values.tolist()])
-            profile = replace(profile, values=values, low=value(profile.low),
-                              high=value(profile.high))
-        profiles.append(profile)
-    return replace(judgement, profiles=tuple(profiles), values_of=lambda _, value: value)

@@ -22,11 +22,11 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.estimation.identifiability import (
     CREDIBLE,
     Identifiability,
+    Noise,
     identifiability,
     unseen,
 )
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
-from tympan.studies.estimation.noise import noise_of
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import settle
 from tympan.studies.paper.table1 import known
@@ -331,7 +331,8 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
         if seek == objective and moved < 1e-4:
             break
     residual = problem.residual(scale * z, "deflection")[0]
-    noise = noise_of(float(residual @ residual), len(residual) - determined, problem.noise)
+    noise = Noise.of(float(residual @ residual), len(residual) - determined, problem.noise,
+                     widen=True)
     judgement = identifiability(_misfit(problem, "deflection", noise.sigma), z,
                                 [(constant.name, constant.unit) for constant in problem.constants],
                                 noise.quantile, lambda index, at: float(scale[index] * at),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import (
     FACTORS,
     SIZES,
-    Cause,
     Hypothesis,
     parameters_of,
     sizes_of,
@@ -47,8 +45,7 @@ class Fit:
     derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
     of the cost with the priors, by which the unknowns are about normal; ``cost``: minus the
     logarithm of posterior density, up to what all hypotheses share; ``evidence``: logarithm of the
-    probability of the readings, up to the same. ``possible`` is False where no
-    unknowns make a state of equilibrium of every state that was read.
+    probability of the readings, up to the same; ``heave``: of the states [m].
     """
 
     hypothesis: Hypothesis
@@ -60,7 +57,11 @@ class Fit:
     cost: float
     evidence: float
     heave: Array
-    possible: bool = True
+
+    @property
+    def possible(self) -> bool:
+        """Whether any unknowns make a state of equilibrium of every state that was read."""
+        return bool(np.isfinite(self.cost))
 
     @property
     def chi_squared(self) -> float:
@@ -72,102 +73,11 @@ class Fit:
         """Standard deviations of the unknowns."""
         return np.sqrt(np.diag(np.linalg.inv(self.precision)))
 
-    def sizes(self, cause: Cause) -> Array:
-        """The sizes found of a cause's parameters."""
-        return self.unknowns[sizes_of(self.hypothesis, cause)]
-
 
 def prior_widths(hypothesis: Hypothesis, widen: float = 1.0) -> Array:
     """Standard deviations of the unknowns beforehand, shape (p,)."""
     sizes = [widen * parameter.deviation for parameter in parameters_of(hypothesis)]
     return np.concatenate([NUISANCE, sizes])
-
-
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """A hypothesis to be fitted to a table, the effects' priors ``widen`` times as wide."""
-
-    simulation: Simulation
-    hypothesis: Hypothesis
-    table: ReadingTable
-    widen: float
-
-    @cached_property
-    def bounds(self) -> Array:
-        return bounds_of(self.simulation, self.hypothesis)
-
-    @cached_property
-    def widths(self) -> Array:
-        return prior_widths(self.hypothesis, self.widen)
-
-    @cached_property
-    def problem(self) -> LeastSquares:
-        return LeastSquares(self._evaluate, self.bounds[0], self.bounds[1],
-                            prior=self.widths**-2.0)
-
-    def _evaluate(self, unknowns: Array, near: Evaluation | None) -> Evaluation:
-        """Readings minus predictions over their noise; a point's state are the heaves."""
-        simulation, table = self.simulation, self.table
-        heave = simulation.heaves(self.hypothesis, unknowns, table.states,
-                                  None if near is None else near.state)
-        values = simulation.values(self.hypothesis, unknowns, table, heave)
-
-        def slopes() -> Array:
-            by_unknowns = simulation.jacobian(self.hypothesis, unknowns, table, heave, self.bounds)
-            return -by_unknowns / table.sigma[:, None]
-
-        return Evaluation((table.value - values) / table.sigma, slopes, heave)
-
-    def starts(self, start: Array | None) -> list[Array]:
-        """Where to begin; sizes of which a sign changes nothing begin at a usual one."""
-        first = np.zeros(len(self.widths))
-        if start is not None:
-            first[: len(start)] = start[: len(first)]
-        even = np.array([parameter.sign == "even" for parameter in parameters_of(self.hypothesis)],
-                        bool)
-        if not even.any() or (start is not None and len(start) >= len(first)):
-            return [np.clip(first, *self.bounds)]
-        moved = np.zeros(len(first))
-        moved[SIZES] = np.where(even, self.widths[SIZES], 0.0)
-        return [np.clip(first + share * moved, *self.bounds) for share in (0.5, 2.0)]
-
-    def fit(self, start: Array) -> Fit:
-        """The minimum from a start, and the evidence by the curvature there."""
-        try:
-            minimum = minimise(self.problem, start, quick=_SMALL, iterations=_ITERATIONS)
-        except InputError:  # it cannot be at the states that were read
-            rows, count = len(self.table), len(start)
-            heave = self.simulation.heaves(self.hypothesis, start, self.table.states)
-            return Fit(self.hypothesis, start, self.bounds, np.full(rows, np.inf),
-                       np.zeros((rows, count)), np.eye(count), np.inf, -np.inf, heave,
-                       possible=False)
-        point = minimum.point
-        return Fit(self.hypothesis, minimum.unknowns, self.bounds, point.residual, -point.jacobian,
-                   self.problem.curvature(point), minimum.cost,
-                   self._log_mass(minimum) - minimum.cost, point.state)
-
-    def _log_mass(self, minimum: Minimum) -> float:
-        """Logarithm of the integral of prior times likelihood, relative to its largest value.
-
-        Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
-        stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their
-        limits, where the largest value may lie on a limit.
-        """
-        precision = self.problem.curvature(minimum.point)
-        slope = self.problem.slope(minimum.unknowns, minimum.point)
-        inner = precision[FACTORS, FACTORS]
-        mass = -0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum()
-        if not self.hypothesis:
-            return float(mass)
-        # The sizes' own parabola, stiffness and permittivity at their best for each.
-        gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
-        curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
-        pull = slope[SIZES] - gain.T @ slope[FACTORS]
-        widths, (low, high) = self.widths[SIZES], self.bounds[:, SIZES]
-        share = ndtr(high / widths) - ndtr(low / widths)
-        mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
-        sizes = minimum.unknowns[SIZES]
-        return float(mass + _log_quadrature(curvature, pull, low - sizes, high - sizes))
 
 
 def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
@@ -183,8 +93,71 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
     widen
         Factor on the widths of the effects' priors.
     """
-    search = _Search(simulation, hypothesis, table, widen)
-    return best_of([search.fit(first) for first in search.starts(start)])
+    widths, bounds = prior_widths(hypothesis, widen), bounds_of(simulation, hypothesis)
+
+    def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
+        heave = simulation.heaves(hypothesis, unknowns, table.states,
+                                  None if near is None else near.state)
+        values = simulation.values(hypothesis, unknowns, table, heave)
+
+        def slopes() -> Array:
+            by_unknowns = simulation.jacobian(hypothesis, unknowns, table, heave, bounds)
+            return -by_unknowns / table.sigma[:, None]
+
+        return Evaluation((table.value - values) / table.sigma, slopes, heave)
+
+    problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=widths**-2.0)
+    fits = []
+    for first in np.clip(_starts(hypothesis, widths, start), *bounds):
+        try:
+            minimum = minimise(problem, first, quick=_SMALL, iterations=_ITERATIONS)
+        except InputError:  # it cannot be at the states that were read
+            rows, count = len(table), len(first)
+            fits.append(Fit(hypothesis, first, bounds, np.full(rows, np.inf),
+                            np.zeros((rows, count)), np.eye(count), np.inf, -np.inf,
+                            problem.at(first).state))
+            continue
+        point = minimum.point
+        fits.append(Fit(hypothesis, minimum.unknowns, bounds, point.residual, -point.jacobian,
+                        problem.curvature(point), minimum.cost,
+                        _log_mass(problem, minimum, widths[SIZES]) - minimum.cost, point.state))
+    return best_of(fits)
+
+
+def _starts(hypothesis: Hypothesis, widths: Array, start: Array | None) -> list[Array]:
+    first = np.zeros(len(widths))
+    if start is not None:
+        first[: len(start)] = start[: len(first)]
+    even = np.array([parameter.sign == "even" for parameter in parameters_of(hypothesis)], bool)
+    if not even.any() or (start is not None and len(start) >= len(first)):
+        return [first]
+    moved = np.zeros(len(first))
+    moved[SIZES] = np.where(even, widths[SIZES], 0.0)
+    return [first + share * moved for share in (0.5, 2.0)]
+
+
+def _log_mass(problem: LeastSquares, minimum: Minimum, widths: Array) -> float:
+    """Logarithm of the integral of prior times likelihood, relative to its largest value.
+
+    Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
+    stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their limits,
+    where the largest value may lie on a limit.
+    """
+    precision = problem.curvature(minimum.point)
+    slope = problem.slope(minimum.unknowns, minimum.point)
+    inner = precision[FACTORS, FACTORS]
+    mass = -0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum()
+    if not len(widths):
+        return float(mass)
+    # The sizes' own parabola, stiffness and permittivity at their best for each.
+    gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
+    curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
+    pull = slope[SIZES] - gain.T @ slope[FACTORS]
+    low, high = problem.low[SIZES], problem.high[SIZES]
+    share = ndtr(high / widths) - ndtr(low / widths)
+    mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
+    sizes = minimum.unknowns[SIZES]
+    return float(mass + _log_quadrature(curvature, pull, low - sizes, high - sizes))
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
@@ -224,23 +197,20 @@ def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Rea
             start: Array, widen: float = 1.0, fitted: Sequence[Fit] = ()) -> list[Fit]:
     """Every hypothesis fitted but those that are ``fitted``.
 
-    They start from the nominal one's unknowns, pairs from their members' fits.
+    They start from the nominal one's unknowns, pairs from each of their members' fits.
     """
     fits = {fit.hypothesis: fit for fit in fitted}
     for hypothesis in hypotheses:
-        if hypothesis not in fits:
-            members = [fits[cause,] for cause in hypothesis if len(hypothesis) > 1
-                       and (cause,) in fits]
-            starts = [_beside(member, hypothesis) for member in members if member.possible]
-            fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
-                                        for first in starts or [start[FACTORS]]])
+        if hypothesis in fits:
+            continue
+        starts = []
+        for cause in hypothesis:
+            member = fits.get((cause,))
+            if member is not None and member.possible:
+                unknowns = np.zeros(unknown_count(hypothesis))
+                unknowns[FACTORS] = member.unknowns[FACTORS]
+                unknowns[sizes_of(hypothesis, cause)] = member.unknowns[SIZES]
+                starts.append(unknowns)
+        fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
+                                    for first in starts or [start[FACTORS]]])
     return [fits[hypothesis] for hypothesis in hypotheses]
-
-
-def _beside(member: Fit, hypothesis: Hypothesis) -> Array:
-    """Unknowns of a pair to start from: those of one member, the other not there."""
-    unknowns = np.zeros(unknown_count(hypothesis))
-    unknowns[FACTORS] = member.unknowns[FACTORS]
-    for cause in member.hypothesis:
-        unknowns[sizes_of(hypothesis, cause)] = member.sizes(cause)
-    return unknowns

@@ -51,19 +51,6 @@ class Detectable:
                 "prior_width": self.prior}
 
 
-@dataclass(frozen=True)
-class EffectIdentifiability:
-    """What readings can tell.
-
-    ``invisible``: causes that stiffness and permittivity take up; ``classes``: causes that make the
-    same readings.
-    """
-
-    effects: tuple[Detectable, ...]
-    invisible: tuple[Cause, ...]
-    classes: tuple[tuple[Cause, ...], ...]
-
-
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
@@ -107,7 +94,10 @@ def distance(signature: Array, other: Array) -> float:
 
 
 def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause, ...], ...]]:
-    """Causes nobody can see at the typical size, and classes that nobody can tell apart."""
+    """Causes nobody can see at the typical size, and classes that nobody can tell apart.
+
+    Stiffness and permittivity take up the first; members of a class make the same readings.
+    """
     invisible = tuple(cause for cause in signs if visibility(signs[cause]) < SAME)
     classes: list[list[Cause]] = []
     for cause in signs:
@@ -124,10 +114,8 @@ def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause,
     return invisible, tuple(tuple(group) for group in classes if len(group) > 1)
 
 
-def effect_identifiability(simulation: Simulation, table: ReadingTable, unknowns: Array,
-                           causes: Sequence[Cause]) -> EffectIdentifiability:
-    """What a table's readings can tell, whatever they will be."""
-    signs = signatures(simulation, table, unknowns, causes)
+def detectable_effects(signs: Signatures) -> tuple[Detectable, ...]:
+    """What each cause must reach to be seen and told, whatever the readings will be."""
     invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []
@@ -136,7 +124,7 @@ def effect_identifiability(simulation: Simulation, table: ReadingTable, unknowns
                   if other.name != cause.name and other not in invisible
                   and other not in alike.get(cause, ())}
         effects.append(_detectable(cause, signs[cause], rivals))
-    return EffectIdentifiability(tuple(effects), invisible, classes)
+    return tuple(effects)
 
 
 def _detectable(cause: Cause, signature: Array, rivals: dict[Cause, float]) -> Detectable:

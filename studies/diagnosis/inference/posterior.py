@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.inference.fit import NUISANCE, Fit
-from tympan.studies.diagnosis.inference.residual_tests import ResidualPattern, orthonormal
+from tympan.studies.diagnosis.inference.residual_tests import orthonormal
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 
 Array = NDArray[np.float64]
@@ -34,7 +34,6 @@ class Posterior:
     nominal model; ``discrepancy`` that of some discrepancy no effect makes. They add up to 1.
     """
 
-    nominal: Fit
     fits: tuple[Fit, ...]
     probabilities: Array
     nothing: float
@@ -47,7 +46,7 @@ class Posterior:
         logs = logs + np.log([NOTHING, DISCREPANCY, *priors([fit.hypothesis for fit in fits])])
         weight = np.exp(logs - logs.max())
         weight /= weight.sum()
-        return cls(nominal, tuple(fits), weight[2:], float(weight[0]), float(weight[1]))
+        return cls(tuple(fits), weight[2:], float(weight[0]), float(weight[1]))
 
     @property
     def wrong(self) -> float:
@@ -73,8 +72,8 @@ class Posterior:
 
     def with_cause(self, cause: Cause) -> Fit:
         """The most probable hypothesis that has a cause."""
-        return self.fits[max((k for k, fit in enumerate(self.fits) if cause in fit.hypothesis),
-                             key=lambda k: self.probabilities[k])]
+        return max(zip(self.probabilities.tolist(), self.fits, strict=True),
+                   key=lambda item: (cause in item[1].hypothesis, item[0]))[1]
 
     def credible(self, share: float = 0.95) -> tuple[Fit, ...]:
         """The fewest hypotheses that together have this share of all that have an effect."""
@@ -97,28 +96,22 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     return weight
 
 
-def discrepancy_evidence(nominal: Fit, groups: tuple[ResidualPattern, ...], sigma: Array) -> float:
+def discrepancy_evidence(nominal: Fit, patterns: dict[str, Array], sigma: Array) -> float:
     """Logarithm of the readings' probability if the nominal model is off by some smooth pattern.
 
     A pattern's columns have independent normal coefficients that make it a typical size, the same
     for one pattern of the table at a time or for all; the nominal model is taken as linear about
-    its fit.
-
-    Parameters
-    ----------
-    sigma
-        Noise of the readings, shape (rows,).
+    its fit. ``sigma`` is the readings' noise, shape (rows,).
     """
     evidence = []
-    for group in groups:
-        basis = orthonormal(group.columns / sigma[:, None])
+    for columns in patterns.values():
+        basis = orthonormal(columns / sigma[:, None])
         scale = (len(sigma) / max(basis.shape[1], 1)) ** 0.5
         evidence += [_evidence(nominal, size * scale * basis) for size in _SIZES]
     return float(logsumexp(evidence) - np.log(len(evidence)))
 
 
 def _evidence(nominal: Fit, columns: Array) -> float:
-    """With columns whose coefficients are standard normal."""
     residual = nominal.residual + nominal.jacobian @ nominal.unknowns
     spread = np.concatenate([NUISANCE * nominal.jacobian, columns], axis=1)
     inner = np.eye(spread.shape[1]) + spread.T @ spread

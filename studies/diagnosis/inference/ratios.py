@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,26 +16,12 @@ Array = NDArray[np.float64]
 Stroke = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """A stroke over another one; ``noise`` is the standard deviation of the one read."""
-
-    kind: str
-    what: str
-    read: float
-    simulated: float
-    noise: float
-
-    @property
-    def off(self) -> float:
-        """How far the simulation is off, in standard deviations of the noise."""
-        return (self.simulated - self.read) / self.noise
-
-
-def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple[Ratio, ...]:
+def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> list[dict[str, Any]]:
     """Ratios to the first specimen under the same mass, and to the specimen's smallest mass.
 
     A stroke is a range, or the mean reading at the largest voltage less that at the smallest one.
+    Each ratio has its "kind", "what" in words, as "read" and "simulated", the "noise" of the one
+    read, and how far the simulation is "off_by_noise", in standard deviations.
     """
     strokes = _strokes(table, predicted)
     masses = sorted({mass for _, mass in strokes})
@@ -48,48 +34,40 @@ def ratios(table: ReadingTable, predicted: Array, names: Sequence[str]) -> tuple
                     strokes[number, mass], strokes[number, masses[0]])
              for number, mass in sorted(strokes)
              if mass != masses[0] and (number, masses[0]) in strokes]
-    return (*between, *loads)
+    return [*between, *loads]
 
 
-def _ratio(kind: str, what: str, stroke: Stroke, base: Stroke) -> Ratio:
+def _ratio(kind: str, what: str, stroke: Stroke, base: Stroke) -> dict[str, Any]:
     (read, simulated, sigma), (base_read, base_simulated, base_sigma) = stroke, base
-    ratio = read / base_read
+    ratio, expected = read / base_read, simulated / base_simulated
     noise = abs(ratio) * float(np.hypot(sigma / read, base_sigma / base_read))
-    return Ratio(kind, what, ratio, simulated / base_simulated, noise)
+    return {"kind": kind, "what": what, "read": ratio, "simulated": expected, "noise": noise,
+            "off_by_noise": (expected - ratio) / noise}
 
 
 def _strokes(table: ReadingTable, predicted: Array) -> dict[tuple[int, float], Stroke]:
     """Strokes by specimen and mass, those too small to divide by left out."""
     strokes = {}
-    for number, mass in {(int(s), float(m)) for s, m in zip(table.specimen, table.mass,
-                                                            strict=True)}:
-        ramp = (table.specimen == number) & (table.mass == mass)
-        stroke = _range(table, predicted, ramp) or _swing(table, predicted, ramp)
-        if stroke is not None and stroke[0] > 5 * stroke[2] and stroke[1] > 0:
-            strokes[number, mass] = stroke
+    for number in np.unique(table.ramp):
+        ramp = table.ramp == number
+        ranges, rows = (ramp & (table.kind == kind) for kind in ("range", "displacement"))
+        if ranges.any():
+            read, simulated, sigma = _mean(table, predicted, ranges)
+        elif rows.any() and np.ptp(table.voltage[rows]) > 0:
+            (read, simulated, sigma), rest = (
+                _mean(table, predicted, rows & (table.voltage == end))
+                for end in (table.voltage[rows].max(), table.voltage[rows].min()))
+            read, simulated = read - rest[0], simulated - rest[1]
+            sigma = float(np.hypot(sigma, rest[2]))
+        else:
+            continue
+        if read > 5 * sigma and simulated > 0:
+            strokes[int(table.specimen[ramp][0]), float(table.mass[ramp][0])] = (
+                read, simulated, sigma)
     return strokes
 
 
-def _range(table: ReadingTable, predicted: Array, ramp: NDArray[np.bool_]) -> Stroke | None:
-    rows = ramp & (table.kind == "range")
-    if not rows.any():
-        return None
+def _mean(table: ReadingTable, predicted: Array, rows: NDArray[np.bool_]) -> Stroke:
+    """Means over some rows, and the standard deviation of the one read."""
     return (float(table.value[rows].mean()), float(predicted[rows].mean()),
-            _mean_sigma(table.sigma[rows]))
-
-
-def _swing(table: ReadingTable, predicted: Array, ramp: NDArray[np.bool_]) -> Stroke | None:
-    rows = ramp & (table.kind == "displacement")
-    voltage = table.voltage
-    if not rows.any() or np.ptp(voltage[rows]) == 0:
-        return None
-    top, rest = (rows & (voltage == end) for end in (voltage[rows].max(), voltage[rows].min()))
-    read, simulated = (float(values[top].mean() - values[rest].mean())
-                       for values in (table.value, predicted))
-    sigma = float(np.hypot(_mean_sigma(table.sigma[top]), _mean_sigma(table.sigma[rest])))
-    return read, simulated, sigma
-
-
-def _mean_sigma(sigma: Array) -> float:
-    """Standard deviation of a mean."""
-    return float(np.sqrt(np.sum(sigma**2)) / len(sigma))
+            float(np.sqrt(np.sum(table.sigma[rows]**2)) / rows.sum()))

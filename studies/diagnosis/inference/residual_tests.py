@@ -43,20 +43,15 @@ STATED = 8.0
 _ROUGH = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class ResidualPattern:
-    """Columns a misfit may be a combination of, in units of the readings, and the words for it."""
-
-    name: str
-    words: str
-    columns: Array
+def words_of(name: str) -> str:
+    """What a misfit of a pattern is, in words."""
+    return WORDS[name.split()[0]].format(*name.split(" ", 1))
 
 
-def patterns(table: ReadingTable, names: Sequence[str],
-             predicted: Array) -> tuple[ResidualPattern, ...]:
-    """The patterns of a table.
+def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
+    """By name, columns a misfit may be a combination of, in units of the readings.
 
-    ``names`` are its specimens', ``predicted`` what the nominal model says.
+    ``names`` are the specimens', ``predicted`` what the nominal model says.
     """
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
     voltage, numbers = _legendre(table.voltage**2), np.unique(table.specimen)
@@ -76,9 +71,8 @@ def patterns(table: ReadingTable, names: Sequence[str],
         columns["direction"] = (size * direction)[:, None] * few
     columns["fitted value"] = np.stack([predicted, predicted * abs(predicted) / size.max()], 1)
     columns["ramps"] = np.concatenate([*columns.values(), _ramps(table, size, voltage)], axis=1)
-    return tuple(ResidualPattern(name, WORDS[name.split()[0]].format(*name.split(" ", 1)), values)
-                 for name, values in columns.items()
-                 if np.abs(values).max(initial=0.0) > 0)
+    return {name: values for name, values in columns.items()
+            if np.abs(values).max(initial=0.0) > 0}
 
 
 def _legendre(squared: Array) -> Array:
@@ -98,11 +92,9 @@ def _standard(values: Array) -> Array:
 
 def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
     """A polynomial for each specimen under each mass that leaves some scatter."""
-    keys = np.stack([table.specimen.astype(float), table.mass], 1)
-    _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    columns = [((group.ravel() == number).astype(float) * size)[:, None]
+    columns = [((table.ramp == number).astype(float) * size)[:, None]
                * voltage[:, : min(voltage.shape[1], max(1, rows // 2))]
-               for number, rows in enumerate(count.tolist())]
+               for number, rows in enumerate(np.bincount(table.ramp).tolist())]
     return np.concatenate(columns, axis=1)
 
 
@@ -111,20 +103,12 @@ class TestResult:
     """What tests found.
 
     ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
-    the strongest of them, corrected for their number; ``noise``: over the stated one, known with so
-    many degrees of ``freedom``.
+    the strongest of them, corrected for their number; ``noise``: over the stated one.
     """
 
     p_values: dict[str, float]
     p_value: float
     noise: float
-    freedom: float
-
-    @property
-    def strongest(self) -> str:
-        """The least probable pattern by noise, one of few columns where there is a choice."""
-        few = {name: p for name, p in self.p_values.items() if name != "ramps"} or self.p_values
-        return min(few, key=lambda name: few[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +128,9 @@ class ResidualTests:
     stated: float
 
     @classmethod
-    def of(cls, table: ReadingTable, jacobian: Array, groups: Sequence[ResidualPattern],
-           further: dict[str, Array] | None = None,
-           one_sided: frozenset[str] = frozenset(), stated: float = STATED) -> ResidualTests:
+    def of(cls, table: ReadingTable, jacobian: Array, columns: dict[str, Array],
+           further: dict[str, Array] | None = None, one_sided: frozenset[str] = frozenset(),
+           stated: float = STATED) -> ResidualTests:
         """For a table, patterns and the model's derivatives over the noise, shape (rows, unknowns).
 
         Parameters
@@ -157,7 +141,7 @@ class ResidualTests:
             Degrees of freedom of the stated noise; 0 where there is none.
         """
         taken = orthonormal(jacobian)
-        columns = {group.name: group.columns / table.sigma[:, None] for group in groups}
+        columns = {name: values / table.sigma[:, None] for name, values in columns.items()}
         columns |= further or {}
         free = {name: without(taken, values) for name, values in columns.items()}
         bases = {name: orthonormal(values, np.abs(columns[name]).max())
@@ -185,13 +169,14 @@ class ResidualTests:
             rough = min(rough, self.freedom * most)
         return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
 
-    def __call__(self, residual: Array, generator: np.random.Generator) -> TestResult:
-        """Test residuals at a best fit, shape (rows,), against their noise and the stated one."""
-        return self.against(residual, self.freedom + self.stated, generator, self.noise(residual))
+    def __call__(self, residual: Array, generator: np.random.Generator,
+                 known: float | None = None) -> TestResult:
+        """Test residuals at a best fit, shape (rows,), against their noise and the stated one.
 
-    def against(self, residual: Array, freedom: float, generator: np.random.Generator,
-                noise: float = 1.0) -> TestResult:
-        """Test residuals against a noise known with some degrees of freedom."""
+        Or against the stated noise alone, ``known`` with so many degrees of freedom.
+        """
+        noise = self.noise(residual) if known is None else 1.0
+        freedom = self.freedom + self.stated if known is None else known
         inner = self.smooth.T @ residual
         small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
         p_values = {name: float(self._p(name, basis.T @ inner[:, None], np.array([noise]),
@@ -203,13 +188,9 @@ class ResidualTests:
         corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
         bound = min(1.0, least * len(p_values)) if p_values else 1.0
         p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
-        return TestResult(p_values, p_value, noise, freedom)
+        return TestResult(p_values, p_value, noise)
 
     def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:
-        """Probabilities of as much or more by noise alone.
-
-        ``parts``, shape (columns, draws), over ``noise``.
-        """
         count = parts.shape[0]
         tail = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
         if name in self.one_sided:

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit
-from tympan.studies.diagnosis.inference.identifiability import classes_of, signatures
+from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
 from tympan.studies.diagnosis.inference.posterior import Posterior, discrepancy_evidence
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
-    ResidualPattern,
     ResidualTests,
     TestResult,
     patterns,
@@ -47,16 +46,17 @@ class Judgement:
     """What readings say about the nominal model.
 
     ``table`` has the noise found; ``test`` is that of the nominal fit, ``after`` that of the best
-    hypothesis, None when nothing is wrong. ``named`` are the causes that stand out;
-    ``indistinguishable`` classes that these readings cannot tell apart, ``invisible`` causes they
-    cannot see.
+    hypothesis, None when nothing is wrong; ``patterns`` are those tested. ``named`` are the causes
+    that stand out; ``indistinguishable`` classes that these readings cannot tell apart,
+    ``invisible`` causes they cannot see.
     """
 
     verdict: Verdict
     table: ReadingTable
     nominal: Fit
     test: TestResult
-    patterns: tuple[ResidualPattern, ...]
+    patterns: dict[str, Array]
+    signatures: Signatures
     posterior: Posterior | None = None
     after: TestResult | None = None
     named: tuple[Cause, ...] = ()
@@ -67,12 +67,10 @@ class Judgement:
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
           stated: float = STATED, widen: float = 1.0, seed: int = 0) -> Judgement:
-    """Judge readings.
+    """Judge a table's readings, their noise as far as it is stated.
 
     Parameters
     ----------
-    table
-        Readings with their noise as far as it is stated.
     causes
         What may be wrong.
     stated
@@ -85,21 +83,22 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     nominal = nominal_fit(simulation, table)
     if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
-    groups = patterns(table, names, table.value - nominal.residual * table.sigma)
+    columns = patterns(table, names, table.value - nominal.residual * table.sigma)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     one_sided = frozenset(str(cause) for cause in causes
                           if [parameter.sign for parameter in cause.effect.parameters]
                           == ["positive"])
-    tests = ResidualTests.of(table, nominal.jacobian, groups,
-                             {str(cause): columns for cause, columns in signs.items()},
+    tests = ResidualTests.of(table, nominal.jacobian, columns,
+                             {str(cause): signature for cause, signature in signs.items()},
                              one_sided, stated)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
     test = tests(nominal.residual, generator)
     table = table.with_sigma(table.sigma * test.noise)
     nominal = fit(simulation, (), table, nominal.unknowns)
-    invisible, classes = classes_of(signatures(simulation, table, nominal.unknowns, causes))
-    base = Judgement("nothing", table, nominal, test, groups, indistinguishable=classes,
+    signs = signatures(simulation, table, nominal.unknowns, causes)
+    invisible, classes = classes_of(signs)
+    base = Judgement("nothing", table, nominal, test, columns, signs, indistinguishable=classes,
                      invisible=invisible)
     if test.p_value >= ALARM:
         return base
@@ -107,7 +106,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     hypotheses = hypotheses_of(seen)
     fits = [fit for fit in fit_all(simulation, hypotheses, table, nominal.unknowns, widen)
             if fit.possible]
-    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, groups, table.sigma))
+    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, columns, table.sigma))
     return _weighed(base, posterior, tests.freedom + stated, generator)
 
 
@@ -115,7 +114,7 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float,
              generator: np.random.Generator) -> Judgement:
     """The verdict when something is wrong."""
     probability = posterior.of_causes()
-    after = adequacy(base, posterior.best, freedom, generator)
+    after = _adequacy(base, posterior.best, freedom, generator)
     suspects = tuple(dict.fromkeys(cause for fit in posterior.credible()
                                    for cause in fit.hypothesis))
     weighed = replace(base, posterior=posterior, after=after, suspects=suspects)
@@ -126,16 +125,16 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float,
     alone = posterior.fit_of(sure) if sure else None
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
     if (alone is None or alike
-            or adequacy(base, alone, freedom, generator).p_value < ADEQUATE):
+            or _adequacy(base, alone, freedom, generator).p_value < ADEQUATE):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
 
 
-def adequacy(base: Judgement, fit: Fit, freedom: float,
-             generator: np.random.Generator) -> TestResult:
+def _adequacy(base: Judgement, fit: Fit, freedom: float,
+              generator: np.random.Generator) -> TestResult:
     """Whether what a hypothesis leaves is noise, known as well as before."""
     tests = ResidualTests.of(base.table, fit.jacobian, base.patterns, stated=0.0)
-    return tests.against(fit.residual, freedom, generator)
+    return tests(fit.residual, generator, known=freedom)
 
 
 def interval(fit: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:

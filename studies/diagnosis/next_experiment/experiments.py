@@ -53,8 +53,8 @@ class Readout:
     @cached_property
     def sigma(self) -> float:
         """Typical noise of a displacement [m]."""
-        lengths = np.isin(self.table.kind, ("displacement", "range"))
-        return float(np.median(self.table.sigma[lengths])) if lengths.any() else float("nan")
+        sigma = self.table.sigma[self.table.lengths]
+        return float(np.median(sigma)) if len(sigma) else float("nan")
 
     def shown(self, table: ReadingTable) -> Array:
         """What the nominal model expects."""

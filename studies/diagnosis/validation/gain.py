@@ -28,9 +28,6 @@ from tympan.studies.diagnosis.validation.gaussian_process import GaussianProcess
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
-#: Kinds of rows that are lengths, on which errors are counted.
-LENGTHS = ("displacement", "range")
-
 #: Share of the largest voltage up to which the extended model is fitted when it is tested above.
 LOW_VOLTAGES = 0.7
 
@@ -46,8 +43,6 @@ class SplitGain:
 
     Parameters
     ----------
-    kind, held_out, test
-        The split.
     chosen, wrong
         The causes chosen on the training part, and the best ones there that share none with them
         nor with their class; empty where there are none.
@@ -57,7 +52,7 @@ class SplitGain:
         of the extended model, of the nominal model plus a Gaussian process, and of the best wrong
         cause. Readings where the nominal or the extended model has no equilibrium are left out.
     ramp
-        Specimen and mass of the rows, numbered.
+        Number of each row's specimen and mass.
     note
         Why the split says nothing of the gain; empty where it does.
     """
@@ -151,7 +146,7 @@ def splits_of(simulation: Simulation,
     splits += [("mass", f"{1e3 * value:.5g} g", mass.ravel() == number)
                for number, value in enumerate(masses)]
     splits.append(("voltage", f"above {edge / 1e3:.3g} kV", np.abs(table.voltage) > edge))
-    levels = {"shape": shape, "specimen": table.specimen, "mass": _ramps(table),
+    levels = {"shape": shape, "specimen": table.specimen, "mass": table.ramp,
               "voltage": np.abs(table.voltage)}
     reasons = [_unfit(kind, test, table, levels[kind]) for kind, _, test in splits]
     return (tuple(split for split, reason in zip(splits, reasons, strict=True) if not reason),
@@ -160,8 +155,8 @@ def splits_of(simulation: Simulation,
 
 
 def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> str:
-    """Why a split cannot be made; empty where it can."""
-    if not np.any(test & np.isin(table.kind, LENGTHS)):
+    """Why a split cannot be made, "" where it can."""
+    if not np.any(test & table.lengths):
         return "no displacements would be held out"
     if np.sum(~test) < _FEWEST_ROWS:
         return f"fewer than {_FEWEST_ROWS} readings would be left"
@@ -170,24 +165,16 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
     return ""
 
 
-def _ramps(table: ReadingTable) -> NDArray[np.int64]:
-    """Number of the specimen and mass of each row."""
-    ramps = np.stack([table.specimen.astype(float), table.mass], 1)
-    return np.unique(ramps, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
-
-
 def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
             classes: tuple[tuple[Cause, ...], ...], best: Hypothesis) -> SplitGain:
-    """The models trained on one part and tested on the other."""
     kind, held_out, rows = split
     train = compact(table[~rows])
-    counted = rows & np.isin(table.kind, LENGTHS)
+    counted = rows & table.lengths
     test = compact(table[counted])
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
+    trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
-    fitted, wrong, odds = choose(
-        simulation, train, [cause for cause in causes if cause.which in (None, *names)], nominal,
-        classes)
+    fitted, wrong, odds = choose(simulation, train, trained, nominal, classes)
     chosen = fitted or nominal
 
     def error(fit: Fit) -> Array:
@@ -200,16 +187,15 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     solved = np.isfinite(before + after)
     signs = signatures(simulation, train, nominal.unknowns, best)
     hidden = [cause for cause in signs if visibility(signs[cause]) < SAME]
-    note = ""
-    if hidden:
-        note = f"{hidden[0]} cannot be learned while {held_out} is held out"
-    if not note and odds < 1:
-        note = f"nothing is seen to be wrong while {held_out} is held out"
     if not solved.any():
         note = "the models have no equilibrium where readings were held out"
+    elif hidden:
+        note = f"{hidden[0]} cannot be learned while {held_out} is held out"
+    else:
+        note = f"nothing is seen to be wrong while {held_out} is held out" if odds < 1 else ""
     return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
                      {name: values[solved] for name, values in errors.items()},
-                     _ramps(table)[counted][solved], note)
+                     table.ramp[counted][solved], note)
 
 
 def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
@@ -219,11 +205,10 @@ def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     The odds are that there is a cause at all. Each cause alone, the best of them with every other,
     and pairs of the best few are weighed.
     """
-    prior = dict(zip(hypotheses_of(causes), np.log(priors(hypotheses_of(causes))).tolist(),
-                     strict=True))
+    hypotheses = hypotheses_of(causes)
+    prior = dict(zip(hypotheses, np.log(priors(hypotheses)).tolist(), strict=True))
 
     def ranked(fits: Sequence[Fit]) -> list[Fit]:
-        """The most probable first; without those that have no equilibria."""
         return sorted((fit for fit in fits if fit.possible),
                       key=lambda fit: -(fit.evidence + prior[fit.hypothesis]))
 
@@ -244,7 +229,7 @@ def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 
 
 def compact(table: ReadingTable) -> ReadingTable:
-    """The same rows with only the states they are of."""
+    """The rows with only the states they are of."""
     used, numbers = np.unique(np.r_[table.state, table.since[table.since >= 0]],
                               return_inverse=True)
     since = table.since.copy()

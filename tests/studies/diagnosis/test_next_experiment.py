@@ -31,7 +31,7 @@ def judged_between(simulation: Simulation, table: ReadingTable, causes: list[Cau
     share = np.full(len(causes), 1 / len(causes))
     whole = judge(simulation, table, causes)
     return replace(whole, table=table, nominal=nominal,
-                   posterior=Posterior(nominal, fits, share, 0.0, 0.0))
+                   posterior=Posterior(fits, share, 0.0, 0.0))
 
 
 def refitted(simulation: Simulation, one: Fit, old: ReadingTable, new: ReadingTable) -> float:

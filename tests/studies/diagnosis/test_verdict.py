@@ -13,7 +13,11 @@ from scipy.stats import kstest, multivariate_t
 from tests.support.trials import design, every_cause, read
 from tympan.studies.diagnosis.inference import residual_tests
 from tympan.studies.diagnosis.inference.fit import NUISANCE, fit
-from tympan.studies.diagnosis.inference.identifiability import effect_identifiability
+from tympan.studies.diagnosis.inference.identifiability import (
+    classes_of,
+    detectable_effects,
+    signatures,
+)
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -85,12 +89,13 @@ def test_exact_aliases_are_known_before_any_data(three_shapes: Simulation) -> No
     """Permittivity, and so an amplifier's gain, is refitted; with one mass the stiffness takes up a
     load as well."""
     table = design(SIGMA)
-    known = effect_identifiability(three_shapes, table, np.zeros(2), every_cause(three_shapes))
-    assert Cause("amplifier_gain") in known.invisible
-    assert Cause("unaccounted_mass") not in known.invisible
-    one_mass = effect_identifiability(three_shapes, table[table.mass == table.mass[0]], np.zeros(2),
-                        every_cause(three_shapes))
-    assert Cause("unaccounted_mass") in one_mass.invisible
+    causes = every_cause(three_shapes)
+    invisible, _ = classes_of(signatures(three_shapes, table, np.zeros(2), causes))
+    assert Cause("amplifier_gain") in invisible
+    assert Cause("unaccounted_mass") not in invisible
+    one_mass = table[table.mass == table.mass[0]]
+    assert Cause("unaccounted_mass") in classes_of(
+        signatures(three_shapes, one_mass, np.zeros(2), causes))[0]
 
 
 def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Simulation) -> None:
@@ -98,7 +103,7 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     done in full."""
     table = design(SIGMA)
     causes = every_cause(three_shapes)
-    for one in effect_identifiability(three_shapes, table, np.zeros(2), causes).effects:
+    for one in detectable_effects(signatures(three_shapes, table, np.zeros(2), causes)):
         parameters = one.cause.effect.parameters
         if one.seen is None or len(parameters) > 1 or one.cause.name in ("voltage_sag",
                                                                            "strain_stiffening"):
@@ -146,11 +151,11 @@ def test_ratios_of_strokes(three_shapes: Simulation) -> None:
     table = design(SIGMA)
     values = three_shapes.predict((), np.zeros(2), table)
     read_ = table.with_values(np.where(table.specimen == 2, 1.1, 1.0) * values)
-    found = {one.what: one for one in ratios(read_, values, NAMES)}
-    assert found["elliptical-large over circular at 17.9 g"].read == pytest.approx(
-        1.1 * found["elliptical-large over circular at 17.9 g"].simulated)
-    assert found["22.45 g over 17.9 g, circular"].off == pytest.approx(0.0, abs=1e-7)
-    assert abs(found["elliptical-large over circular at 22.45 g"].off) > 3
+    found = {ratio["what"]: ratio for ratio in ratios(read_, values, NAMES)}
+    assert found["elliptical-large over circular at 17.9 g"]["read"] == pytest.approx(
+        1.1 * found["elliptical-large over circular at 17.9 g"]["simulated"])
+    assert found["22.45 g over 17.9 g, circular"]["off_by_noise"] == pytest.approx(0.0, abs=1e-7)
+    assert abs(found["elliptical-large over circular at 22.45 g"]["off_by_noise"]) > 3
 
 
 def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -> None:

@@ -12,9 +12,8 @@ import pytest
 from tests.support.lumped import clean
 from tympan.geometry.errors import InputError
 from tympan.reports.figures.identification import draw_correlations, draw_profiles
-from tympan.studies.estimation.identifiability import identifiability
+from tympan.studies.estimation.identifiability import Noise, identifiability
 from tympan.studies.estimation.least_squares import LeastSquares, minimise
-from tympan.studies.estimation.noise import noise_of
 from tympan.studies.estimation.profile import profile
 from tympan.studies.identify.static import identify_static
 
@@ -129,9 +128,10 @@ def test_a_search_that_cannot_begin_is_refused() -> None:
 
 
 def test_noise_that_cannot_explain_the_misfit_gives_way_to_it() -> None:
-    assert noise_of(100.0, 100, 0.9).sigma == 0.9
-    assert noise_of(100.0, 100, 0.1).sigma == 1.0
-    assert noise_of(100.0, 10, None).quantile > noise_of(100.0, 10, 1.0).quantile
+    assert Noise.of(100.0, 100, 0.9, widen=True).sigma == 0.9
+    assert Noise.of(100.0, 100, 0.1, widen=True).sigma == 1.0
+    assert Noise.of(100.0, 100, 0.1).sigma == 0.1
+    assert Noise.of(100.0, 10, None).quantile > Noise.of(100.0, 10, 1.0).quantile
 
 
 def test_pictures(tmp_path: Path) -> None:
