@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.equilibrium.ramp import Status
-from tympan.fem.membrane.plate import FREEDOMS
+from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.results.fields import whole
 from tympan.fem.vibration.mode_names import mode_names
 from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, vibrations

@@ -18,8 +18,7 @@ from tympan.fem.complex_step import STEP, complex_step
 from tympan.fem.discretisation.assembly import element_forces
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
-from tympan.fem.membrane.plate import HEAVE
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.errors import InputError
 
 Array = NDArray[Any]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
+from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.discretisation.isoparametric import isoparametric
-from tympan.fem.discretisation.pattern import SparsityPattern
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import CurvedTriangles

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model, Parts
-from tympan.fem.membrane.plate import HEAVE, turned
-from tympan.fem.membrane.state import Load, State
+from tympan.fem.membrane.state import HEAVE, Load, State, turned
 
 Array = NDArray[np.float64]
 

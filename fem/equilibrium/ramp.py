@@ -14,8 +14,7 @@ from tympan.fem.equilibrium.constraints import difference, held_plate, length
 from tympan.fem.equilibrium.newton import STRAINED, NewtonSettings, Solution, moved, newton
 from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace, Subspace
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import HEAVE
-from tympan.fem.membrane.state import Load, State
+from tympan.fem.membrane.state import HEAVE, Load, State
 
 #: A natural step may miss its prediction by a share of its motion, and its end's rate must explain
 #: a share of it, but for motions that are small beside the frame. A film stiffening with the cube

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skfem.models.poisson import laplace
 
 from tympan.fem.membrane.model import Linearised, Model, Parts
-from tympan.fem.membrane.plate import PlateMotion
+from tympan.fem.membrane.state import PlateMotion
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.membrane.plate import HEAVE, PlateMotion
+from tympan.fem.membrane.state import HEAVE, PlateMotion
 
 Array = NDArray[Any]
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.enclosed_volume import plate_volume
-from tympan.fem.membrane.plate import HEAVE, PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.geometry.fields import Key, Registry
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule
 

@@ -16,8 +16,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
 from tympan.fem.membrane.enclosed_volume import film_volume, plate_volume
 from tympan.fem.membrane.loading import GUIDES, Loading
-from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
-from tympan.fem.membrane.state import Load, State
+from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
 

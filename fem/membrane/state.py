@@ -1,4 +1,4 @@
-"""A configuration of film and plate, and the loads it is under."""
+"""Where film and plate are, and the loads they are under."""
 
 from __future__ import annotations
 
@@ -7,15 +7,85 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from tympan.fem.membrane.plate import PlateMotion
+from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
+
+#: The plate's freedoms: translations [m], then rotations [rad]; z is the heave, positive along the
+#: load.
+FREEDOMS = ("x", "y", "z", "rx", "ry", "rz")
+HEAVE = FREEDOMS.index("z")
 
 #: The loads that can be changed along a path: force on the plate [N], U² [V²], gas pressure [Pa].
 Load = Literal["force", "voltage", "pressure"]
 
 _FIELD = {"force": "force", "voltage": "voltage_squared", "pressure": "pressure"}
+
+
+@dataclass(frozen=True)
+class PlateMotion:
+    """Where the plate is: translation of its centre [m] and rotation matrix about it."""
+
+    translation: Array
+    rotation: Array
+
+    @classmethod
+    def rest(cls) -> PlateMotion:
+        """The mounted position."""
+        return cls(np.zeros(3), np.eye(3))
+
+    @property
+    def deflection(self) -> float:
+        """Deflection along the load [m]."""
+        deflection: float = self.translation[HEAVE].item()
+        return deflection
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the plate's normal and the load [rad]."""
+        return float(np.arccos(np.clip(self.rotation[2, 2], -1, 1)))
+
+    def moved(self, step: Array) -> PlateMotion:
+        """After a small motion in the six freedoms; rotations compose, so none is singular."""
+        if not step[3:].any():
+            return PlateMotion(self.translation + step[:3], self.rotation)
+        turn = Rotation.from_rotvec(step[3:]).as_matrix()
+        return PlateMotion(self.translation + step[:3], turn @ self.rotation)
+
+    def raised_to(self, deflection: float) -> PlateMotion:
+        """The same with another deflection [m]."""
+        translation = self.translation.copy()
+        translation[HEAVE] = deflection
+        return PlateMotion(translation, self.rotation)
+
+    def positions(self, centre: Array, arms: Array) -> Array:
+        """Positions of plate points with given arms from the centre, shape (n, 3)."""
+        return centre + self.translation + arms @ self.rotation.T
+
+    def gradient(self, arms: Array) -> Array:
+        """Derivative of the positions by the six freedoms, shape (n, 3, 6)."""
+        turned = arms @ self.rotation.T
+        result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
+        result[:, :, :3] = np.eye(3)
+        # The cross products of the axes with the arms.
+        result[:, (2, 0, 1), (3, 4, 5)] = turned[:, (1, 2, 0)]
+        result[:, (1, 2, 0), (3, 4, 5)] = -turned[:, (2, 0, 1)]
+        return result
+
+    def curvature(self, arms: Array, forces: Array) -> Array:
+        """Σ forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""
+        r = arms @ self.rotation.T
+        moment = np.einsum("ni,nj->ij", forces, r)
+        result = np.zeros((6, 6), dtype=moment.dtype)
+        result[3:, 3:] = (moment + moment.T) / 2 - np.eye(3) * np.trace(moment)
+        return result
+
+
+def turned(plate: PlateMotion, origin: PlateMotion) -> Array:
+    """The rotation vector that turns one orientation into another [rad]."""
+    if plate.rotation is origin.rotation:
+        return np.zeros(3)
+    return np.asarray(Rotation.from_matrix(plate.rotation @ origin.rotation.T).as_rotvec())
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import FREEDOMS
+from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.vibration.modes import Modes
 
 Array = NDArray[np.float64]

@@ -25,8 +25,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
-from tympan.fem.membrane.plate import PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import Unfolding, unfold
 from tympan.geometry.outlines import Outline

@@ -22,8 +22,7 @@ from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.membrane.loading import Loading, Spring
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import FREEDOMS, HEAVE, PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import FREEDOMS, HEAVE, PlateMotion, State
 from tympan.fem.results.fields import whole
 from tympan.fem.vibration.mode_names import mode_names
 from tympan.fem.vibration.modes import (

@@ -18,8 +18,7 @@ from scipy.constants import epsilon_0
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import FREEDOMS, PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.fem.results.fields import whole
 
 Array = NDArray[np.float64]

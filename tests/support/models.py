@@ -13,8 +13,7 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.mesh import ELEMENTS, curved_mesh
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen

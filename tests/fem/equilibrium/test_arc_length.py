@@ -24,8 +24,7 @@ from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.loading import Loading, Magnet
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import HEAVE
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import HEAVE, State
 from tympan.geometry.mesh import unfold
 
 VHB = Ogden((18.4e3, 210.0), (2.0, 4.0))

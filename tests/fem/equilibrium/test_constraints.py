@@ -26,7 +26,7 @@ from tympan.fem.equilibrium.subspace import SmoothSubspace
 from tympan.fem.equilibrium.tangent import Tangent
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import HEAVE
+from tympan.fem.membrane.state import HEAVE
 
 
 def arc(film: Model) -> Constraint:

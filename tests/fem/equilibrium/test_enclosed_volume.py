@@ -19,8 +19,7 @@ from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.enclosed_volume import plate_volume
 from tympan.fem.membrane.loading import Loading
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate
 from tympan.studies.case import Settings, build_model

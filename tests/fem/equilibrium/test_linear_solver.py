@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from tests.support.models import deformed, model
 from tests.support.specimens import circular, skewed
-from tympan.fem.discretisation.pattern import SparsityPattern
+from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.linear_solver.direct import (
     Analysis,
     SuperLU,

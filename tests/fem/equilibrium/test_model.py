@@ -13,8 +13,7 @@ from tests.support.models import deformed, model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, skewed
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.plate import HEAVE, PlateMotion
-from tympan.fem.membrane.state import State
+from tympan.fem.membrane.state import HEAVE, PlateMotion, State
 from tympan.geometry.mesh import unfold
 
 VOLTAGE_SQUARED = 2500.0**2
