@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
 from tympan.fem.film.admissibility import STRETCH_RANGE, inadmissible_stretch
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, write
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_writer import toml
 
 #: Ranges of stretch to state for a law that is not admissible over all of them, the widest first.
 _RANGES = (STRETCH_RANGE, (0.7, 5.0), (0.8, 4.0), (1.0, 4.0), (1.0, 3.0), (1.0, 2.5), (1.0, 2.0),
@@ -37,19 +40,49 @@ def specimen_content(specimen: Specimen, plain: bool = False) -> Content:
 
 
 def specimen_to_toml(specimen: Specimen) -> str:
-    """A specimen file.
-
-    :func:`tympan.fem.film.library.load_specimen` reads the equal specimen from it.
-    """
+    """A specimen file; :func:`tympan.fem.film.library.load_specimen` reads the equal specimen."""
     return toml(specimen_content(specimen))
 
 
 def rig_to_toml(rig: Rig) -> str:
-    """A rig file; :meth:`tympan.fem.rig.Rig.read` reads the equal rig from it.
+    """A rig file; :meth:`tympan.fem.rig.Rig.read` reads the equal rig."""
+    return toml(write(rig))
+
+
+def toml(content: Mapping[str, Any]) -> str:
+    """Nested tables as TOML text; lists of tables become arrays of tables.
 
     Examples
     --------
-    >>> print(rig_to_toml(Rig(spring=5.0)).splitlines()[2])
-    spring = "5 N/m"
+    >>> print(toml({"name": "a", "frame": {"axes": ["1 m", 2.0]}}))
+    name = "a"
+    <BLANKLINE>
+    [frame]
+    axes = ["1 m", 2.0]
+    <BLANKLINE>
     """
-    return toml(write(rig))
+    return "\n".join(_lines(content, "")) + "\n"
+
+
+def _lines(content: Mapping[str, Any], path: str) -> Iterator[str]:
+    inner: dict[str, list[Any]] = {}
+    for key, value in content.items():
+        entries = value if isinstance(value, list) else [value]
+        if entries and isinstance(entries[0], Mapping):
+            inner[key] = entries
+        else:
+            yield f"{key} = {_value(value)}"
+    for key, entries in inner.items():
+        where = f"{path}.{key}" if path else key
+        for entry in entries:
+            yield ""
+            yield f"[[{where}]]" if isinstance(content[key], list) else f"[{where}]"
+            yield from _lines(entry, where)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str | bool):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(float(value))

@@ -1,6 +1,4 @@
-"""What a field says about itself, once: meaning, unit, limits.
-
-Reading, writing and reference follow.
+"""What a field says about itself, once: meaning, unit, limits; reading and writing follow.
 
 A field of a dataclass is declared by its type and a :class:`Key`::
 
@@ -61,10 +59,7 @@ class Key:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A declared field.
-
-    Its ``name`` in the dataclass, ``key`` in files, ``kind`` its type, None left out of it.
-    """
+    """A declared field: ``name`` in the dataclass, ``key`` in files, ``kind`` its type but None."""
 
     name: str
     key: str
@@ -121,14 +116,7 @@ def _fields_of(cls: Any) -> tuple[Field, ...]:
 
 
 def field_at(value: Any, path: tuple[str, ...]) -> Field | None:
-    """The innermost declared field on the way along a path of attributes and numbers of elements.
-
-    Examples
-    --------
-    >>> from tympan.geometry.outlines import Circle
-    >>> field_at(Circle(0.045), ("radius",)).says.dimension
-    'length'
-    """
+    """The innermost declared field on the way along a path of attributes and element numbers."""
     field = None
     for name in path:
         if isinstance(value, tuple):
@@ -149,12 +137,8 @@ def symbol(field: Field | None) -> str:
 def takes_units(cls: Any) -> Any:
     """Let a declared dataclass also be made of texts with their unit, ``Circle("4.5 cm")``.
 
-    A decorator. Lists serve as tuples.
-
-    Raises
-    ------
-    InputError
-        From the class, naming the key, for a text that is no quantity of the field's dimension.
+    Lists serve as tuples. A text that is no quantity of the field's dimension is an
+    :class:`InputError` that names the key.
     """
     of_numbers = cls.__init__
 
@@ -173,7 +157,6 @@ def takes_units(cls: Any) -> Any:
 
 
 def _as_written(value: Any) -> bool:
-    """Whether a value is, or holds, what a file may hold and the class does not."""
     if isinstance(value, tuple):
         return any(map(_as_written, value))
     return isinstance(value, str | list)
@@ -192,8 +175,6 @@ def _in_si(field: Field | None, value: Any) -> Any:
 
 class Registry(dict[str, T]):
     """All kinds of one thing by the name that files know them by.
-
-    Each is registered where it is defined.
 
     ``tag`` is the attribute of a kind that holds its name, and the key in files that chooses it.
     """
@@ -219,13 +200,7 @@ class Registry(dict[str, T]):
 
 
 def read(cls: type[T], table: Table, special: Special | None = None) -> T:
-    """An instance of a declared dataclass from a table, which must hold nothing else.
-
-    Raises
-    ------
-    InputError
-        Naming file, key, what was given and what is allowed.
-    """
+    """An instance of a declared dataclass from a table, which must hold nothing else."""
     values: Content = {}
     for field in sorted(fields_of(cls), key=lambda item: item.says.inline):
         if special and (cls, field.name) in special:
@@ -247,8 +222,7 @@ def read(cls: type[T], table: Table, special: Special | None = None) -> T:
 def write(value: Any, plain: bool = False) -> Content:
     """A declared dataclass as a table that :func:`read` turns into an equal one.
 
-    ``plain``: quantities are SI numbers under keys that end with the unit ("radius_m"), for a
-    :class:`tympan.geometry.toml_reader.PlainTable`.
+    ``plain``: for a plain :class:`tympan.geometry.toml_reader.Table`.
     """
     content: Content = {}
     for field in fields_of(type(value)):
@@ -284,7 +258,6 @@ def require(value: Any) -> None:
 
 
 def _stands(field: Field, table: Table, values: Content) -> bool:
-    """Whether a key is to be read: it is there, or missing and required."""
     says = field.says
     if says.needs and not values.get(says.needs):
         return False
@@ -305,26 +278,16 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
     if get_origin(item) is Literal:
         return table.choice(key, {name: name for name in get_args(item)})
     if item is str:
-        limits = None if says.rule is FINITE else says.rule
-        return table.texts(key) if field.several else table.text(key, rule=limits)
+        return table.text(key, rule=None if says.rule is FINITE else says.rule)
     if item is bool:
         return table.truth(key)
     if get_origin(item) is tuple:
         return table.places(key, says.least, field.count)
-    numbers = _numbers(field, table)
+    rule = WHOLE if item is int and says.rule is FINITE else says.rule
+    numbers = (table.numbers(key, says.dimension, rule=rule, count=field.count) if field.several
+               else (table.number(key, says.dimension, rule=rule),))
     whole = tuple(map(int, numbers)) if item is int else numbers
     return whole if field.several else whole[0]
-
-
-def _numbers(field: Field, table: Table) -> tuple[float, ...]:
-    """The number of a field, or all of its list."""
-    says, key = field.says, field.key
-    rule = WHOLE if field.item is int and says.rule is FINITE else says.rule
-    if field.several:
-        return (table.quantities(key, says.dimension, rule=rule, count=field.count)
-                if says.dimension else table.numbers(key, rule=rule, count=field.count))
-    return (table.quantity(key, says.dimension, rule=rule) if says.dimension
-            else table.number(key, rule=rule),)
 
 
 def _written(says: Key, part: Any, plain: bool) -> Any:

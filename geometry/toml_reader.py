@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -21,20 +21,18 @@ FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
 WHOLE: Rule = (lambda x: x == int(x), "must be a whole number")
 
 
-class _Required:
-    """Marks a key that has no default."""
-
-
-REQUIRED: Any = _Required()
-
-
 @dataclass
 class Table:
-    """One TOML table while it is read, its dotted path, and the keys asked for so far."""
+    """One TOML table while it is read, its dotted path, and the keys asked for so far.
+
+    A quantity is a text with a unit; in a ``plain`` table an SI number under a key that ends with
+    the unit, ``radius_m``. All are answered in SI.
+    """
 
     file: Path | str
     data: Mapping[str, Any]
     where: str = ""
+    plain: bool = False
     asked: set[str] = field(default_factory=set)
 
     @classmethod
@@ -50,37 +48,40 @@ class Table:
             raise InputError(f"is not valid TOML: {error}", file=file) from None
 
     def path(self, key: str) -> str:
-        """Dotted path of a key of this table."""
+        """Dotted path of a key."""
         return f"{self.where}.{key}" if self.where else key
 
     def error(self, key: str, allowed: str, given: object = None) -> InputError:
-        """An error about one key of this table."""
+        """An error about one key."""
         return InputError(allowed, file=self.file, key=self.path(key), given=given)
 
     def __contains__(self, key: str) -> bool:
         return key in self.data
 
-    def value(self, key: str, default: Any = REQUIRED) -> Any:
+    def value(self, key: str, default: Any = MISSING) -> Any:
         """The raw value of a key, or its default."""
         self.asked.add(key)
         if key in self.data:
             return self.data[key]
-        if default is REQUIRED:
+        if default is MISSING:
             raise self.error(key, "is missing")
         return default
 
-    def table(self, key: str, default: Any = REQUIRED) -> Table:
+    def table(self, key: str, default: Any = MISSING) -> Table:
         """A sub-table."""
         value = self.value(key, default)
         if not isinstance(value, Mapping):
             raise self.error(key, "must be a table", value)
-        return type(self)(self.file, value, self.path(key))
+        return self._within(value, key)
+
+    def _within(self, data: Mapping[str, Any], key: str) -> Table:
+        return Table(self.file, data, self.path(key), self.plain)
 
     def spelled(self, key: str, dimension: str) -> str:
         """The key as the file has it; ``dimension`` is "" for all but quantities."""
-        return key
+        return key + DIMENSIONS[dimension].suffix if self.plain and dimension else key
 
-    def text(self, key: str, default: Any = REQUIRED, rule: Rule | None = None) -> str:
+    def text(self, key: str, default: Any = MISSING, rule: Rule | None = None) -> str:
         """A non-empty string."""
         value = self.value(key, default)
         if not isinstance(value, str) or not value.strip():
@@ -89,55 +90,30 @@ class Table:
             raise self.error(key, rule[1], value)
         return value
 
-    def texts(self, key: str) -> tuple[str, ...]:
-        """A list of non-empty strings, or a single one."""
-        value = self.value(key)
-        items = [value] if isinstance(value, str) else self._list(key, value, None, "strings")
-        for item in items:
-            if not isinstance(item, str) or not item.strip():
-                raise self.error(key, "must be non-empty strings", item)
-        return tuple(map(str, items))
-
-    def truth(self, key: str, default: Any = REQUIRED) -> bool:
+    def truth(self, key: str, default: Any = MISSING) -> bool:
         """True or false."""
         value = self.value(key, default)
         if not isinstance(value, bool):
             raise self.error(key, "must be true or false", value)
         return value
 
-    def number(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE) -> float:
-        """A plain number."""
-        return self._number(key, self.value(key, default), rule)
-
-    def numbers(self, key: str, default: Any = REQUIRED, rule: Rule = FINITE,
-                count: int | None = None
-                ) -> tuple[float, ...]:
-        """A list of plain numbers."""
-        items = self._list(key, self.value(key, default), count, "numbers")
-        return tuple(self._number(key, item, rule) for item in items)
-
-    def quantity(self, key: str, dimension: str, default: Any = REQUIRED,
-                 rule: Rule = FINITE) -> float:
-        """A number with a unit, in SI."""
+    def number(self, key: str, dimension: str = "", default: Any = MISSING,
+               rule: Rule = FINITE) -> float:
+        """A quantity of a dimension, or a plain number."""
         key = self.spelled(key, dimension)
-        return self._quantity(key, self.value(key, default), dimension, rule)
+        return self._number(key, self.value(key, default), dimension, rule)
 
-    def quantities(self, key: str, dimension: str, default: Any = REQUIRED, rule: Rule = FINITE,
-                   count: int | None = None) -> tuple[float, ...]:
-        """A list of numbers with units, in SI."""
+    def numbers(self, key: str, dimension: str = "", default: Any = MISSING, rule: Rule = FINITE,
+                count: int | None = None) -> tuple[float, ...]:
+        """A list of quantities, or of plain numbers."""
         key = self.spelled(key, dimension)
-        items = self._list(key, self.value(key, default), count, f"quantities ({dimension})")
-        return tuple(self._quantity(key, item, dimension, rule) for item in items)
-
-    def pair(self, key: str, dimension: str, default: Any = REQUIRED,
-             rule: Rule = FINITE) -> tuple[float, float]:
-        """Two quantities with units, in SI."""
-        first, second = self.quantities(key, dimension, default, rule, 2)
-        return first, second
+        what = f"quantities ({dimension})" if dimension else "numbers"
+        items = self._list(key, self.value(key, default), count, what)
+        return tuple(self._number(key, item, dimension, rule) for item in items)
 
     def places(self, key: str, least: int = 1,
                count: int | None = None) -> tuple[tuple[float, float], ...]:
-        """At least, or just, so many points, each a pair of lengths with units, in SI."""
+        """At least, or just, so many points, each a pair of lengths."""
         key = self.spelled(key, "length")
         items = self._list(key, self.value(key), count, "points, each a pair of lengths")
         if len(items) < least:
@@ -146,8 +122,7 @@ class Table:
         for number, item in enumerate(items):
             where = f"{key}.{number}"
             x, y = self._list(where, item, 2, "quantities (length)")
-            points.append((self._quantity(where, x, "length", FINITE),
-                           self._quantity(where, y, "length", FINITE)))
+            points.append((self._number(where, x, "length"), self._number(where, y, "length")))
         return tuple(points)
 
     def tables(self, key: str) -> tuple[Table, ...]:
@@ -156,10 +131,10 @@ class Table:
         entries = [value] if isinstance(value, dict) else value
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise self.error(key, "must be a table, or a list of tables", value)
-        return tuple(type(self)(self.file, entry, f"{self.path(key)}.{number}")
+        return tuple(self._within(entry, f"{key}.{number}")
                      for number, entry in enumerate(entries))
 
-    def choice(self, key: str, options: Mapping[str, T], default: Any = REQUIRED) -> T:
+    def choice(self, key: str, options: Mapping[str, T], default: Any = MISSING) -> T:
         """One of several named values."""
         name = self.value(key, default)
         if not isinstance(name, str) or name not in options:
@@ -182,31 +157,17 @@ class Table:
             raise self.error(key, f"must be a list of {number}{what}", value)
         return value
 
-    def _number(self, key: str, value: object, rule: Rule) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
+    def _number(self, key: str, value: object, dimension: str, rule: Rule = FINITE) -> float:
+        if dimension and not self.plain:
+            try:
+                number = quantity(value, dimension)
+            except InputError as error:
+                raise error.located(file=self.file, key=self.path(key)) from None
+        elif isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
             raise self.error(key, "must be a number without a unit, below 1e300", value)
-        return self._ruled(key, float(value), value, rule)
-
-    def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:
-        try:
-            number = quantity(value, dimension)
-        except InputError as error:
-            raise error.located(file=self.file, key=self.path(key)) from None
-        return self._ruled(key, number, value, rule)
-
-    def _ruled(self, key: str, number: float, given: object, rule: Rule) -> float:
+        else:
+            number = float(value)
         holds, words = rule
         if not holds(number):
-            raise self.error(key, words, given)
+            raise self.error(key, words, value)
         return number
-
-
-@dataclass
-class PlainTable(Table):
-    """A table whose quantities are SI numbers under keys with the unit: ``radius_m``."""
-
-    def spelled(self, key: str, dimension: str) -> str:
-        return key + DIMENSIONS[dimension].suffix if dimension else key
-
-    def _quantity(self, key: str, value: object, dimension: str, rule: Rule) -> float:
-        return self._number(key, value, rule)

@@ -221,8 +221,8 @@ def read_study(file: Path) -> Study:
     study = Study(
         table.text("name", file.stem), specimens,
         tuple(path.read_text(encoding="utf-8") for path in paths),
-        mass=table.quantity("mass", "mass", "17.9 g", NON_NEGATIVE),
-        voltage=table.quantity("voltage", "voltage", "0 kV", NON_NEGATIVE),
+        mass=table.number("mass", "mass", "17.9 g", NON_NEGATIVE),
+        voltage=table.number("voltage", "voltage", "0 kV", NON_NEGATIVE),
         rig=Rig.from_table(table.table("rig", {})),
         curves=_loads(table, "curves", default.curves),
         alpha=AlphaSettings(_loads(table, "alpha_fit", default.alpha.fit),
@@ -325,8 +325,8 @@ def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
         table.asked.add(key)
         return default
     loads = table.table(key)
-    masses = loads.quantities("mass", "mass", rule=POSITIVE)
-    voltages = loads.quantities("voltage", "voltage", rule=NON_NEGATIVE)
+    masses = loads.numbers("mass", "mass", rule=POSITIVE)
+    voltages = loads.numbers("voltage", "voltage", rule=NON_NEGATIVE)
     if list(voltages) != sorted(voltages):
         raise loads.error("voltage", "must ascend", loads.value("voltage"))
     loads.done()

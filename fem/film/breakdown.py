@@ -11,7 +11,7 @@ import numpy as np
 
 from tympan.geometry.fields import Key, read
 from tympan.geometry.specimen import STRENGTHS, Strength
-from tympan.geometry.toml_reader import PlainTable, Rule
+from tympan.geometry.toml_reader import Rule, Table
 
 _FIELD: Rule = (lambda x: 1e4 <= x <= 1e10, "must be from 0.01 to 10000 MV/m")
 _EXPONENT: Rule = (lambda x: -10 <= x <= 10, "must be from -10 to 10")
@@ -70,5 +70,5 @@ class LibraryStrength:
 _FILE = Path(__file__).with_name("strengths.toml")
 
 STRENGTH_LIBRARY: dict[str, LibraryStrength] = {
-    name: read(LibraryStrength, PlainTable(_FILE, entry))
+    name: read(LibraryStrength, Table(_FILE, entry, plain=True))
     for name, entry in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()}

@@ -21,7 +21,7 @@ from tympan.geometry.specimen import (
     Strength,
     read_specimen,
 )
-from tympan.geometry.toml_reader import POSITIVE, PlainTable, Table
+from tympan.geometry.toml_reader import POSITIVE, Table
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,13 @@ _FILE = Path(__file__).with_name("library.toml")
 _LIBRARY = tomllib.loads(_FILE.read_text(encoding="utf-8"))
 
 MATERIALS: dict[str, LibraryMaterial] = {
-    name: read(LibraryMaterial, PlainTable(_FILE, _LIBRARY["films"][entry.pop("film")] | entry))
+    name: read(LibraryMaterial,
+               Table(_FILE, _LIBRARY["films"][entry.pop("film")] | entry, plain=True))
     for name, entry in _LIBRARY["materials"].items()}
 
 #: Why no film can be made of some constants; and these as laws, to be examined.
 REFUSED: dict[str, str] = {name: entry["reason"] for name, entry in _LIBRARY["refused"].items()}
-EXAMINED: dict[str, Material] = {name: LAWS.read(PlainTable(_FILE, entry["material"]))
+EXAMINED: dict[str, Material] = {name: LAWS.read(Table(_FILE, entry["material"], plain=True))
                                  for name, entry in _LIBRARY["refused"].items()}
 
 
@@ -78,7 +79,7 @@ def _read(table: Table, key: str, check: Callable[..., Material]) -> Material:
     if isinstance(table.value(key), str):
         return table.choice(key, MATERIALS).material
     constants = table.table(key)
-    low, high = constants.numbers("range", STRETCH_RANGE, POSITIVE, 2)
+    low, high = constants.numbers("range", "", STRETCH_RANGE, POSITIVE, 2)
     if not low < high <= 20:
         raise constants.error("range", "must be two stretches, the smaller first, at most 20",
                               [low, high])

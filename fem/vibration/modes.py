@@ -28,8 +28,7 @@ from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import Unfolding, unfold
-from tympan.geometry.outlines import Outline
-from tympan.geometry.outlines.moments import moments
+from tympan.geometry.outlines import Outline, moments
 
 Array = NDArray[np.float64]
 
@@ -81,8 +80,8 @@ class RigidPlate:
             raise InputError("the plate's mass must not be negative, and its point-like part not "
                              "larger than it",
                              key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
-        shape = moments(outline)
-        (xx, xy), (_, yy) = (mass - point_mass) / shape.area * shape.second
+        area, _, second = moments(outline)
+        (xx, xy), (_, yy) = (mass - point_mass) / area * second
         return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
 
     def matrix(self, plate: PlateMotion) -> Array:

@@ -73,7 +73,7 @@ def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
 
 def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
     """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
-    return pieces_wire(outline.primitives(), centre)
+    return pieces_wire(outline.curve.pieces, centre)
 
 
 def _annulus(outer: cq.Wire, inner: cq.Wire) -> cq.Face:

@@ -14,8 +14,8 @@ from tympan.geometry.cad.membrane import offset_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Drawn, Outline
 from tympan.geometry.outlines.drawings import edge_pieces
+from tympan.geometry.outlines.drawn import joined
 from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece
-from tympan.geometry.outlines.shapes.drawn import joined
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import METRE
 
@@ -80,12 +80,12 @@ def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
     radius = min(options.screw / 2, min(outline.semi_axes) / 6)
     depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
     holes = [_hole(np.array(offset), radius)] if depth > 2 * radius else []
-    rim = pieces_wire(outline.primitives(), offset)
+    rim = pieces_wire(outline.curve.pieces, offset)
     return cq.Solid.extrudeLinear(rim, holes, cq.Vector(0, 0, options.plate_height * METRE))
 
 
 def _ring(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
-    inner = pieces_wire(frame.primitives())
+    inner = pieces_wire(frame.curve.pieces)
     try:
         outer = offset_wire(frame, (0.0, 0.0), options.width)
     except InputError:  # around sharp corners
@@ -138,7 +138,7 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
              f'{width:.6f} {height:.6f}">',
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:
-        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)], None)
+        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)])
         lines.append(f'<path class="{name}" d="{_path(loop)}"/>')
     file.write_text("\n".join([*lines, "</g>", "</svg>", ""]), encoding="utf-8")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.outlines.pieces import Array, Piece, Point
+from tympan.geometry.outlines.pieces import Array, Piece, Point, subdivided
 
 Foot = tuple[Array, Array]
 
@@ -25,12 +25,11 @@ class Curve:
     def at(self, foot: Foot) -> tuple[Array, Array]:
         """Points and derivatives at feet, shape (n, 2) each [m]."""
         number, t = foot
-        parts = [(number == k, piece) for k, piece in enumerate(self.pieces)]
-        local_parts = [(mask, piece.at(t[mask])) for mask, piece in parts if mask.any()]
-        kind = np.result_type(float, *(local[0] for _, local in local_parts))
+        parts = {k: self.pieces[k].at(t[number == k])[:2] for k in np.unique(number)}
+        kind = np.result_type(float, *(value for value, _ in parts.values()))
         value, slope = np.empty((len(t), 2), kind), np.empty((len(t), 2), kind)
-        for mask, local in local_parts:
-            value[mask], slope[mask] = local[:2]
+        for k, part in parts.items():
+            value[number == k], slope[number == k] = part
         return value, slope
 
     def foot(self, places: Array) -> Foot:
@@ -75,7 +74,7 @@ class Curve:
     @cached_property
     def length(self) -> Any:
         """Perimeter [m]."""
-        return sum(piece_length(piece) for piece in self.pieces)
+        return sum(piece_length(piece) for piece in self.pieces).item()
 
     @cached_property
     def area(self) -> Any:
@@ -84,7 +83,7 @@ class Curve:
 
     def integral(self, form: Any) -> Any:
         """Around the curve, of ``form(x, y, dx, dy)``."""
-        return sum(_integral(piece, form) for piece in self.pieces)
+        return sum(_integral(piece, form) for piece in self.pieces).item()
 
     @cached_property
     def box(self) -> tuple[Point, Point]:
@@ -155,15 +154,15 @@ def _integral(piece: Piece, form: Any) -> Any:
 
 def _extreme(piece: Piece, axis: int, sign: int) -> Any:
     """Largest of a coordinate times a sign; where it is depends on real parts alone."""
-    breaks = piece.breaks
-    t = np.unique(np.concatenate([breaks, *(breaks[:-1] + share * np.diff(breaks)
-                                            for share in (0.25, 0.5, 0.75))]))
+    t = subdivided(piece.breaks, 4)
     best = int(np.argmax(sign * piece.at(t)[0][:, axis].real))
     place, low, high = t[best : best + 1], t[max(best - 1, 0)], t[min(best + 1, len(t) - 1)]
     for _ in range(8):
         _, slope, bend = (part[:, axis].real for part in piece.at(place))
         step = np.where(sign * bend < 0, slope / np.where(bend == 0, 1.0, bend), 0.0)
-        place = np.clip(place - step, low, high)
+        before, place = place, np.clip(place - step, low, high)
+        if place == before:
+            break
     candidates = np.concatenate([place, t[best : best + 1]])
     values = sign * piece.at(candidates)[0][:, axis]
     return values[int(np.argmax(values.real))].item()

@@ -1,6 +1,4 @@
-"""Pieces that outlines are made of and CAD draws exactly.
-
-Straight lines, arcs of ellipses, cubic splines.
+"""Pieces that outlines are made of: straight lines, arcs of ellipses, cubic splines.
 
 A piece runs from ``t = 0`` to ``t = 1``. Its numbers may be complex, so that what is computed from
 a curve can be differentiated by its lengths with a complex step; what decides between cases looks
@@ -9,6 +7,7 @@ at real parts.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -64,7 +63,7 @@ class Line:
         return Line(_placed(self.start, angle, shift), _placed(self.end, angle, shift))
 
     def beside(self, distance: Any) -> Line:
-        """The parallel piece on the right, which is outside a counterclockwise curve."""
+        """The parallel piece on the right, outside a counterclockwise curve; may be a spline."""
         (x, y), (u, v) = self.start, self.end
         length = ((u - x) ** 2 + (v - y) ** 2) ** 0.5
         dx, dy = distance * (v - y) / length, distance * (x - u) / length
@@ -75,12 +74,70 @@ class Line:
         return Line(self.end, self.start)
 
 
+class Curved(ABC):
+    """What arcs and splines share: the nearest point, and the parallel curve as a spline."""
+
+    #: Points between two breaks from which the nearest is searched.
+    each: ClassVar[int]
+
+    @property
+    @abstractmethod
+    def breaks(self) -> Array: ...
+
+    @abstractmethod
+    def at(self, t: Array) -> Local: ...
+
+    def nearest(self, places: Array) -> Array:
+        """Parameters of the nearest points: Newton's method from the two nearest samples."""
+        seeds = self._tree.query(places, k=2)[1]
+        near = [self._refined(places, seed) for seed in seeds.T]
+        first, second = (np.linalg.norm(self.at(t)[0] - places, axis=1) for t in near)
+        return np.where(first <= second, *near)
+
+    def beside(self, distance: Any) -> Piece:
+        def curve(t: Array) -> tuple[Array, Array]:
+            value, slope, bend = self.at(t)
+            length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
+            normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
+            turn = (slope[:, :1] * bend[:, 1:] - slope[:, 1:] * bend[:, :1]) / length**3
+            return value + distance * normal, slope * (1 + distance * turn)
+
+        size = float(np.abs(np.diff(self.at(self.breaks)[0], axis=0)).sum())
+        return spline_through(curve, graded(curve, self.breaks, size))
+
+    @cached_property
+    def _samples(self) -> Array:
+        return subdivided(self.breaks, self.each)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.at(self._samples)[0])
+
+    def _refined(self, places: Array, seed: Array) -> Array:
+        low = self._samples[np.maximum(seed - 1, 0)]
+        high = self._samples[np.minimum(seed + 1, len(self._samples) - 1)]
+        t = self._samples[seed]
+        for _ in range(12):
+            before = t
+            value, slope, bend = self.at(t)
+            away = value - places
+            steepness = (slope * slope).sum(axis=1)
+            curvature = steepness + (away * bend).sum(axis=1)
+            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness,
+                                                                  curvature, steepness),
+                        low, high)
+            if np.abs(t - before).max(initial=0.0) < _SETTLED:
+                break
+        return t
+
+
 @PIECES.register
 @dataclass(frozen=True)
-class Arc:
+class Arc(Curved):
     """An arc of an ellipse, from the eccentric angle ``start`` over ``sweep``."""
 
     kind: ClassVar[str] = "arc"
+    each: ClassVar[int] = 8
     centre: Annotated[Point, Key("centre of its ellipse", "length")]
     radii: Annotated[Point, Key("semi-axes of its ellipse", "length")]
     start: Annotated[Any, Key("eccentric angle where it starts", "angle")] = 0.0
@@ -101,13 +158,14 @@ class Arc:
         angle = self.start + t * self.sweep
         x = np.array([a * np.cos(angle), b * np.sin(angle)])
         y = np.array([-a * np.sin(angle), b * np.cos(angle)])
-        turn = _rotation(self.turn)
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        turn = np.array([[c, -s], [s, c]])
         return ((turn @ x).T + np.array(self.centre), (turn @ y).T * self.sweep,
                 -(turn @ x).T * self.sweep**2)
 
     def nearest(self, places: Array) -> Array:
         if not self.circular:
-            return self._samples.nearest(places)
+            return super().nearest(places)
         x, y = (places - np.array(self.centre)).T
         angle = np.arctan2(y, x) - self.turn - self.start
         t = np.mod(angle * np.sign(self.sweep), 2 * np.pi) / abs(self.sweep)
@@ -119,32 +177,26 @@ class Arc:
                    self.turn + angle)
 
     def beside(self, distance: Any) -> Piece:
-        """That of an ellipse is a spline close to it."""
         if self.circular:
             radius = self.radii[0] + distance * np.sign(np.real(self.sweep))
             return Arc(self.centre, (radius, radius), self.start, self.sweep, self.turn)
-        return _beside(self, distance)
+        return super().beside(distance)
 
     def backwards(self) -> Arc:
         return Arc(self.centre, self.radii, self.start + self.sweep, -self.sweep, self.turn)
 
-    @cached_property
-    def _samples(self) -> PieceSamples:
-        return PieceSamples(self, 8)
-
-
 @PIECES.register
 @dataclass(frozen=True)
-class Spline:
+class Spline(Curved):
     """The cubic spline with continuous curvature through points at knots."""
 
     kind: ClassVar[str] = "spline"
+    each: ClassVar[int] = 4
     knots: Annotated[tuple[Any, ...], Key("ascending numbers, one a point")]
     points: Annotated[tuple[Point, ...], Key("what it runs through", "length", least=2)]
     slopes: Annotated[tuple[Point, Point], Key("derivatives by the knots at both ends", "length")]
 
     def __post_init__(self) -> None:
-        """Refuse knots that do not ascend or do not match the points."""
         if len(self.knots) != len(self.points) or np.diff(np.real(self.knots)).min() <= 0:
             raise InputError("must be ascending numbers, one a point", key="knots")
 
@@ -188,70 +240,24 @@ class Spline:
         bands[1] = 2 * (inverse[:-1] + inverse[1:])
         return np.asarray(solve_banded((1, 1), bands, right))
 
-    def nearest(self, places: Array) -> Array:
-        return self._samples.nearest(places)
-
     def placed(self, angle: Any, shift: Point) -> Spline:
         first, last = (_placed(slope, angle, (0.0, 0.0)) for slope in self.slopes)
         return Spline(self.knots, tuple(_placed(point, angle, shift) for point in self.points),
                       (first, last))
-
-    def beside(self, distance: Any) -> Spline:
-        return _beside(self, distance)
 
     def backwards(self) -> Spline:
         (u, v), (x, y) = self.slopes
         knots = tuple(self.knots[0] + self.knots[-1] - knot for knot in reversed(self.knots))
         return Spline(knots, self.points[::-1], ((-x, -y), (-u, -v)))
 
-    @cached_property
-    def _samples(self) -> PieceSamples:
-        return PieceSamples(self, 4)
-
 
 Piece = Line | Arc | Spline
 
 
-@dataclass(frozen=True)
-class PieceSamples:
-    """Points along a curved piece, ``each`` of them between two breaks, to search from."""
-
-    piece: Arc | Spline
-    each: int
-
-    @cached_property
-    def _t(self) -> Array:
-        breaks = self.piece.breaks
-        steps = np.arange(self.each) / self.each
-        return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.piece.at(self._t)[0])
-
-    def nearest(self, places: Array) -> Array:
-        """Parameters of the nearest points: Newton's method from the two nearest samples."""
-        seeds = self._tree.query(places, k=2)[1]
-        near = [self._refined(places, seed) for seed in seeds.T]
-        first, second = (np.linalg.norm(self.piece.at(t)[0] - places, axis=1) for t in near)
-        return np.where(first <= second, *near)
-
-    def _refined(self, places: Array, seed: Array) -> Array:
-        low = self._t[np.maximum(seed - 1, 0)]
-        high = self._t[np.minimum(seed + 1, len(self._t) - 1)]
-        t = self._t[seed]
-        for _ in range(12):
-            before = t
-            value, slope, bend = self.piece.at(t)
-            away = value - places
-            steepness = (slope * slope).sum(axis=1)
-            curvature = steepness + (away * bend).sum(axis=1)
-            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness,
-                                                                  curvature, steepness),
-                        low, high)
-            if np.abs(t - before).max(initial=0.0) < _SETTLED:
-                break
-        return t
+def subdivided(breaks: Array, each: int) -> Array:
+    """Every interval between breaks in equal parts, ``each`` of them; the last break is 1."""
+    steps = np.arange(each) / each
+    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
 
 
 def spline_through(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
@@ -280,29 +286,12 @@ def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: fl
     return knots
 
 
-def _beside(piece: Arc | Spline, distance: Any) -> Spline:
-    def curve(t: Array) -> tuple[Array, Array]:
-        value, slope, bend = piece.at(t)
-        length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
-        normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-        turn = (slope[:, :1] * bend[:, 1:] - slope[:, 1:] * bend[:, :1]) / length**3
-        return value + distance * normal, slope * (1 + distance * turn)
-
-    size = float(np.abs(np.diff(piece.at(piece.breaks)[0], axis=0)).sum())
-    return spline_through(curve, graded(curve, piece.breaks, size))
-
-
 def _placed(point: Point, angle: Any, shift: Point) -> Point:
     x, y = point
     if np.real(angle) == 0 == np.imag(angle):
         return x + shift[0], y + shift[1]
     c, s = np.cos(angle), np.sin(angle)
     return c * x - s * y + shift[0], s * x + c * y + shift[1]
-
-
-def _rotation(angle: Any) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])
 
 
 def _pairs(points: Array) -> tuple[Point, ...]:

@@ -165,7 +165,7 @@ def _specimens(table: Table, key: str) -> tuple[Specimen, ...]:
 def _rig(table: Table, key: str) -> Rig:
     table.asked.update((key, "gravity"))
     if key not in table:
-        return Rig(gravity=table.quantity("gravity", "acceleration", "9.80665 m/s^2", POSITIVE))
+        return Rig(gravity=table.number("gravity", "acceleration", "9.80665 m/s^2", POSITIVE))
     if "gravity" in table:
         raise table.error("gravity", "must stand in [rig] where there is such a table",
                           table.value("gravity"))

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
-from tympan.fem.toml_writer import specimen_content
+from tympan.fem.toml_writer import specimen_content, toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, PlainTable, Rule, Table
-from tympan.geometry.toml_writer import toml
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles.membrane import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.lumped.actuator import Actuator, Viscous
@@ -117,7 +116,7 @@ def read_model(file: Path | str) -> LumpedModel:
         Naming file, key, what was given and what is allowed.
     """
     table = Table.read(file)
-    specimen = load_specimen(PlainTable(file, table.table("specimen").data, "specimen"))
+    specimen = load_specimen(replace(table.table("specimen"), plain=True))
     circles = table.tables("circle")
     if not circles:
         raise table.error("circle", "must be at least one circle")

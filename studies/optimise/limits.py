@@ -198,5 +198,4 @@ def read_limit(table: Table, key: str, specimen: Specimen) -> Limit:
     if key == "breakdown_margin" and specimen.membrane.strength is None:
         raise table.error(key, "needs a film whose electric strength is known (membrane.breakdown)")
     kind, dimension, rule = LIMITS[key]
-    return kind(table.quantity(key, dimension, rule=rule) if dimension
-                else table.number(key, rule=rule))
+    return kind(table.number(key, dimension, rule=rule))

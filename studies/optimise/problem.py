@@ -140,8 +140,8 @@ def read_problem(file: Path) -> OptimiseProblem:
     problem = OptimiseProblem(
         table.text("name", file.stem), specimen,
         _specimen(table, "reference", table.text("reference", PAPER)),
-        table.quantity("mass", "mass", "17.9 g", POSITIVE),
-        table.quantity("voltage", "voltage", rule=POSITIVE), variables, starts,
+        table.number("mass", "mass", "17.9 g", POSITIVE),
+        table.number("voltage", "voltage", rule=POSITIVE), variables, starts,
         tuple(read_limit(limits, key, specimen) for key in limits.data),
         tuple(dict.fromkeys(measures)), Rig.from_table(table.table("rig", {})))
     table.asked.add("start")
@@ -187,8 +187,7 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
         if key not in names:
             raise table.error(key, f"must be one of {', '.join(names)}", "vary")
         variable = Variable(key, 0.0, 1.0)
-        dimension = variable.dimension(specimen)
-        low, high = table.pair(key, dimension) if dimension else table.numbers(key, count=2)
+        low, high = table.numbers(key, variable.dimension(specimen), count=2)
         value = float(at(specimen, variable.path))
         if not low < high:
             raise table.error(key, "must be a lower and a larger upper bound", given)
@@ -209,8 +208,7 @@ def _start(table: Table, variables: tuple[Variable, ...],
     for variable in variables:
         key, value = variable.key, at(specimen, variable.path)
         if key in table:
-            dimension = variable.dimension(specimen)
-            value = table.quantity(key, dimension) if dimension else table.number(key)
+            value = table.number(key, variable.dimension(specimen))
             if not variable.low <= value <= variable.high:
                 raise table.error(key, "must lie within the variable's bounds", table.data[key])
         table.asked.add(key)

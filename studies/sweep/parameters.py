@@ -117,7 +117,7 @@ def _sample(table: Table) -> list[Choice]:
         return [{}]
     method = table.choice("method", {name: name for name in METHODS})
     count = int(table.number("count", rule=_COUNT))
-    seed = int(table.number("seed", 0, _SEED))
+    seed = int(table.number("seed", default=0, rule=_SEED))
     ranges = table.table("ranges")
     limits = {key: _range(ranges, key, values) for key, values in _columns(ranges).items()}
     if not limits:

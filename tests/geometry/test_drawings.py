@@ -31,8 +31,7 @@ from tympan.geometry.outlines import (
     examples,
 )
 from tympan.geometry.outlines.drawings import dxf_pieces, edge_pieces
-from tympan.geometry.outlines.shapes.drawn import joined
-from tympan.geometry.outlines.shapes.spline import ClosedSpline
+from tympan.geometry.outlines.drawn import ClosedSpline, joined
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.geometry.toml_reader import Table
 from tympan.geometry.units import quantity
@@ -85,8 +84,7 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
         assert ring.BoundingBox().zlen == pytest.approx(height, abs=1e-5)
         # OpenCASCADE's areas and volumes within splines err by up to 0.4 %, the curves themselves
         # do not.
-        outline, opening = (joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)],
-                                   None)
+        outline, opening = (joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)])
                             for _, wire in wires[:2])
         assert area(opening) == pytest.approx(area(made.frame), rel=1e-9)
         # Steiner's formula, which holds around convex outlines.

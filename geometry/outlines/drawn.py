@@ -1,0 +1,191 @@
+"""Outlines piece by piece, of drawings, and smooth ones through points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key, read
+from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.outline import OUTLINES, Boxed
+from tympan.geometry.outlines.pieces import PIECES, Arc, Array, Line, Piece, Spline
+from tympan.geometry.toml_reader import Table
+
+#: How far the end of a piece may miss the start of the next, over the size of the drawing.
+_JOINT = 1e-6
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class ClosedSpline(Boxed):
+    """The periodic cubic spline through points, over the length of their chords."""
+
+    shape: ClassVar[str] = "spline"
+    through: Annotated[tuple[tuple[float, float], ...],
+                       Key("points on it, counterclockwise", "length", least=3)]
+
+    @classmethod
+    def example(cls) -> ClosedSpline:
+        """An egg."""
+        return cls(((68e-3, 0.0), (35e-3, 37e-3), (-15e-3, 45e-3), (-52e-3, 0.0), (-15e-3, -45e-3),
+                    (35e-3, -37e-3)))
+
+    @property
+    def simple(self) -> bool:
+        return False
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """One spline; its knots, the lengths of chords, move with the points."""
+        points = np.array([*self.through, self.through[0]])
+        rise = np.diff(points, axis=0)
+        step = np.sqrt((rise * rise).sum(axis=1))
+        slope = tuple(_slopes(step, rise)[0].tolist())
+        knots = np.concatenate([np.zeros(1), np.cumsum(step)])
+        return (Spline(tuple(knots.tolist()), tuple((x, y) for x, y in points.tolist()),
+                       (slope, slope)),)
+
+
+def _slopes(step: Array, rise: Array) -> Array:
+    """Derivatives at the points that make the curvature continuous around the curve."""
+    before, count = np.roll(1 / step, 1), len(step)
+    here = np.arange(count)
+    matrix = np.zeros((count, count), step.dtype)
+    matrix[here, here] = 2 * (before + 1 / step)
+    matrix[here, here - 1] += before
+    matrix[here, (here + 1) % count] += 1 / step
+    steep = rise / step[:, None] ** 2
+    return np.asarray(np.linalg.solve(matrix, 3 * (steep + np.roll(steep, 1, axis=0))))
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class Drawn(Boxed):
+    """Joined ``segments`` counterclockwise around a closed curve, wherever they lie [m]."""
+
+    shape: ClassVar[str] = "drawn"
+    segments: Annotated[tuple[Piece, ...], Key(
+        "its pieces, counterclockwise, each starting where the one before it ends", kinds=PIECES,
+        discrete=True)]
+
+    @classmethod
+    def from_table(cls, table: Table) -> Drawn:
+        """From a file, where pieces may lie apart."""
+        drawn = read(cls, table)
+        if not drawn.segments:
+            raise table.error("segments", "must be a list of tables, one a piece")
+        starts, ends = _ends(drawn.segments)
+        miss = np.linalg.norm(ends - np.roll(starts, -1, axis=0), axis=1)
+        if miss.max() > _JOINT * np.ptp(ends, axis=0).max() + 1e-12:
+            x, y = 1e3 * ends[int(miss.argmax())]
+            raise table.error("segments",
+                              f"must be closed: the piece that ends at {x:.4g}, {y:.4g} mm is "
+                              f"{miss.max() * 1e3:.3g} mm away from the start of the next")
+        return drawn
+
+    @classmethod
+    def example(cls) -> Drawn:
+        """A bullet: a half ellipse, two lines and a spline."""
+        tail = Spline((0.0, 1.0, 2.0), ((-30e-3, 45e-3), (-45e-3, 0.0), (-30e-3, -45e-3)),
+                      ((-30e-3, 0.0), (30e-3, 0.0)))
+        return cls((Arc((20e-3, 0.0), (40e-3, 45e-3), -np.pi / 2, np.pi),
+                    Line((20e-3, 45e-3), (-30e-3, 45e-3)), tail,
+                    Line((-30e-3, -45e-3), (20e-3, -45e-3))))
+
+    @property
+    def simple(self) -> bool:
+        return False
+
+    def pieces(self) -> tuple[Piece, ...]:
+        return self.segments
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class StepFile:
+    """Edges of a flat face or wire in a STEP file, read once and kept as pieces."""
+
+    shape: ClassVar[str] = "step"
+    file: Annotated[str, Key("the drawing, from the folder of this file")]
+    curve: Annotated[Literal["outer", "inner", "only"], Key("which of two closed curves")] = "only"
+
+    @classmethod
+    def from_table(cls, table: Table) -> Drawn:
+        """Its pieces, joined."""
+        drawing = read(cls, table)
+        file = Path(table.file).parent / drawing.file
+        if not file.is_file():
+            raise table.error("file", "is no file", str(file))
+        try:
+            return joined(drawing.pieces(file), drawing.curve)
+        except InputError as error:
+            raise table.error("file", error.allowed, str(file)) from None
+
+    def pieces(self, file: Path) -> list[Piece]:
+        """In any order; CAD is needed for drawings alone."""
+        from tympan.geometry.outlines.drawings import step_pieces
+
+        return step_pieces(file)
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class DxfFile(StepFile):
+    """Lines, arcs, ellipses, polylines and splines of a DXF file, read once and kept as pieces."""
+
+    shape: ClassVar[str] = "dxf"
+    layer: Annotated[str, Key("the layer it is on; * is all")] = "*"
+
+    def pieces(self, file: Path) -> list[Piece]:
+        from tympan.geometry.outlines.drawings import dxf_pieces
+
+        return dxf_pieces(file, self.layer)
+
+
+def _ends(pieces: Sequence[Piece]) -> Array:
+    """Where pieces start and end, shape (2, pieces, 2) [m]."""
+    return np.array([piece.at(np.array([0.0, 1.0]))[0] for piece in pieces]).swapaxes(0, 1)
+
+
+def joined(pieces: list[Piece], which: str = "only") -> Drawn:
+    """The closed curve that pieces in any order make, or the ``outer`` or ``inner`` one of two.
+
+    Raises
+    ------
+    InputError
+        Naming the place, where a curve is open or branches, or where there is not one curve.
+    """
+    starts, ends = _ends(pieces)
+    both = np.stack([starts, ends])
+    tolerance = _JOINT * float(np.ptp(both, axis=(0, 1)).max() or np.abs(ends).max()) + 1e-12
+    remaining, loops = list(range(len(pieces))), []
+    while remaining:
+        first = remaining.pop(0)
+        loop, end = [pieces[first]], ends[first]
+        while np.linalg.norm(end - starts[first]) > tolerance:
+            near = [(k, side) for k in remaining for side in (0, 1)
+                    if np.linalg.norm(both[side, k] - end) <= tolerance]
+            if len(near) != 1:
+                x, y = 1e3 * end
+                words = "is open" if not near else "branches"
+                raise InputError(f"must be one closed curve: it {words} at {x:.6g}, {y:.6g} mm of "
+                                 "the drawing")
+            (k, side), = near
+            remaining.remove(k)
+            loop.append(pieces[k] if side == 0 else pieces[k].backwards())
+            end = both[1 - side, k]
+        curve = Curve(tuple(loop))
+        loops.append(curve if curve.area > 0 else curve.backwards())
+    loops.sort(key=lambda curve: float(curve.area))
+    if len(loops) == 2 and which != "only":
+        return Drawn(loops[which == "outer"].pieces)
+    if len(loops) != 1:
+        (x, _), (y, _) = loops[0].box
+        raise InputError(f"must hold one closed curve, but has {len(loops)}, the smallest of them "
+                         f"at {1e3 * x:.6g}, {1e3 * y:.6g} mm of the drawing: name a layer, or "
+                         'curve = "outer" or "inner" of two')
+    return Drawn(loops[0].pieces)

@@ -1,0 +1,176 @@
+"""Polygons with corners sharp or rounded by arcs; stadiums."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Boxed, Symmetric
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, Point, direction
+from tympan.geometry.toml_reader import Rule
+
+_SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number from 3 to 100")
+_ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,
+                   "must be 0 (sharp corners) or from 1 um to 10 m")
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class Stadium(Symmetric):
+    """Half circles at both ends of the longer half extent, of the shorter one's radius."""
+
+    shape: ClassVar[str] = "stadium"
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+
+    @classmethod
+    def example(cls) -> Stadium:
+        """As long and wide as the paper's large ellipse."""
+        return cls((75e-3, 45e-3))
+
+    def pieces(self) -> tuple[Piece, ...]:
+        a, b = self.semi_axes
+        quarter = np.pi / 2
+        if np.real(a) == np.real(b) and np.imag(a) == np.imag(b):
+            return (Arc((0.0, 0.0), (a, a)),)
+        if np.real(a) >= np.real(b):
+            c = a - b
+            return (Arc((c, 0.0), (b, b), -quarter, np.pi), Line((c, b), (-c, b)),
+                    Arc((-c, 0.0), (b, b), quarter, np.pi), Line((-c, -b), (c, -b)))
+        c = b - a
+        return (Arc((0.0, c), (a, a), 0.0, np.pi), Line((-a, c), (-a, -c)),
+                Arc((0.0, -c), (a, a), np.pi, np.pi), Line((a, -c), (a, c)))
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class RoundedRectangle(Symmetric):
+    """A rectangle with rounded or sharp corners."""
+
+    shape: ClassVar[str] = "rounded_rectangle"
+    semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
+    corner_radius: Annotated[float, Key("of the corners; 0 leaves them sharp", "length", _ROUNDING)]
+
+    def __post_init__(self) -> None:
+        if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):
+            raise InputError("must not exceed the smaller half side: use a stadium or a circle "
+                             "there",
+                             key="corner_radius",
+                             given=f"{np.real(self.corner_radius) * 1e3:.4g} mm")
+
+    @classmethod
+    def example(cls) -> RoundedRectangle:
+        """As long and wide as the paper's large ellipse."""
+        return cls((75e-3, 45e-3), 20e-3)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        a, b = self.semi_axes
+        return _filleted(((a, -b), (a, b), (-a, b), (-a, -b)), self.corner_radius)
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class RegularPolygon(Boxed):
+    """Equal sides, corners on a circle, one of them on the x axis, sharp or rounded.
+
+    The bounding box is centred, so the corners' circle is off centre where the number of sides is
+    odd.
+    """
+
+    shape: ClassVar[str] = "regular_polygon"
+    sides: Annotated[int, Key("number of its sides", rule=_SIDES)]
+    radius: Annotated[float, Key("of the circle through its corners", "length", SIZE)]
+    fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
+
+    @classmethod
+    def example(cls) -> RegularPolygon:
+        """A hexagon 45 mm high from its centre."""
+        return cls(6, 52e-3, 8e-3)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        angles = 2 * np.pi * np.arange(self.sides) / self.sides
+        corners = [(self.radius * float(np.cos(angle)), self.radius * float(np.sin(angle)))
+                   for angle in angles]
+        return _filleted(corners, self.fillet)
+
+
+@OUTLINES.register
+@dataclass(frozen=True)
+class Polygon(Boxed):
+    """Corners at ``vertices`` counterclockwise, wherever they lie, rounded by ``fillet`` [m]."""
+
+    shape: ClassVar[str] = "polygon"
+    vertices: Annotated[tuple[tuple[float, float], ...],
+                        Key("its corners, counterclockwise", "length", least=3)]
+    fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
+
+    @classmethod
+    def example(cls) -> Polygon:
+        """A blunt arrow head: it has one mirror plane and a re-entrant corner."""
+        return cls(((60e-3, 0.0), (-20e-3, 45e-3), (-60e-3, 38e-3), (-45e-3, 0.0), (-60e-3, -38e-3),
+                    (-20e-3, -45e-3)),
+                   8e-3)
+
+    @property
+    def simple(self) -> bool:
+        return False
+
+    def pieces(self) -> tuple[Piece, ...]:
+        return _filleted(self.vertices, self.fillet)
+
+
+def _filleted(vertices: Sequence[Point], radius: float) -> tuple[Piece, ...]:
+    """Lines between the vertices [m], arcs of a radius [m] at them; no arcs if it is 0."""
+    count = len(vertices)
+    arcs = [_arc(vertices[k - 1], vertices[k], vertices[(k + 1) % count], radius)
+            for k in range(count)]
+    size = max(abs(np.real(number)) for vertex in vertices for number in vertex)
+    result: list[Piece] = []
+    for k, (arc, _, leave, reach) in enumerate(arcs):
+        after = (k + 1) % count
+        side = _distance(vertices[k], vertices[after])
+        rest = np.real(side - reach - arcs[after][3])
+        if rest < -1e-12 * size:
+            x, y = (1e3 * float(np.real(number)) for number in vertices[k])
+            raise InputError(f"must leave room on every side: the side from {x:.4g}, {y:.4g} mm is "
+                             f"{np.real(side) * 1e3:.4g} mm long, the arcs at its ends need "
+                             f"{np.real(reach + arcs[after][3]) * 1e3:.4g} mm",
+                             given=f"{np.real(radius) * 1e3:.4g} mm")
+        if arc is not None:
+            result.append(arc)
+        if rest > 1e-12 * size:
+            result.append(Line(leave, arcs[after][1]))
+    return tuple(result)
+
+
+def _arc(before: Point, corner: Point, after: Point,
+         radius: float) -> tuple[Arc | None, Point, Point, float]:
+    """The arc at a corner, its ends, and how much of both sides it takes."""
+    if np.real(radius) == 0:
+        return None, corner, corner, 0.0
+    (u, v), (w, z) = _unit(before, corner), _unit(corner, after)
+    turn = direction(u * w + v * z, u * z - v * w)
+    if abs(np.real(turn)) < 1e-9:
+        return None, corner, corner, 0.0
+    side = np.sign(np.real(turn))
+    reach = radius * side * np.tan(turn / 2)
+    start = corner[0] - reach * u, corner[1] - reach * v
+    end = corner[0] + reach * w, corner[1] + reach * z
+    centre = start[0] - side * radius * v, start[1] + side * radius * u
+    arc = Arc(centre, (radius, radius), direction(u, v) - side * np.pi / 2, turn)
+    return arc, start, end, reach
+
+
+def _unit(start: Point, end: Point) -> Point:
+    length = _distance(start, end)
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length
+
+
+def _distance(start: Point, end: Point) -> float:
+    squared: float = (end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2
+    distance: float = squared**0.5
+    return distance

@@ -1,1 +1,0 @@
-"""The registered shapes of frames, plates and electrodes, one file each."""
