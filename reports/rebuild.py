@@ -55,10 +55,13 @@ KINDS = (
 )
 
 
-def draw_stored(command: str, folder: Path) -> list[Path]:
-    """Draw what a command, such as "lumped build", stored in a folder; answers what to look at."""
+def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
+    """Draw what a command, such as "lumped build", stored in a folder; answers what to look at.
+
+    ``specimen`` is the one it is of, where a folder may hold the results of several.
+    """
     return [file for kind in KINDS if kind.command == command
-            for marker in sorted(folder.glob(kind.marker)) for file in kind.rebuild(marker)]
+            for file in kind.rebuild(folder / kind.marker.replace("*", specimen))]
 
 
 def rebuild(folder: Path) -> list[Path]:

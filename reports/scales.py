@@ -1,10 +1,10 @@
-"""Numbers behind the pictures: colour limits, ticks, sizes on paper, digits."""
+"""Numbers behind the pictures: colour limits, ticks, sizes on paper."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10
+from math import floor, log10
 
 from matplotlib.ticker import MaxNLocator
 
@@ -123,37 +123,3 @@ def bar_length(width: float) -> float:
     decade = 10 ** floor(log10(width / 6))
     return float(max(factor * decade for factor in (1.0, 2.0, 5.0)
                      if factor * decade <= width / 6 * (1 + 1e-9)))
-
-
-def digits(value: float | None, count: int = 3) -> str:
-    """A number with ``count`` significant digits; from 0.0001 to a million without powers of ten.
-
-    Examples
-    --------
-    >>> digits(2.17595), digits(9.996), digits(1234.5), digits(0.0), digits(None), digits(3e-9)
-    ('2.18', '10.0', '1234', '0', '—', '3.00e−9')
-    """
-    if value is None or not isfinite(value):
-        return "\N{EM DASH}"
-    if value == 0:
-        return "0"
-    # The power of ten after rounding: 9.996 has three digits in "10.0".
-    mantissa, power = f"{value:.{count - 1}e}".split("e")
-    if not 1e-4 <= abs(value) < 1e6:
-        return f"{mantissa}e{int(power)}".replace("-", "\N{MINUS SIGN}")
-    decimals = max(0, count - 1 - int(power))
-    return f"{value:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
-
-
-def percent(share: float | None) -> str:
-    r"""A share in per cent with two significant digits; below a millionth it is called that.
-
-    Examples
-    --------
-    >>> percent(0.0278), percent(2.66e-5), percent(4e-10), percent(0.5704), percent(None)
-    ('2.8\u202f%', '0.0027\u202f%', '< 0.0001\u202f%', '57\u202f%', '—')
-    """
-    if share is None or not isfinite(share):
-        return "\N{EM DASH}"
-    number = "< 0.0001" if 0 < abs(share) < 1e-6 else digits(share * 100, 2)
-    return f"{number}\N{NARROW NO-BREAK SPACE}%"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,6 +15,7 @@ from tympan.geometry.units import quantity
 
 if TYPE_CHECKING:
     from tympan.fem.rig import Rig
+    from tympan.geometry.specimen import Specimen
     from tympan.studies.case import Case, Settings
 
 #: Adds one argument, or several of which one may be given, to a command's parser.
@@ -110,11 +112,38 @@ def read_case(options: argparse.Namespace) -> Case:
                 rig=read_rig(options.rig))
 
 
+def read_specimens(files: Sequence[Path], *others: str) -> list[Specimen]:
+    """The specimens of files; of different names, or their results would overwrite each other."""
+    from tympan.fem.film.library import load_specimen
+
+    specimens = [load_specimen(file) for file in files]
+    names = [*(specimen.name for specimen in specimens), *others]
+    if len(set(names)) < len(names):
+        raise InputError("specimens must have different names", key="name", given=", ".join(names))
+    return specimens
+
+
 def read_rig(file: Path | None) -> Rig:
     """The rig of a file, or an ideal one."""
     from tympan.fem.rig import Rig
 
     return Rig() if file is None else Rig.read(file)
+
+
+def option_name(name: str) -> str:
+    """The option of a setting."""
+    return f"--{name.replace('_', '-')}"
+
+
+@contextmanager
+def naming_options(options: argparse.Namespace) -> Iterator[None]:
+    """What is wrong with a setting is said of the option of its name."""
+    try:
+        yield
+    except InputError as error:
+        name = str(error.key)
+        raise InputError(error.allowed, key=option_name(name),
+                         given=getattr(options, name)) from None
 
 
 def parse_quantity(text: str, dimension: str, option: str) -> float:
@@ -136,39 +165,40 @@ def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
                          given=text) from None
 
 
-def check_distinct(names: Sequence[str]) -> None:
-    """Refuse specimens of the same name: their results would overwrite each other."""
-    if len(set(names)) < len(names):
-        raise InputError("specimens must have different names", key="name", given=", ".join(names))
+def save_and_draw(options: argparse.Namespace, result: Any) -> list[Path]:
+    """Save and draw a result where a folder is given; answers what a person looks at first."""
+    if options.output is None:
+        return []
+    from tympan.reports.rebuild import draw_stored
+
+    result.save(options.output)
+    return draw_stored(options.command, options.output, getattr(result, "specimen", ""))
 
 
-def print_json(value: dict[str, Any]) -> None:
-    """One JSON object on a line of its own."""
-    print(json.dumps(value, ensure_ascii=False, allow_nan=False))
+def finish(options: argparse.Namespace, result: Any, **more: Any) -> None:
+    """Store a result and print it; with ``more`` that its text needs besides the record."""
+    drawn = save_and_draw(options, result)
+    print_record(options, result.json(), result=result, drawn=drawn, **more)
 
 
-def finish(options: argparse.Namespace, result: Any,
-           show_record: Callable[[dict[str, Any]], None]) -> None:
-    """Save and draw a result where a folder is given; print it, for programs or as shown."""
-    if options.output is not None:
-        from tympan.reports.rebuild import draw_stored
-
-        result.save(options.output)
-        draw_stored(options.command, options.output)
-    record = result.json()
+def print_record(options: argparse.Namespace, record: dict[str, Any], **more: Any) -> None:
+    """Print a record as one JSON object, or as the command's template in commands/text says it."""
     if options.json:
-        print_json(record)
-    else:
-        show_record(record)
-
-
-def show(result: dict[str, Any], as_json: bool = False) -> None:
-    """One JSON object, or one line per entry."""
-    if as_json:
-        print_json(result)
+        print(json.dumps(record, ensure_ascii=False, allow_nan=False))
         return
-    width = max(map(len, result))
-    for key, value in result.items():
-        for item in value if key == "warnings" else [value]:
-            text = f"{item:.6g}" if isinstance(item, float) else str(item)
-            print(f"{key:<{width}}  {text}")
+    from tympan.reports.template import template
+
+    name = options.command.replace(" ", "_")
+    text = template(f"commands/text/{name}.txt", entries=_entries).render(
+        record=record, options=options, **more)
+    if text:
+        print(text.rstrip("\n"))
+
+
+def _entries(record: dict[str, Any], *without: str) -> str:
+    """One line per entry."""
+    width = max(map(len, record.keys() - set(without)))
+    return "\n".join(
+        f"{key:<{width}}  {f'{item:.6g}' if isinstance(item, float) else item}"
+        for key, value in record.items() if key not in without
+        for item in (value if key == "warnings" else [value]))

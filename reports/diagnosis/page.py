@@ -45,7 +45,7 @@ def build_diagnosis_page(folder: Path) -> Path:
 
 def render_diagnosis(content: Content, figure: str) -> str:
     """The page as text; the figure as a data URI."""
-    return _template("diagnosis/diagnosis.html").render(
+    return _template("reports/diagnosis/diagnosis.html").render(
         diagnosis=content, headline=headline(content["verdict"]), verdict=verdict_words(content),
         figure=figure, causes=_explained(content["causes"]),
         attempts=_explained(content["attempts"]))
@@ -53,7 +53,7 @@ def render_diagnosis(content: Content, figure: str) -> str:
 
 def headline(verdict: str) -> str:
     """What a reader is told first."""
-    return sentence(_template("diagnosis/words.txt"), "headline", verdict)
+    return sentence(_template("reports/diagnosis/words.txt"), "headline", verdict)
 
 
 def verdict_words(content: Content) -> str:
@@ -69,7 +69,7 @@ def verdict_words(content: Content) -> str:
     named = [cause for cause in causes
              if content["after"] and cause["label"] in content["after"]["effects"]]
     suspects = [cause for cause in causes if cause["probability"] >= 0.05][:4]
-    return sentence(_template("diagnosis/words.txt"), "verdict", content, named, suspects,
+    return sentence(_template("reports/diagnosis/words.txt"), "verdict", content, named, suspects,
                     _worst_ratios(content["misfit"]))
 
 

@@ -19,13 +19,15 @@ _PANEL = 52.0  #: width of the outlines' panel [mm]
 
 
 def draw_optimum(result: OptimiseResult, folder: Path) -> list[Path]:
-    """Draw folder/optimum.png and .svg, one row for each optimum; answers the files."""
+    """Draw folder/optimum.png and .svg, one row for each optimum; answers the files, if any."""
+    if not result.record["optima"]:
+        return []
     return style.save_figure(folder, "optimum", lambda: _compose(result))
 
 
 def _compose(result: OptimiseResult) -> Figure:
     optima = result.record["optima"]
-    figure = style.new_figure(6 + 62 * max(1, len(optima)))
+    figure = style.new_figure(6 + 62 * len(optima))
     for number, optimum in enumerate(optima):
         top = 10 + 62 * number
         _outlines(style.place_axes(figure, 16, top, _PANEL, 44), result, optimum["held"])

@@ -32,7 +32,7 @@ def build_paper_page(folder: Path) -> Path:
 def render_paper(content: Content, pictures: Mapping[str, str]) -> str:
     """The page as text; the figures as data URIs."""
     columns = [f"{name}_{1e3 * mass:g}g_s" for mass in MASSES for name in NAMES]
-    return template("paper/paper.html", number_text=number_text).render(
+    return template("reports/paper/paper.html", number_text=number_text).render(
         paper=content, pictures=pictures, columns=columns,
         paper_settling=SETTLING.ravel().tolist(), masses=[1e3 * mass for mass in MASSES],
         names=NAMES)
@@ -46,7 +46,7 @@ def caption(name: str) -> str:
     >>> caption("fig10")
     'Figure 10: the same, its beginning.'
     """
-    return sentence(template("paper/words.txt"), "caption", name)
+    return sentence(template("reports/paper/words.txt"), "caption", name)
 
 
 def number_text(number: Mapping[str, Any]) -> str:

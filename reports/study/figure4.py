@@ -19,13 +19,13 @@ from tympan.reports.scales import (
     AxisScale,
     bar_length,
     column_widths,
-    digits,
     paper_scale,
     round_scale,
     rows_of,
 )
 from tympan.reports.scene import Picture, View, film_picture
 from tympan.reports.study.view import SpecimenView, StudyView
+from tympan.reports.template import digits
 
 _LEFT, _RIGHT, _GAP = 13.0, 2.0, 5.0  # margins of the page and between columns [mm]
 _TITLE, _BAR, _SPACE, _PANEL, _AXIS = 9.5, 19.0, 4.0, 38.0, 11.0  # heights [mm]

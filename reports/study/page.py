@@ -10,11 +10,10 @@ from tympan.fem.membrane.loading import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
-from tympan.reports.scales import digits, percent
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
-from tympan.reports.template import embedded_picture, template
+from tympan.reports.template import digits, embedded_picture, percent, template
 from tympan.studies.alpha import AlphaResult, Weights
 from tympan.studies.alpha.samples import LoadGrid
 from tympan.studies.files import write_text
@@ -55,7 +54,7 @@ def build_study_page(folder: Path) -> Path:
 
 def render_study(run: StudyView, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
-    return template("study/report.html").render(
+    return template("reports/study/report.html").render(
         run=run, summary=words.study_summary(run), warnings=words.study_warnings(run),
         fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),

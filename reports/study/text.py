@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
-from tympan.reports.scales import percent
 from tympan.reports.study.view import SpecimenView, StudyView, VoltageCurve
-from tympan.reports.template import sentence, template
+from tympan.reports.template import percent, sentence, template
 from tympan.studies.alpha import AlphaResult
 
 
@@ -128,4 +127,4 @@ def _say(part: str, *values: Any) -> str:
 
 @cache
 def _words() -> Template:
-    return template("study/words.txt")
+    return template("reports/study/words.txt")

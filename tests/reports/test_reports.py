@@ -21,11 +21,12 @@ from tympan.geometry.outlines import Ellipse
 from tympan.geometry.system import MissingLibrary
 from tympan.reports import look as style
 from tympan.reports import scene
-from tympan.reports.scales import AxisScale, column_widths, paper_scale, percent, round_scale
+from tympan.reports.scales import AxisScale, column_widths, paper_scale, round_scale
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import page as html
 from tympan.reports.study import text as words
 from tympan.reports.study.view import AxisLine, StudyView, VoltageCurve, view_study
+from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Settings
 from tympan.studies.study import Study, StudyResult, default_study, run_study

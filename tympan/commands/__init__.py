@@ -1,28 +1,25 @@
-"""The subcommands of ``tympan``, one file each, in the order of ``tympan --help``."""
+"""The subcommands of ``tympan``, by subject; what one prints is its template in text/."""
 
 from tympan.commands import (
     alpha,
+    cases,
+    data,
     export,
-    map,
-    modes,
+    lumped,
+    material,
     optimise,
-    outlines,
-    path,
     report,
-    sensitivity,
-    solve,
     study,
     sweep,
 )
-from tympan.commands.data import data, diagnose, effects, material, materials
-from tympan.commands.lumped import build, identify, paper, simulate
 
-#: Every command; those of a group stand together.
+#: Every command in the order of ``tympan --help``; those of a group stand together.
 COMMANDS = (
-    study.run, solve.run, alpha.run, outlines.run, map.run, modes.run, sensitivity.run,
-    optimise.run, path.run, sweep.run, data.run, simulate.run, identify.run, build.run, paper.run,
-    diagnose.run, report.run, export.run, materials.run, material.show_material,
-    material.fit_material, effects.run,
+    study.study, cases.solve, alpha.alpha, alpha.outlines, alpha.alpha_map, cases.modes,
+    cases.sensitivity, optimise.optimise, cases.path, sweep.sweep, data.data,
+    lumped.lumped_simulate, lumped.lumped_identify, lumped.lumped_build, lumped.lumped_paper,
+    data.diagnose, report.report, export.export, material.materials, material.material_show,
+    material.material_fit, data.effects,
 )
 #: What the groups are for.
 GROUPS = {"lumped": "the paper's lumped model: a mass on circles of film",

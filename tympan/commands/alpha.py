@@ -1,4 +1,4 @@
-"""``tympan alpha``: weights of the circular actuators that stand for a shape."""
+"""Commands about α, the weights of the circles that stand for a shape."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from tympan.options import (
     MESH,
     RIG,
     SPECIMEN,
+    WORKERS,
     argument,
     command,
+    finish,
+    naming_options,
+    output,
+    print_record,
     read_rig,
     read_settings,
-    show,
 )
 
 
@@ -29,23 +33,47 @@ from tympan.options import (
          argument("--uncertainty", action="store_true",
                   help="also how far α changes with the mesh, the material and the range of "
                        "loads"), RIG, JSON, MESH)
-def run(options: argparse.Namespace) -> None:
+def alpha(options: argparse.Namespace) -> None:
     """Weights of the circular actuators that stand for a shape."""
     from tympan.fem.film.library import load_specimen
     from tympan.progress import bar
     from tympan.studies.alpha import AlphaSettings, alpha, uncertainty
     from tympan.studies.files import to_json
 
-    try:
+    with naming_options(options):
         chosen = AlphaSettings(circles=options.circles, radii=options.radii)
-    except InputError as error:
-        raise InputError(error.allowed, key=f"--{error.key}", given=error.given) from None
     specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
     settings = read_settings(options)
     with bar(14 if options.uncertainty else 2) as progress:
         result = alpha(specimen, settings, chosen, rig, progress)
-        answer = result.json(options.basis)
+        record = result.json(options.basis)
         if options.uncertainty:
-            answer["uncertainty"] = to_json(uncertainty(specimen, settings, chosen, rig, result,
+            record["uncertainty"] = to_json(uncertainty(specimen, settings, chosen, rig, result,
                                                         progress))
-    show(answer, options.json)
+    print_record(options, record)
+
+
+@command("outlines", output(required=True), JSON, MESH)
+def outlines(options: argparse.Namespace) -> None:
+    """α of every registered outline with its held-out error."""
+    from tympan.geometry.outlines import examples
+    from tympan.progress import bar
+    from tympan.studies.alpha.table import outline_table
+
+    with bar(len(examples())) as progress:
+        result = outline_table(read_settings(options), progress=progress)
+    finish(options, result)
+
+
+@command("map", output(required=True), WORKERS, JSON)
+def alpha_map(options: argparse.Namespace) -> None:
+    """α and stroke of ellipses by aspect ratio and plate size; a formula for α."""
+    from tympan.progress import bar
+    from tympan.studies.alpha.map import MapSettings, alpha_map
+
+    if options.workers < 1:
+        raise InputError("must be at least 1", key="--workers", given=options.workers)
+    settings = MapSettings()
+    with bar(len(settings.grid()) + settings.inside + settings.outside) as progress:
+        result = alpha_map(settings, options.workers, progress)
+    finish(options, result)

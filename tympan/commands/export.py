@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.geometry.errors import InputError
-from tympan.options import MESH, SPECIMEN, argument, command, output, parse_quantity, read_settings
+from tympan.options import (
+    MESH,
+    SPECIMEN,
+    argument,
+    command,
+    naming_options,
+    option_name,
+    output,
+    parse_quantity,
+    read_settings,
+)
 
 #: Sizes of the parts by the field of ``geometry.cad.parts.PartOptions``: default, what it is.
 SIZES = {
@@ -18,26 +27,19 @@ SIZES = {
 }
 
 
-def _option(name: str) -> str:
-    return "--" + name.replace("_", "-")
-
-
 @command("export", SPECIMEN, output(required=True),
-         *(argument(_option(name), default=default, metavar="LENGTH", help=words)
+         *(argument(option_name(name), default=default, metavar="LENGTH", help=words)
            for name, (default, words) in SIZES.items()), MESH)
-def run(options: argparse.Namespace) -> None:
+def export(options: argparse.Namespace) -> None:
     """Frame, clamp, plate and film as STEP, DXF and SVG; the mesh."""
     from tympan.fem.film.library import load_specimen
     from tympan.geometry.cad.parts import PartOptions
     from tympan.studies.export import export
 
     specimen, settings = load_specimen(options.specimen), read_settings(options)
-    sizes = {name: parse_quantity(getattr(options, name), "length", _option(name))
+    sizes = {name: parse_quantity(getattr(options, name), "length", option_name(name))
              for name in SIZES}
-    try:
+    with naming_options(options):
         chosen = PartOptions(**sizes)
-    except InputError as error:
-        name = str(error.key)
-        raise InputError(error.allowed, key=_option(name), given=getattr(options, name)) from None
     for file in export(specimen, settings.mesh, options.output, chosen):
         print(file)

@@ -9,7 +9,7 @@ from tympan.options import argument, command
 
 
 @command("report", argument("folder", type=Path, metavar="DIR"))
-def run(options: argparse.Namespace) -> None:
+def report(options: argparse.Namespace) -> None:
     """Rebuild a run's figures and report from what it stored."""
     from tympan.reports.rebuild import rebuild
 

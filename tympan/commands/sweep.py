@@ -8,7 +8,16 @@ from functools import partial
 from pathlib import Path
 
 from tympan.geometry.errors import InputError
-from tympan.options import JSON, MESH, argument, command, either, output, read_settings, show
+from tympan.options import (
+    JSON,
+    MESH,
+    argument,
+    command,
+    either,
+    output,
+    print_record,
+    read_settings,
+)
 
 
 @command("sweep",
@@ -20,7 +29,7 @@ from tympan.options import JSON, MESH, argument, command, either, output, read_s
                          help="processes on this machine (default: its processors)"),
                 argument("--scheduler", metavar="ADDRESS",
                          help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')), JSON, MESH)
-def run(options: argparse.Namespace) -> None:
+def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.progress import cases
     from tympan.studies.parallel import processes
@@ -31,19 +40,19 @@ def run(options: argparse.Namespace) -> None:
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     if not 1 <= workers <= 1024:
         raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
-    sweep = read_sweep(options.file, read_settings(options))
+    planned = read_sweep(options.file, read_settings(options))
     pool = (partial(cluster, address=options.scheduler) if options.scheduler
             else partial(processes, workers=workers))
     done = 0
     try:
-        with cases(sweep.cases) as progress:
+        with cases(planned.cases) as progress:
             def seen(ready: int, kept: int) -> None:
                 nonlocal done
                 done = ready
                 progress(ready, kept)
 
-            result = run_sweep(sweep, options.output, pool, seen)
+            result = run_sweep(planned, options.output, pool, seen)
     except KeyboardInterrupt:
-        kept = f"{done} of {sweep.cases} cases are kept, the same command goes on from there"
+        kept = f"{done} of {planned.cases} cases are kept, the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
-    show({"table": str(options.output / "sweep.nc"), **result.json()}, options.json)
+    print_record(options, {"table": str(options.output / "sweep.nc"), **result.json()})

@@ -1,0 +1,99 @@
+"""Commands about one specimen under one load: ``solve``, ``path``, ``modes``, ``sensitivity``."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from tympan.geometry.errors import InputError
+from tympan.options import (
+    JSON,
+    argument,
+    case_arguments,
+    command,
+    finish,
+    output,
+    parse_quantity,
+    print_record,
+    read_case,
+    read_settings,
+)
+
+if TYPE_CHECKING:
+    from tympan.studies.sensitivity import Answer
+
+
+@command("solve", *case_arguments(),
+         argument("--elapsed", default="0 s", metavar="TIME",
+                  help="since the run began, for a rig whose readings drift"),
+         argument("--direction", choices=("up", "down"), default="",
+                  help="which way the voltage was reached, for a film that lags behind it "
+                       "(default: not known)"),
+         output("also store the fields (VTU) and the numbers"), JSON)
+def solve(options: argparse.Namespace) -> None:
+    """One specimen under one load and voltage.
+
+    Deflection is positive downwards, along the load.
+    """
+    from dataclasses import replace
+
+    from tympan.fem.rig import DIRECTIONS
+    from tympan.studies.case import solve
+
+    case = replace(read_case(options),
+                   elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
+                   direction=DIRECTIONS[options.direction])
+    finish(options, solve(case, read_settings(options), film=options.output is not None))
+
+
+@command("path",
+         *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),
+         argument("--along", choices=("voltage", "charge", "mass", "pressure"), default="voltage",
+                  help="what grows; gas pressure acts below film and plate"),
+         output("also store the stations (CSV), a picture (PNG, SVG), the numbers, fields and "
+                "critical mode at each limit point (VTU)"), JSON)
+def path(options: argparse.Namespace) -> None:
+    """Equilibria through limit points, stable or not, by arc length."""
+    from tympan.progress import bar
+    from tympan.studies.path import path
+
+    case = read_case(options)
+    with bar(1) as progress:
+        result = path(case, read_settings(options), options.along, progress=progress)
+    finish(options, result)
+
+
+@command("modes",
+         *case_arguments(mass="of the plate with its weight", voltage="held across the film"),
+         argument("--point-mass", default="0 g", metavar="MASS",
+                  help="part of the mass that sits in the plate's centre; the rest is spread "
+                       "evenly over the plate"),
+         argument("--count", type=int, default=6, metavar="N", help="how many"),
+         output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON)
+def modes(options: argparse.Namespace) -> None:
+    """Natural frequencies and shapes under one load and voltage."""
+    from tympan.studies.modes import modes
+
+    if not 1 <= options.count <= 100:
+        raise InputError("must be from 1 to 100", key="--count", given=options.count)
+    point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
+    finish(options, modes(read_case(options), read_settings(options), options.count, point_mass))
+
+
+@command("sensitivity", *case_arguments(),
+         argument("--of", default="heave", metavar="NAMES",
+                  help="results, with commas between: heave, tilt, reaction, capacitance, energy, "
+                       "max_stretch, max_true_stress, max_field (default: %(default)s); past "
+                       "pull-in, the pull-in load"), JSON)
+def sensitivity(options: argparse.Namespace) -> None:
+    """Exact derivatives of results by every number that enters them."""
+    from tympan.studies.sensitivity import sensitivity
+
+    names = tuple(name.strip() for name in options.of.split(","))
+    result = sensitivity(read_case(options), read_settings(options), names)
+    print_record(options, result.json(), result=result, strongest_first=_strongest_first)
+
+
+def _strongest_first(answers: dict[str, Answer]) -> list[tuple[str, Answer]]:
+    """What is zero has no per cent of itself, and comes last."""
+    return sorted(answers.items(), key=lambda item: -abs(item[1].elasticity or 0.0))

@@ -1,1 +1,0 @@
-"""Commands about materials and measured data."""

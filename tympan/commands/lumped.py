@@ -1,0 +1,284 @@
+"""Commands about the lumped model: made from field models, simulated, identified, the paper's."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tympan.geometry.errors import InputError
+from tympan.options import (
+    JSON,
+    MESH,
+    RIG,
+    argument,
+    command,
+    finish,
+    json_argument,
+    naming_options,
+    output,
+    parse_numbers,
+    parse_quantity,
+    print_record,
+    read_rig,
+    read_settings,
+    read_specimens,
+)
+
+if TYPE_CHECKING:
+    from tympan.studies.lumped.actuator import Viscous
+    from tympan.studies.lumped.signals import Signal
+
+_MOST_VOLTAGES = 200
+
+
+@command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
+         argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
+                  help="on the plate; the first one is fitted, the others are tested"),
+         argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
+                  help="the lowest, the middle and the highest are fitted, the others tested"),
+         argument("--count", type=int, default=11, metavar="N", help="of voltages"),
+         argument("--circles", type=int, default=2, metavar="N", help="how many"),
+         argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
+                  help="of the circles, as for `tympan alpha`"),
+         argument("--viscous", metavar="K1,ETA1,ETA2",
+                  help='of the branch and the damper, such as "23.5 MPa,177.2 MPa s,62.4 kPa s" '
+                       "(default: these, the paper's)"), RIG,
+         output("write NAME.lumped.toml for each, build.json, statics.csv and a figure"), JSON,
+         MESH)
+def lumped_build(options: argparse.Namespace) -> None:
+    """The lumped model of specimens from their field model alone."""
+    from tympan.progress import bar
+    from tympan.studies.alpha import AlphaSettings
+    from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, build
+
+    with naming_options(options):
+        AlphaSettings(circles=options.circles)
+    masses = tuple(parse_quantity(text, "mass", "--mass") for text in options.mass.split(","))
+    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii,
+                           _viscous(options.viscous))
+    settings, rig = read_settings(options), read_rig(options.rig)
+    specimens = read_specimens(options.specimens)
+    with bar(4 * len(specimens)) as progress:
+        models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
+    finish(options, BuildResult.of(models), kinematics=KINEMATICS)
+
+
+def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
+    ends = options.voltages.split("..")
+    if len(ends) != 2:
+        raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
+                         key="--voltages", given=options.voltages)
+    low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
+    if not 2 <= options.count <= _MOST_VOLTAGES:
+        raise InputError(f"must be from 2 to {_MOST_VOLTAGES}", key="--count", given=options.count)
+    if not 0 <= low < high:
+        raise InputError("must ascend, from 0 kV on", key="--voltages", given=options.voltages)
+    return tuple(low + (high - low) * number / (options.count - 1)
+                 for number in range(options.count))
+
+
+def _viscous(text: str | None) -> Viscous:
+    from tympan.studies.lumped.actuator import Viscous
+
+    if text is None:
+        return Viscous()
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise InputError("must be a stress and two viscosities with commas between them",
+                         key="--viscous", given=text)
+    try:
+        return Viscous(*(parse_quantity(part, kind, "--viscous")
+                         for part, kind in zip(parts, ("stress", "viscosity", "viscosity"),
+                                               strict=True)))
+    except InputError as error:
+        raise InputError(error.allowed, key="--viscous", given=error.given) from None
+
+
+@command("lumped simulate", argument("specimens", type=Path, nargs="*", metavar="SPECIMEN.toml"),
+         argument("--model", type=Path, nargs="+", default=[], metavar="NAME.lumped.toml",
+                  help="models that `tympan lumped build` made, instead of specimens or beside "
+                       "them"),
+         argument("--signal", default="step", metavar="KIND",
+                  help="step, ramp (up and down), sine, random, or a CSV file with t_s, "
+                       "voltage_kV"),
+         argument("--low", default="0 kV", help="before the step; lower end of the others"),
+         argument("--high", default="3.5 kV", help="after the step; upper end"),
+         argument("--duration", default="30 s",
+                  help="of step and ramp; of each random level; period of a sine"),
+         argument("--count", type=int, metavar="N",
+                  help="random levels (default: 20); cycles of a sine (3)"),
+         argument("--seed", type=int, default=0, help="of the random levels"),
+         argument("--interval", default="1 ms", help="between samples written"),
+         argument("--mass", default="17.9 g", help="on the plate"),
+         argument("--alpha", metavar="A,B",
+                  help="weights of the circles with the short and the long semi-axis, as `tympan "
+                       "alpha` finds them (default: equal)"),
+         argument("--table-1", type=float, metavar="EPS_R", dest="permittivity",
+                  help="the paper's Eq. (8) with Table 1's constants instead of the films' "
+                       "material; its ε_r, lost in the paper, must be given"), RIG,
+         output("write transient.csv, simulate.json and figures"), JSON)
+def lumped_simulate(options: argparse.Namespace) -> None:
+    """Response to a step, ramp, sine, random steps or a CSV file."""
+    from tympan.progress import bar
+    from tympan.studies.lumped.actuator import Actuator
+    from tympan.studies.lumped.model_file import read_model
+    from tympan.studies.lumped.response import SampledResponse, SimulationResult, sample
+    from tympan.studies.lumped.simulate import simulate
+    from tympan.studies.paper.table1 import eq8
+
+    mass = parse_quantity(options.mass, "mass", "--mass")
+    interval = _duration(options.interval, "--interval")
+    signal, period = _signal(options)
+    rig, weights = read_rig(options.rig), parse_numbers(options.alpha, "--alpha")
+    models = [read_model(file) for file in options.model]
+    for model in models:
+        model.check(rig.film_voltage(signal.peak))
+    specimens = read_specimens(options.specimens, *(model.specimen.name for model in models))
+    permittivity = options.permittivity
+    if permittivity is not None:
+        if not 1 <= permittivity <= 1000:
+            raise InputError("must be at least 1 (vacuum) and at most 1000", key="--table-1",
+                             given=permittivity)
+        specimens = [eq8(specimen, permittivity) for specimen in specimens]
+    actuators = [*(Actuator.of(specimen, mass, weights, rig=rig) for specimen in specimens),
+                 *(model.actuator(mass, rig) for model in models)]
+    if not actuators:
+        raise InputError("give a specimen, or a model with --model", key="SPECIMEN.toml")
+    responses: list[SampledResponse] = []
+    with bar(len(actuators)) as progress:
+        for number, actuator in enumerate(actuators):
+            progress(actuator.specimen.name)
+            equal = weights is None and number < len(specimens)
+            responses.append(sample(simulate(actuator, signal), interval, period,
+                                    options.signal == "step", equal))
+    finish(options, SimulationResult(tuple(responses)))
+
+
+def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
+    """The signal, and the period if it has one [s]."""
+    from tympan.studies.lumped import signals
+
+    low = parse_quantity(options.low, "voltage", "--low")
+    high = parse_quantity(options.high, "voltage", "--high")
+    duration = _duration(options.duration, "--duration")
+    if options.count is not None and not 1 <= options.count <= 10_000:
+        raise InputError("must be from 1 to 10000", key="--count", given=options.count)
+    if options.signal == "step":
+        return signals.step(low, high, 0.0, duration), None
+    if options.signal == "ramp":
+        return signals.ramp(low, high, duration), None
+    if options.signal == "random":
+        return signals.random_steps(low, high, duration, options.count or 20, options.seed), None
+    if options.signal == "sine":
+        return signals.Sine((low + high) / 2, (high - low) / 2, duration,
+                            options.count or 3), duration
+    if not options.signal.endswith(".csv"):
+        raise InputError("must be step, ramp, sine, random or the name of a .csv file",
+                         key="--signal", given=options.signal)
+    return signals.read_signal(options.signal), None
+
+
+def _duration(text: str, option: str) -> float:
+    value = parse_quantity(text, "time", option)
+    if not 0 < value < 1e9:
+        raise InputError("must be positive", key=option, given=text)
+    return value
+
+
+@command("lumped identify",
+         argument("dataset", type=Path, metavar="DATASET",
+                  help="folder with dataset.toml and static.csv, transient.csv or both"),
+         argument("--dynamic", action="store_true",
+                  help="also k1, eta1 and eta2 from the responses of transient.csv, Eq. (12); the "
+                       "static constants are those of static.csv or, where there is none, the "
+                       "films' own"),
+         argument("--law", choices=("eq8", "film"), default="eq8",
+                  help="the paper's Eq. (8), or one factor on the films' own material"),
+         argument("--alpha", choices=("each", "shared"), default="each",
+                  help="an α of the circle with the short semi-axis for each shape, or one for all "
+                       "as in Eq. (11)"),
+         argument("--weights", metavar="A,B",
+                  help="both α of all shapes, for --dynamic without static.csv (default: equal)"),
+         argument("--objective", choices=("deflection", "force", "printed"), default="deflection",
+                  help="misfit in deflection, in force as Eq. (11) with the signs of Eq. (5), or "
+                       "as printed"),
+         argument("--nelder-mead", action="store_true",
+                  help="also the paper's simplex, to compare"),
+         output("write identify.json and figures"), JSON)
+def lumped_identify(options: argparse.Namespace) -> None:
+    """The constants behind a dataset's readings."""
+    from tympan.progress import bar
+    from tympan.studies.data.dataset import read_dataset
+    from tympan.studies.identify.dynamic import (
+        DynamicProblem,
+        Exact,
+        identify_dynamic,
+        nelder_mead_dynamic,
+    )
+    from tympan.studies.identify.responses import records_of
+    from tympan.studies.identify.result import IdentifyResult
+    from tympan.studies.identify.static import StaticProblem, identify_static, nelder_mead
+
+    dataset = read_dataset(options.dataset)
+    record: dict[str, Any] = {"dataset": dataset.name}
+    static = dynamic = None
+    with bar((1 + options.dynamic) * (1 + options.nelder_mead)) as progress:
+        if dataset.static is not None or not options.dynamic:
+            if options.weights is not None:
+                raise InputError("is for --dynamic without static.csv, whose readings tell α",
+                                 key="--weights", given=options.weights)
+            problem = StaticProblem.of(dataset, options.law, options.alpha)
+            progress("readings at rest")
+            static = identify_static(problem, options.objective)
+            record["static"] = static.json()
+            if options.nelder_mead:
+                progress("readings at rest, simplex")
+                record["nelder_mead_static"] = nelder_mead(problem)
+        if options.dynamic:
+            weights = parse_numbers(options.weights, "--weights")
+            statics = static or Exact(dataset.specimens, dataset.rig, weights)
+            responses = DynamicProblem(statics, dataset.rig, records_of(dataset), dataset.noise)
+            progress("responses")
+            dynamic = identify_dynamic(responses)
+            record["dynamic"] = dynamic.json()
+            if options.nelder_mead:
+                progress("responses, simplex")
+                record["nelder_mead_dynamic"] = nelder_mead_dynamic(responses)
+    finish(options, IdentifyResult.of(record, static, dynamic))
+
+
+@command("lumped paper",
+         output("paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
+                required=True),
+         argument("--levels", type=int, default=20, metavar="N",
+                  help="of figure 14, which the paper does not give"),
+         argument("--seed", type=int,
+                  help="of these levels (default: the first one whose levels come within 100 V of "
+                       "0 and of 7 kV)"),
+         argument("--reading", choices=("rest", "levels"),
+                  help="how Table 2 is read to find the lost parameters: from 0 to 7 kV at rest, "
+                       "or at the ends of figure 14's levels (default: whichever fits it better)"),
+         argument("--period",
+                  help="of figure 13's sines, which the paper does not give (default: that at "
+                       "which the circle lags most)"),
+         json_argument("print one JSON object, which paper.json holds too"))
+def lumped_paper(options: argparse.Namespace) -> None:
+    """The paper's figures 7 to 14 and tables, its numbers beside ours."""
+    import time
+
+    from tympan.progress import bar
+    from tympan.reports.paper.page import build_paper_page
+    from tympan.studies.replica.figures import STEPS_OF_RUN, Choices, run
+    from tympan.studies.replica.output import store
+
+    period = None if options.period is None else parse_quantity(options.period, "time", "--period")
+    choices = Choices(options.levels, options.seed, period, reading=options.reading)
+    began = time.perf_counter()
+    with bar(STEPS_OF_RUN + 2) as progress:
+        replica = run(choices, progress)
+        progress("findings")
+        content = store(replica, time.perf_counter() - began, options.output)
+        progress("figures")
+        page = build_paper_page(options.output)
+    print_record(options, content, page=page)

@@ -1,0 +1,64 @@
+"""Commands about materials: the library, a look at a law, and laws fitted to coupon tests."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tympan.geometry.errors import InputError
+from tympan.options import JSON, argument, command, finish, output, parse_quantity, print_record
+
+
+@command("materials", JSON)
+def materials(options: argparse.Namespace) -> None:
+    """List the material library with sources."""
+    from dataclasses import asdict
+
+    from tympan.fem.film.breakdown import STRENGTH_LIBRARY
+    from tympan.fem.film.library import MATERIALS
+
+    record = {name: asdict(entry) | {"law": entry.material.law}
+              for name, entry in MATERIALS.items()}
+    print_record(options, record, materials=MATERIALS, strengths=STRENGTH_LIBRARY)
+
+
+@command("material show",
+         argument("material", metavar="NAME|SPECIMEN.toml",
+                  help="of the library, also a refused one; or the material of a specimen file"),
+         argument("--held", type=float, metavar="X",
+                  help="stretch held across in the second column (default: as mounted, else 1)"),
+         JSON)
+def material_show(options: argparse.Namespace) -> None:
+    """True stress against stretch, and where the law fails."""
+    from tympan.fem.film.law_report import examine, subject
+
+    examination = examine(*subject(options.material, options.held))
+    print_record(options, examination.json(), examination=examination)
+
+
+@command("material fit",
+         argument("coupons", type=Path, metavar="COUPON.csv",
+                  help="columns mode, stretch, nominal_stress_kPa; also specimen, t_s, run"),
+         argument("--law", action="append", metavar="NAME",
+                  help="may be given several times; all (default) compares every law"),
+         argument("--noise", metavar="STRESS",
+                  help='standard deviation of one reading, such as "2 kPa"; without it, estimated '
+                       "from the residuals"),
+         output("also store the fits (JSON), their curves (CSV), a figure, and the best law for "
+                "specimen files (TOML)"), JSON)
+def material_fit(options: argparse.Namespace) -> None:
+    """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
+    from tympan.studies.data.coupon import read_coupons
+    from tympan.studies.material.fit import compare
+    from tympan.studies.material.result import material_fit_result
+
+    noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
+    if noise is not None and not 0 < noise < float("inf"):
+        raise InputError("must be positive", key="--noise", given=options.noise)
+    names = None if not options.law or "all" in options.law else options.law
+    coupons = read_coupons(options.coupons)
+    try:
+        comparison = compare(coupons, names, noise)
+    except InputError as error:
+        raise error.located(file=options.coupons) from None
+    finish(options, material_fit_result(comparison, options.coupons), comparison=comparison)
