@@ -31,21 +31,22 @@ def _responses(responses: Sequence[SampledResponse]) -> Figure:
     above = style.place_axes(figure, _LEFT, _TITLE, width, _VOLTAGE)
     below = style.place_axes(figure, _LEFT, _TITLE + _VOLTAGE + _GAP, width, _RESPONSE)
     for number, item in enumerate(responses):
-        count = len(item.time)
+        count = len(item.samples)
         thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
-        below.plot(item.time[thin], 1e3 * item.reading[thin], color=style.colour_of(number),
-                   linewidth=0.8, label=_label(item))
+        time, voltage, reading = item.samples[
+            ["t", "voltage", "displacement"]].to_numpy()[thin].T
+        below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
+                   label=_label(item))
         if number == 0:
-            voltage = np.append(item.first_voltage, item.voltage[thin])
-            above.plot(np.append(0.0, item.time[thin]), 1e-3 * voltage, color="black",
-                       linewidth=0.8)
+            voltage = np.append(item.numbers["linear"]["voltage_V"], voltage)
+            above.plot(np.append(0.0, time), 1e-3 * voltage, color="black", linewidth=0.8)
     above.set_ylabel("voltage (kV)")
     below.set_ylabel("displacement (mm)")
     below.set_xlabel("time (s)")
     below.legend(loc="best")
     above.tick_params(labelbottom=False)
     for axes in (above, below):
-        axes.set_xlim(0, max(item.time[-1] for item in responses))
+        axes.set_xlim(0, max(item.samples["t"].iloc[-1] for item in responses))
         style.faint_grid(axes)
     return figure
 
@@ -61,7 +62,7 @@ def _loops(responses: Sequence[SampledResponse]) -> Figure:
         row, column = divmod(number, columns)
         axes = style.place_axes(figure, _LEFT + column * style.WIDTH / columns,
                            _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
-        axes.plot(1e-3 * loop.voltage, 1e3 * loop.deflection,
+        axes.plot(1e-3 * loop["voltage"], 1e3 * loop["deflection"],
                   color=style.colour_of(number), linewidth=0.8)
         axes.set_title(_label(item), loc="left")
         axes.set_xlabel("voltage (kV)")
@@ -71,4 +72,4 @@ def _loops(responses: Sequence[SampledResponse]) -> Figure:
 
 
 def _label(item: SampledResponse) -> str:
-    return f"{item.name}, {1e3 * item.mass:g} g"
+    return f"{item.numbers['specimen']}, {1e3 * item.numbers['mass_kg']:g} g"

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.lumped.signals import Pieces
+from tympan.studies.lumped.signals import Pieces, through
 
 Array = NDArray[np.float64]
 _ALONE = 0.1  # of a change of the voltage: neighbours smaller than this share of it make it a jump
-_FLAT = 1e-9  # of the largest change: what is no change
 _LEVEL = 0.02  # of the whole range: what moves less is noise of a recorded voltage
 
 
@@ -36,7 +36,7 @@ class Record:
 
     @property
     def begins(self) -> float:
-        """When the voltage first changes [s]; at the start, where it never does."""
+        """When the voltage first changes [s]; the start, where it never does."""
         points, volts = self.drive.time, self.drive.voltage
         changed = np.flatnonzero(volts != volts[0])
         return float(points[max(int(changed[0]) - 1, 0)] if len(changed) else points[0])
@@ -85,44 +85,24 @@ def drive_of(time: Array, voltage: Array) -> Pieces:
         if np.ptp(voltage[part]) <= _LEVEL * np.ptp(voltage):
             level[part] = voltage[part].mean()
     points, volts = np.insert(time, after, time[after]), np.insert(level, after, level[after - 1])
-    keep = np.ones(len(points), bool)
-    width = np.diff(points)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.diff(volts) / width
-    most = max(float(np.abs(slope[width > 0]).max(initial=0.0)), 1e-300)
-    with np.errstate(invalid="ignore"):
-        bent = np.abs(np.diff(slope)) > _FLAT * most
-    keep[1:-1] = bent | (width[1:] == 0) | (width[:-1] == 0)
-    return Pieces(points[keep], volts[keep])
+    return through(points, volts)
 
 
 def records_of(dataset: Any) -> tuple[Record, ...]:
-    """The responses of a dataset, one for each specimen, mass and run.
-
-    Raises
-    ------
-    InputError
-        When it has no transient.csv, or a run of it too few readings.
-    """
+    """The responses of a dataset, one for each specimen, mass and run."""
     table = dataset.transients
     if table is None:
         raise InputError("has no transient.csv: the viscous constants need responses in time",
                          key=dataset.name)
     names = [specimen.name for specimen in dataset.specimens]
-    kinds = np.array([names.index(name) for name in table.specimen.tolist()])
-    keys = list(zip(kinds.tolist(), table.mass.tolist(), table.run.tolist(), strict=True))
-    places: dict[tuple[int, float, str], list[int]] = {}
-    for row, key in enumerate(keys):
-        places.setdefault(key, []).append(row)
+    runs = pd.DataFrame(table.values).groupby(["specimen", "mass", "run"], sort=False)
     records = []
-    for (number, mass, run), rows in places.items():
-        order = np.array(rows)[np.argsort(table.t[rows], kind="stable")]
-        if len(order) < 5:
+    for (name, mass, run), rows in runs:
+        if len(rows) < 5:
             raise InputError("must have at least five readings",
-                             key=f"transient.csv, {names[number]}, run {run}",
-                             given=len(order))
-        time = table.t[order]
-        records.append(Record(number, mass, run, time, table.displacement[order],
-                              drive_of(time, table.voltage[order]),
-                              float(np.median(np.diff(time))), float(table.displacement[order[0]])))
+                             key=f"transient.csv, {name}, run {run}", given=len(rows))
+        ordered = rows.sort_values("t", kind="stable")
+        time, voltage, read = ordered[["t", "voltage", "displacement"]].to_numpy().T
+        records.append(Record(names.index(name), mass, run, time, read, drive_of(time, voltage),
+                              float(np.median(np.diff(time))), float(read[0])))
     return tuple(records)

@@ -25,10 +25,7 @@ _STEP = 1e-30  # of a derivative by a complex step
 
 @dataclass(frozen=True)
 class Viscous:
-    """A spring k₁ [Pa] in series with a damper η₁ [Pa s], beside a damper η₂ [Pa s].
-
-    Eqs. (9), (10) and figure 3.
-    """
+    """A spring k₁ [Pa] with a damper η₁ [Pa s] in series, a damper η₂ beside: Eqs. (9), (10)."""
 
     k1: float = field(default_factory=lambda: known("k_1"))
     eta1: float = field(default_factory=lambda: known("eta_1"))
@@ -100,7 +97,6 @@ class Actuator:
 
     @property
     def count(self) -> int:
-        """How many circles."""
         return int(np.shape(self.circles.radius)[-1])
 
     @property
@@ -116,7 +112,6 @@ class Actuator:
 
     @property
     def specimen(self) -> Specimen:
-        """What the circles are made of."""
         return self.circles.specimen
 
     @property
@@ -126,7 +121,6 @@ class Actuator:
 
     @property
     def label(self) -> str:
-        """Specimen and mass, for messages."""
         return f"{self.specimen.name}, {1e3 * np.max(self.mass):g} g"
 
     @cached_property
@@ -170,17 +164,8 @@ class Actuator:
         y, speed = _each(y) + 0 * strains[..., :1], 0 * strains[..., :1]
         return np.concatenate([y, speed, strains], axis=-1)
 
-    def rates(self, state: Any, voltage: Any) -> Any:
-        """Time derivative of states, shape (…, 2 + circles)."""
-        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
-        phi, _, behind, lever, _ = self._branches(y, strains)
-        damper = self.viscous.eta2 * speed * np.sum(lever * phi, axis=-1)
-        force = self.balance(y, voltage, strains)[0] + damper
-        return np.concatenate([_each(speed), _each(-force / self.moved), self._creep(behind)],
-                              axis=-1)
-
     def linear(self, state: Any, voltage: Any) -> tuple[Any, Any]:
-        """:meth:`rates` and their derivative by the state, shape (…, size, size)."""
+        """Time derivative of states, (…, size), and its derivative by them, (…, size, size)."""
         y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
         v, branches = self.viscous, np.arange(2, 2 + self.count)
         phi, bend, behind, lever, change = self._branches(y, strains)
@@ -199,14 +184,14 @@ class Actuator:
                               axis=-1), slopes
 
     def by_voltage(self, state: Any, voltage: Any) -> Any:
-        """Derivative of :meth:`rates` by the voltage [1/V], shape (…, 2 + circles)."""
+        """Derivative of the rates by the voltage [1/V], shape (…, 2 + circles)."""
         squared = np.imag(self.rig.film_voltage(voltage + _STEP * 1j) ** 2) / _STEP
         result = np.zeros(np.shape(state))
         result[..., 1] = -squared * self.electric(state[..., 0])[1] / self.moved
         return result
 
     def by_viscous(self, state: Any) -> Any:
-        """Derivatives of :meth:`rates` by ln k₁, ln η₁ and ln η₂, shape (…, 2 + circles, 3)."""
+        """Derivatives of the rates by ln k₁, ln η₁ and ln η₂, shape (…, 2 + circles, 3)."""
         phi, _, behind, lever, _ = self._branches(state[..., 0], state[..., 2:])
         lever = lever / _each(self.moved)
         result = np.zeros((*np.shape(state), 3))
@@ -215,21 +200,6 @@ class Actuator:
         result[..., 2:, 0] = self._creep(behind)
         result[..., 2:, 1] = -self._creep(behind)
         return result
-
-    def energy(self, state: Any, voltage: Any) -> Any:
-        """Free energy [J] of states at a held voltage: motion, weight, film, branches, voltage.
-
-        What the model's own forces derive from. A branch stores V k₁ (1 + ε₁)(x − 1 − ln x), x =
-        λ_r/(1 + ε₁): the energy whose derivative by y is its force in Eq. (5), and which Eq. (9)
-        can only lower. So at a constant voltage this never grows; the damper η₂ lowers it further
-        by V η₂ λ̇_r²/λ_r.
-        """
-        y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
-        squared = self.rig.film_voltage(voltage) ** 2
-        x = self.circles.stretch(_each(y))[0] / (1 + strains)
-        branch = self.viscous.k1 * self.circles.volume * (1 + strains) * (x - 1 - np.log(x))
-        return (self.moved * speed**2 / 2 - self.load * y + self.elastic(y)[0]
-                + squared * self.electric(y)[0] + np.sum(self.weights * branch, axis=-1))
 
     def capacitance(self, y: Any) -> Any:
         """Σ α C of the circles [F] at a deflection [m], the correction on its change."""
@@ -246,7 +216,6 @@ class Actuator:
         return phi, bend, stretch - 1 - strains, lever, change
 
     def _creep(self, behind: Any) -> Any:
-        """How fast the branches follow, Eq. (9)."""
         return self.viscous.k1 / self.viscous.eta1 * behind
 
     def _mixed(self, parts: tuple[Any, Any, Any], factor: Any) -> tuple[Any, Any, Any]:

@@ -1,8 +1,8 @@
 """Voltages in time: steps, ramps, sines, pseudo-random steps, and series read from a CSV file.
 
 A signal runs from time 0 to its ``end`` [s], smooth between ``breaks`` [s], both included; it
-begins from rest at ``first`` [V], and ``within(piece, time)`` is its voltage [V] at times of pieces
-between two breaks (by number), their ends included.
+begins from rest at ``first`` [V], ``peak`` is its largest magnitude [V], and ``within(piece,
+time)`` its voltage [V] at times of pieces between two breaks (by number), their ends included.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from tympan.studies.columns import Column, read_sheet
 
 Array = NDArray[np.float64]
 _HIGHEST = 1e6
+_STRAIGHT = 1e-9  # of the largest change of voltage in time: what is no change of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,22 +46,18 @@ class Pieces:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
         return float(self.time[-1])
 
     @property
     def breaks(self) -> Array:
-        """The points' times."""
         return np.unique(self.time)
 
     @property
     def peak(self) -> float:
-        """Largest magnitude [V]."""
         return float(np.abs(self.voltage).max())
 
     @property
     def first(self) -> float:
-        """Voltage before it begins [V], to begin from rest at."""
         return float(self.voltage[0])
 
     @cached_property
@@ -94,23 +91,19 @@ class Sine:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
         return self.period * self.cycles
 
     @property
     def breaks(self) -> Array:
-        """Where its cycles begin, and the end."""
         begins = self.period * np.arange(np.ceil(self.cycles * (1 - 1e-12)))
         return np.append(begins, self.end)
 
     @property
     def peak(self) -> float:
-        """Largest magnitude [V]."""
         return abs(self.offset) + abs(self.amplitude)
 
     @property
     def first(self) -> float:
-        """Voltage before it begins [V], to begin from rest at."""
         return self.offset
 
     def within(self, piece: Any, time: Any) -> Any:
@@ -152,11 +145,7 @@ def random_steps(low: float, high: float, every: float, count: int, seed: int) -
 def read_signal(file: Path | str) -> Pieces:
     """A CSV file with the columns t_s and voltage_kV; straight lines between its rows.
 
-    Raises
-    ------
-    InputError
-        Naming line and column of what cannot be used: no file, no rows, no number, times that do
-        not ascend.
+    What cannot be used is an InputError that names line and column.
     """
     limited: Rule = (lambda x: abs(x) <= _HIGHEST, "must be within 1000 kV")
     sheet = read_sheet(file, (Column("t", "s"), Column("voltage", "kV", limited)))
@@ -165,7 +154,16 @@ def read_signal(file: Path | str) -> Pieces:
         raise sheet.error(int(row) + 1, "t", f"must be after the line before, {time[row]:g} s")
     if len(time) < 2:
         raise InputError("must have at least two rows", file=file)
+    return through(time - time[0], voltage)
+
+
+def through(time: Array, voltage: Array) -> Pieces:
+    """Pieces through points [s, V], without those on the straight line between their neighbours."""
+    width = np.diff(time)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.diff(voltage) / width
+        most = max(float(np.abs(slope[width > 0]).max(initial=0.0)), 1e-300)
+        bent = np.abs(np.diff(slope)) > _STRAIGHT * most
     keep = np.ones(len(time), bool)
-    slope = np.diff(voltage) / np.diff(time)
-    keep[1:-1] = np.abs(np.diff(slope)) > 1e-9 * max(float(np.abs(slope).max()), 1e-300)
-    return Pieces(time[keep] - time[0], voltage[keep])
+    keep[1:-1] = bent | (width[1:] == 0) | (width[:-1] == 0)
+    return Pieces(time[keep], voltage[keep])

@@ -1,4 +1,4 @@
-"""Eq. (5) in time: responses to any signal, dense in time; hysteresis; settling; creep alone."""
+"""Eq. (5) in time: responses to any signal, dense in time; settling; creep alone."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 _PRECISION = 1e-11  # of a response [m]
 _WINDOW = 4000  # steps of a first mesh that are solved at once
 _FINER = 8
+_SETTLED = 0.05
+_SAMPLES = 400  # of a period
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 
 
@@ -40,7 +42,6 @@ class Response:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
         return float(self.ends[-1])
 
     def state(self, time: Array) -> Array:
@@ -62,9 +63,10 @@ class Response:
         """y at times [m]."""
         return np.asarray(self.state(time)[:, 0])
 
-    def samples(self, interval: float) -> Array:
-        """Times with an interval [s] between them, from 0 to the end."""
-        return np.linspace(0.0, self.end, max(2, round(self.end / interval) + 1))
+    def last_period(self, period: float) -> tuple[Array, Array]:
+        """Voltages [V] and deflections [m] of the last whole period [s] of a sine."""
+        time = np.linspace(self.end - period, self.end, _SAMPLES + 1)
+        return self.voltage(time), self.deflection(time)
 
 
 def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
@@ -72,14 +74,13 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
     """The response to a signal, by default from rest at its first voltage, to a precision [m].
 
     By collocation over many steps at once. A motion that leaves the model's reach ends there:
-    ``Response.drawn_in``.
-
-    Raises
-    ------
-    InputError
-        When the signal goes beyond pull-in, or there is no rest to begin from.
+    ``Response.drawn_in``. A signal beyond pull-in or the model's reach is refused: no rest holds
+    the film there.
     """
-    check(actuator, signal)
+    peak = abs(float(actuator.rig.film_voltage(signal.peak)))
+    if peak > highest(actuator):
+        raise InputError(f"the signal goes too high: {limit_words(actuator)}", key=actuator.label,
+                         given=f"{peak / 1e3:.5g} kV")
     state = actuator.rest(rest(actuator, signal.first)) if start is None else start
     solver = CollocationSolver(signal, precision)
     mesh = first_mesh(actuator, state, signal)
@@ -146,28 +147,12 @@ def creep(actuator: Actuator, signal: Signal) -> Array:
     return np.array(deflections)
 
 
-def check(actuator: Actuator, signal: Signal) -> None:
-    """Refuse a signal beyond pull-in or the model's reach: no rest holds the film there.
+def settling_time(time: Array, deflection: Array) -> float:
+    """When the oscillation about the slow motion last exceeds 5 % of its largest swing [s].
 
-    Raises
-    ------
-    InputError
-        Naming the voltage and the limit.
-    """
-    peak = abs(float(actuator.rig.film_voltage(signal.peak)))
-    if peak > highest(actuator):
-        raise InputError(f"the signal goes too high: {limit_words(actuator)}",
-                         key=actuator.label,
-                         given=f"{peak / 1e3:.5g} kV")
-
-
-def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
-    """When the oscillation about the slow motion last exceeds a share of its largest swing [s].
-
-    Counted from time[0]; ``share`` is that of the largest excursion.
-    The slow motion is that through the midpoints of neighbouring extremes, as one draws it by eye:
-    the membrane goes on creeping long after the oscillation has died away. nan where there is no
-    oscillation.
+    Counted from time[0]; nan where there is no oscillation. The slow motion is that through the
+    midpoints of neighbouring extremes, as one draws it by eye: the membrane goes on creeping long
+    after the oscillation has died away.
 
     Examples
     --------
@@ -182,35 +167,5 @@ def settling_time(time: Array, deflection: Array, share: float = 0.05) -> float:
     swing = np.abs(np.diff(heights)) / 2
     if swing.max() < 1e-9 * np.abs(deflection).max():
         return float("nan")
-    large = np.flatnonzero(swing > share * swing.max())
+    large = np.flatnonzero(swing > _SETTLED * swing.max())
     return float((times[large[-1]] + times[large[-1] + 1]) / 2 - time[0])
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """One period of a response to a sine: voltages [V] and deflections [m]."""
-
-    voltage: Array
-    deflection: Array
-
-    @property
-    def drift(self) -> float:
-        """By how much it ends deeper than it began [m]; 0 once the film no longer creeps."""
-        return float(self.deflection[-1] - self.deflection[0])
-
-    @property
-    def area(self) -> float:
-        """∮ y du [V m], positive where the deflection lags behind."""
-        y = self.deflection
-        return float(-np.sum((y[1:] + y[:-1]) / 2 * np.diff(self.voltage)))
-
-    @property
-    def width(self) -> float:
-        """Area over the extent in voltage and deflection: 0 for a line, π/4 for an ellipse."""
-        return self.area / float(np.ptp(self.voltage) * np.ptp(self.deflection))
-
-
-def last_loop(response: Response, period: float, samples: int = 400) -> Loop:
-    """The last whole period of a response."""
-    time = np.linspace(response.end - period, response.end, samples + 1)
-    return Loop(response.voltage(time), response.deflection(time))

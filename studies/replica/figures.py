@@ -16,7 +16,7 @@ from tympan.studies.files import write_csv
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.linear import linearise
 from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
-from tympan.studies.lumped.simulate import Loop, last_loop, simulate
+from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES
 from tympan.studies.replica import settling
@@ -94,7 +94,8 @@ def thinned(time: Array, deflection: Array, whole_until: float = 0.0) -> tuple[A
 class Replica:
     """Figures 7–14 and Table 2; lists are by mass and actuator, loops by signal and actuator.
 
-    ``steps`` and ``random`` are thinned responses: times [s] and deflections [m].
+    ``steps`` and ``random`` are thinned responses: times [s] and deflections [m]; ``loops`` are
+    voltages [V] and deflections [m] of one period.
     """
 
     choices: Choices
@@ -104,7 +105,7 @@ class Replica:
     steps: list[list[tuple[Array, Array]]]
     decays: list[list[Decay]]
     period: float
-    loops: list[list[Loop]]
+    loops: list[list[tuple[Array, Array]]]
     signal: Pieces
     seed: int
     random: list[list[tuple[Array, Array]]]
@@ -162,12 +163,12 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     traces = [[thinned(time, y, ZOOM) for y in row] for row in steps]
     decays = [[Decay.of(time, y) for y in row] for row in steps]
     period = choices.period or period_of(models[0][0])
-    loops: list[list[Loop]] = [[] for _ in published.SINES]
+    loops: list[list[tuple[Array, Array]]] = [[] for _ in published.SINES]
     for row, sine in zip(loops, published.SINES, strict=True):
         for model in models[0]:
             progress(f"figure 13: {model.specimen.name} about {1e-3 * sine[0]:g} kV")
             response = simulate(model, Sine(*sine, period), precision=_PRECISION)
-            row.append(last_loop(response, period))
+            row.append(response.last_period(period))
     progress("figure 14")
     time, random = _responses(models, signal)
     ends = np.searchsorted(time, signal.breaks - INTERVAL / 2)
@@ -206,8 +207,7 @@ def write_curves(replica: Replica, folder: Path) -> None:
                   ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", distance),
                   [(1e-3 * offset, 1e-3 * amplitude, name)
                    for offset, amplitude in published.SINES for name in NAMES],
-                  [(1e-3 * loop.voltage, 1e3 * loop.deflection)
-                   for row in replica.loops for loop in row])
+                  [(1e-3 * volts, 1e3 * y) for row in replica.loops for volts, y in row])
     _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
                   [(replica.signal.time, 1e-3 * replica.signal.voltage)])
     permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)

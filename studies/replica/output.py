@@ -48,7 +48,7 @@ def store(replica: Replica, seconds: float, folder: Path) -> dict[str, Any]:
 
 def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
     """Everything but the curves."""
-    gaps = np.array([[loop_gap(loop.deflection) for loop in row] for row in replica.loops])
+    gaps = np.array([[loop_gap(y) for _, y in row] for row in replica.loops])
     growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
     return {
         "lost": {
@@ -63,11 +63,11 @@ def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
                      "why": _why_settling(replica)},
         "hysteresis": {
             "rows": [{"offset_kV": 1e-3 * offset, "amplitude_kV": 1e-3 * amplitude,
-                      "specimen": name, "range_um": 1e6 * float(np.ptp(loop.deflection)),
+                      "specimen": name, "range_um": 1e6 * float(np.ptp(y)),
                       "gap_percent": float(100 * gap)}
                      for (offset, amplitude), row, row_gaps
                      in zip(SINES, replica.loops, gaps, strict=True)
-                     for name, loop, gap in zip(NAMES, row, row_gaps, strict=True)],
+                     for name, (_, y), gap in zip(NAMES, row, row_gaps, strict=True)],
             "period_s": replica.period,
             "why": sentences("hysteresis", low=100 * gaps[0, [0, -1]], high=100 * gaps[1, [0, -1]],
                              growth=_ends(growth))},

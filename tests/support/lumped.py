@@ -54,6 +54,22 @@ def clean() -> StaticProblem:
     return StaticProblem(unknown, Rig(), which.astype(int), mass, u, y, NOISE)
 
 
+def free_energy(actuator: Actuator, state: np.ndarray, voltage: float) -> np.ndarray:
+    """[J] of states at a held voltage: motion, weight, film, branches, voltage.
+
+    What the model's own forces derive from. A branch stores V k₁ (1 + ε₁)(x − 1 − ln x), x =
+    λ_r/(1 + ε₁): the energy whose derivative by y is its force in Eq. (5), and which Eq. (9)
+    can only lower. So at a constant voltage this never grows; the damper η₂ lowers it further
+    by V η₂ λ̇_r²/λ_r.
+    """
+    y, speed, strains = state[..., 0], state[..., 1], state[..., 2:]
+    squared = actuator.rig.film_voltage(voltage) ** 2
+    x = actuator.circles.stretch(y[..., None])[0] / (1 + strains)
+    branch = actuator.viscous.k1 * actuator.circles.volume * (1 + strains) * (x - 1 - np.log(x))
+    return (actuator.moved * speed**2 / 2 - actuator.load * y + actuator.elastic(y)[0]
+            + squared * actuator.electric(y)[0] + np.sum(actuator.weights * branch, axis=-1))
+
+
 def noisy(seed: int, noise: float | None = NOISE) -> StaticProblem:
     base = clean()
     read = base.displacement + NOISE * np.random.default_rng(seed).standard_normal(len(base.mass))

@@ -53,7 +53,7 @@ def explicit(model: Actuator, signal: Sine | Pieces, time: np.ndarray) -> np.nda
     state, parts = model.rest(rest(model, signal.first)), []
     for piece, (left, right) in enumerate(pairwise(signal.breaks)):
         inside = time[(time >= left) & ((time < right) | (right == signal.end))]
-        done = solve_ivp(lambda t, x, piece=piece: model.rates(x, signal.within(piece, t)),
+        done = solve_ivp(lambda t, x, piece=piece: model.linear(x, signal.within(piece, t))[0],
                          (left, right), state,
                          "DOP853",
                          [*inside[inside > left], *([right] if right not in inside else [])],
@@ -137,7 +137,7 @@ def test_viscous_derivatives_by_complex_step() -> None:
     for number in range(3):
         logs = LOGS + 1e-30j * np.eye(3)[number]
         turned = replace(actuator(), viscous=Viscous(*np.exp(logs)))
-        exact = np.imag(turned.rates(state, 2e3)) / 1e-30
+        exact = np.imag(turned.linear(state, 2e3)[0]) / 1e-30
         assert actuator().by_viscous(state)[:, number] == pytest.approx(exact, rel=1e-12)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.oracles.paper_equations import equations
-from tests.support.lumped import MODELS, OVAL
+from tests.support.lumped import MODELS, OVAL, free_energy
 from tests.support.specimens import circular
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
@@ -33,7 +33,7 @@ def test_rates_are_the_papers_equations() -> None:
     for _ in range(20):
         state = rng.uniform([1e-4, -0.1, 0, 0], [8e-3, 0.1, 0.02, 0.02])
         u = rng.uniform(0, 7e3)
-        assert MODELS["paper"].rates(state, u) == pytest.approx(
+        assert MODELS["paper"].linear(state, u)[0] == pytest.approx(
             equations(state, u, (0.4, 0.6), 17.9e-3, 8.5), rel=1e-10)
 
 
@@ -45,9 +45,9 @@ def test_derivatives_by_complex_step(actuator: Actuator) -> None:
                                 rng.uniform(0, 0.02, actuator.count)])
         u = rng.uniform(500, 5e3)
         steps = 1e-30j * np.eye(len(state))
-        numeric = np.array([actuator.rates(state + step, u).imag for step in steps]).T / 1e-30
+        numeric = np.array([actuator.linear(state + step, u)[0].imag for step in steps]).T / 1e-30
         assert actuator.linear(state, u)[1] == pytest.approx(numeric, rel=1e-10, abs=1e-10)
-        by_u = actuator.rates(state + 0j, u + 1e-30j).imag / 1e-30
+        by_u = actuator.linear(state + 0j, u + 1e-30j)[0].imag / 1e-30
         assert actuator.by_voltage(state, u) == pytest.approx(by_u, rel=1e-10)
 
 
@@ -57,8 +57,8 @@ def test_forces_derive_from_the_energy(actuator: Actuator) -> None:
     (9)."""
     state = np.concatenate([[4e-3, 0.0], np.full(actuator.count, 3e-3)])
     u, step = 3e3, 1e-30
-    slope = actuator.energy(state + step * 1j * np.eye(len(state))[0], u).imag / step
-    assert slope == pytest.approx(-actuator.moved * actuator.rates(state, u)[1], rel=1e-9)
+    slope = free_energy(actuator, state + step * 1j * np.eye(len(state))[0], u).imag / step
+    assert slope == pytest.approx(-actuator.moved * actuator.linear(state, u)[0][1], rel=1e-9)
     for part in (actuator.elastic, actuator.electric):
         energy, force, stiffness = part(4e-3 + step * 1j)
         assert energy.imag / step == pytest.approx(force.real, rel=1e-10)
