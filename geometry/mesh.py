@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
 
 import meshio
 import numpy as np
@@ -60,7 +61,7 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
     corners = corners.reshape(-1, 3)
     rank = np.argsort(corners, axis=1)
     triangles = np.take_along_axis(corners, rank, axis=1).T
-    local = _local_numbers(order)[tuple(rank.T)]
+    local = _local_numbers(_gmsh_barycentric(order), order)[tuple(rank.T)]
     nodes = np.take_along_axis(cells, local, axis=1)
     mesh = curved_mesh(source.points[used, :2].T, triangles, order,
                        source.points[nodes, :2].transpose(2, 1, 0))
@@ -69,11 +70,12 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
     boundaries, subdomains = {}, {}
     for name, sets in source.cell_sets_dict.items():
         for cell_type, members in sets.items():
+            if not len(members):
+                continue
             if cell_type == kind:
                 subdomains[name] = members
-            elif len(members):
+            else:
                 boundaries[name] = facets_of(mesh, new[source.cells_dict[cell_type][members, :2]])
-    subdomains = {name: members for name, members in subdomains.items() if len(members)}
     tagged: CurvedTriangles = mesh.with_boundaries(boundaries).with_subdomains(subdomains)
     return tagged
 
@@ -93,33 +95,32 @@ def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key, low * mesh.nvertices + high, sorter=order)])
 
 
-@dataclass(frozen=True)
-class Unfolding:
-    """A mirrored mesh; of each node the ``origin`` and the ``signs`` of x and y."""
-
-    mesh: CurvedTriangles
-    origin: Ints
-    signs: NDArray[np.float64]
-
-
-def unfold(mesh: CurvedTriangles, planes: frozenset[str]) -> Unfolding:
+def unfold(mesh: CurvedTriangles,
+           planes: frozenset[str]) -> tuple[CurvedTriangles, Ints, NDArray[np.float64]]:
     """Mirror a part that was meshed for symmetry into the whole film.
 
-    ``signs`` has shape (2, nodes): a nodal vector field of the whole is that of the part at
-    ``origin``, its x and y components times ``signs``.
+    Returns
+    -------
+    tuple
+        The whole, of each of its nodes the one in the part, and signs of shape (2, nodes): a nodal
+        vector field of the whole is that of the part's nodes, x and y components times the signs.
     """
-    result = Unfolding(mesh, np.arange(mesh.doflocs.shape[1]), np.ones((2, mesh.doflocs.shape[1])))
+    nodes = mesh.doflocs.shape[1]
+    origin, signs = np.arange(nodes), np.ones((2, nodes))
     for plane in sorted(planes):
-        result = _mirror(result, "xy".index(plane))
-    return result
+        axis = "xy".index(plane)
+        mesh, source, mirrored = _mirror(mesh, axis)
+        origin, signs = origin[source], signs[:, source]
+        signs[axis, mirrored] *= -1
+    return mesh, origin, signs
 
 
-def _mirror(part: Unfolding, axis: int) -> Unfolding:
-    mesh = part.mesh
-    count = mesh.nvertices
+def _mirror(mesh: CurvedTriangles, axis: int) -> tuple[CurvedTriangles, Ints, NDArray[np.bool_]]:
+    """Part and image; of each node the one in the part, and whether it is in the image alone."""
+    count, half = mesh.nvertices, mesh.t.shape[1]
     corner_points = mesh.doflocs[:, :count]
     on_plane = np.abs(corner_points[axis]) < 1e-12 * np.abs(corner_points).max()
-    image = np.where(on_plane, np.arange(count), -1)
+    image = np.arange(count)
     image[~on_plane] = count + np.arange(np.count_nonzero(~on_plane))
     flip = np.ones((2, 1))
     flip[axis] = -1
@@ -128,7 +129,7 @@ def _mirror(part: Unfolding, axis: int) -> Unfolding:
     # sorted anew.
     corners = image[mesh.t]
     rank = np.argsort(corners, axis=0)
-    local = _skfem_local(mesh.order)[tuple(rank)]
+    local = _local_numbers(_barycentric(mesh.order), mesh.order)[tuple(rank)]
     old = mesh.dofs.element_dofs
     image_old = np.take_along_axis(old, local.T, axis=0)
     triangles = np.hstack([mesh.t, np.take_along_axis(corners, rank, axis=0)])
@@ -136,20 +137,17 @@ def _mirror(part: Unfolding, axis: int) -> Unfolding:
                            axis=2)
     whole = curved_mesh(vertices, triangles, mesh.order, nodes)
     dofs = whole.dofs.element_dofs
-    origin = np.empty(whole.doflocs.shape[1], dtype=np.int64)
-    signs = np.empty((2, whole.doflocs.shape[1]))
-    half = mesh.t.shape[1]
-    origin[dofs[:, half:]] = part.origin[image_old]
-    signs[:, dofs[:, half:]] = (flip * part.signs)[:, image_old]
-    origin[dofs[:, :half]] = part.origin[old]
-    signs[:, dofs[:, :half]] = part.signs[:, old]
+    source = np.empty(whole.doflocs.shape[1], dtype=np.int64)
+    source[dofs] = np.hstack([old, image_old])
+    mirrored = np.ones(len(source), dtype=bool)
+    mirrored[dofs[:, :half]] = False
     subdomains = {name: np.concatenate([cells, cells + half])
                   for name, cells in (mesh.subdomains or {}).items()}
     boundaries = {}
     for name, facets in (mesh.boundaries or {}).items():
         ends = mesh.facets[:, facets]
         boundaries[name] = np.unique(facets_of(whole, np.hstack([ends, image[ends]]).T))
-    return Unfolding(whole.with_boundaries(boundaries).with_subdomains(subdomains), origin, signs)
+    return whole.with_boundaries(boundaries).with_subdomains(subdomains), source, mirrored
 
 
 def _barycentric(order: int) -> Ints:
@@ -169,21 +167,13 @@ def _gmsh_barycentric(order: int) -> Ints:
     return np.vstack([corners, *edges, inner])
 
 
-def _permuted(source: Ints, target: Ints) -> Ints:
-    """table[rank] for the six vertex orders: positions in ``source`` of the ``target`` points."""
-    key = {tuple(point): number for number, point in enumerate(source)}
+def _local_numbers(source: Ints, order: int) -> Ints:
+    """table[rank] for the six vertex orders: where scikit-fem's local nodes are in ``source``."""
+    number = {tuple(point): position for position, point in enumerate(source)}
+    target = _barycentric(order)
     table = np.zeros((3, 3, 3, len(target)), dtype=np.int64)
-    for a, b, c in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
-        for number, point in enumerate(target):
-            moved = [0, 0, 0]
-            moved[a], moved[b], moved[c] = point
-            table[a, b, c, number] = key[tuple(moved)]
+    for ranks in permutations(range(3)):
+        moved = np.empty_like(target)
+        moved[:, ranks] = target
+        table[ranks] = [number[tuple(point)] for point in moved]
     return table
-
-
-def _local_numbers(order: int) -> Ints:
-    return _permuted(_gmsh_barycentric(order), _barycentric(order))
-
-
-def _skfem_local(order: int) -> Ints:
-    return _permuted(_barycentric(order), _barycentric(order))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +23,14 @@ from tympan.geometry.specimen import Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE
 
+#: Dimension and tag of gmsh's entities, by name.
+Groups = dict[str, list[tuple[int, int]]]
+
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
 
-_CELL = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
-         4: ("line5", "triangle15")}
+_CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
+          4: ("line5", "triangle15")}
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,8 @@ class MeshSettings:
     across: float = 0.7
 
     def __post_init__(self) -> None:
-        """Refuse settings no mesh can have."""
-        if self.order not in _CELL:
-            raise InputError(f"must be one of {', '.join(map(str, _CELL))}", key="order",
+        if self.order not in _CELLS:
+            raise InputError(f"must be one of {', '.join(map(str, _CELLS))}", key="order",
                              given=self.order)
         if self.around_plate < 4 or not 0 < self.growth <= 2 or not 0 < self.across <= 2:
             raise InputError("must be: around_plate ≥ 4, growth and across in (0, 2]",
@@ -106,7 +108,7 @@ def _session() -> Iterator[Any]:
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing "
                            "with tympan")
-    with _kept(signal.SIGPIPE):
+    with _signal_kept(signal.SIGPIPE):
         gmsh.initialize(interruptible=False, readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -119,11 +121,11 @@ def _session() -> Iterator[Any]:
 
 
 @contextmanager
-def _kept(number: int) -> Iterator[None]:
-    """Restore signals, in any thread: gmsh's start makes a broken pipe lethal."""
+def _signal_kept(number: int) -> Iterator[None]:
+    """Restore its handler, in any thread: gmsh's start makes a broken pipe lethal."""
     get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
-    get.restype, put.argtypes, put.restype = ctypes.c_void_p, (ctypes.c_int,
-                                                               ctypes.c_void_p), ctypes.c_void_p
+    put.argtypes = (ctypes.c_int, ctypes.c_void_p)
+    get.restype = put.restype = ctypes.c_void_p
     handler = get(number)
     try:
         yield
@@ -131,10 +133,8 @@ def _kept(number: int) -> Iterator[None]:
         put(number, handler)
 
 
-def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, int]]]:
+def _curve_groups(gmsh: Any, specimen: Specimen) -> Groups:
     """Curves on the frame, on the plate, on an axis through the plate's centre."""
-    groups: dict[str, list[tuple[int, int]]] = {"frame": [], "plate": [], "axis_x": [],
-                                                "axis_y": []}
     tolerance = 1e-6 * max(specimen.frame.semi_axes)
     curves = gmsh.model.getEntities(1)
     x, y = np.moveaxis(np.array([_along(gmsh, curve, 7) for curve in curves]), -1, 0) / METRE
@@ -144,6 +144,7 @@ def _curve_groups(gmsh: Any, specimen: Specimen) -> dict[str, list[tuple[int, in
         "axis_x": y - specimen.plate.offset[1],
         "axis_y": x - specimen.plate.offset[0],
     }
+    groups: Groups = {name: [] for name in places}
     for number, curve in enumerate(curves):
         for name, distance in places.items():
             if np.all(np.abs(distance[number]) < tolerance):
@@ -162,8 +163,7 @@ def _parameters(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.linspace(start[0], end[0], count)
 
 
-def _surface_groups(gmsh: Any, faces: dict[str, list[Any]],
-                    folder: Path) -> dict[str, list[tuple[int, int]]]:
+def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Groups:
     """Faces brought into gmsh and glued together: the surfaces of each name."""
     from tympan.geometry.cad.membrane import write_step
 
@@ -182,8 +182,7 @@ def _surface_groups(gmsh: Any, faces: dict[str, list[Any]],
                    for entity in entities] for name in faces}
 
 
-def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
-                groups: dict[str, list[tuple[int, int]]]) -> None:
+def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: Groups) -> None:
     """H = min(h_plate + growth·d_plate, across·(d_plate + d_frame)), d distances to the two edges.
 
     Under the electrode and in the bands outside it also h ≤ 3 widths, lest a curved edge reach
@@ -194,8 +193,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     edge = specimen.plate.outline.points(720)
     perimeter = float(np.hypot(*(np.roll(edge, 1, axis=1) - edge)).sum()) * METRE
     plain = perimeter / settings.around_plate
-    plate, frame = (_distance(gmsh, [tag for _, tag in groups[name]])
-                    for name in ("plate", "frame"))
+    plate, frame = (_distance(gmsh, _tags(groups[name])) for name in ("plate", "frame"))
     fields = [_field(gmsh, "MathEval", F=f"{plain!r} + {settings.growth!r}*F{plate}"),
               _field(gmsh, "MathEval", F=f"{settings.across!r}*(F{plate} + F{frame})")]
     margins = [width for width in (specimen.electrode.margin_frame, specimen.electrode.margin_plate)
@@ -203,13 +201,15 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings,
     if specimen.electrode.outline is not None:
         # What is bare is no longer a band alone; this field is as fine in the bands.
         least = min([plain / 4, *(3 * METRE * width for width in margins)])
-        nearest = f"F{_electrode_edge(gmsh, groups)} + min(F{plate}, F{frame})"
+        inner, outer = (gmsh.model.getBoundary(groups[name], combined=False, oriented=False)
+                        for name in ("covered", "bare"))
+        edge_distance = _distance(gmsh, sorted({*_tags(inner)} & {*_tags(outer)}))
+        nearest = f"F{edge_distance} + min(F{plate}, F{frame})"
         fields.append(_field(gmsh, "MathEval",
                              F=f"max({least!r}, {settings.across!r}*({nearest}))"))
     elif margins:
         widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)}
-        fields += [_field(gmsh, "Constant", VIn=3 * width * METRE,
-                          SurfacesList=[tag for _, tag in groups[name]])
+        fields += [_field(gmsh, "Constant", VIn=3 * width * METRE, SurfacesList=_tags(groups[name]))
                    for name, width in widths.items()]
     fields += _fillet_fields(gmsh, settings, plain, groups)
     fields.append(_curvature_field(gmsh, settings.around_plate))
@@ -228,6 +228,10 @@ def _field(gmsh: Any, kind: str, **options: float | str | list[int]) -> int:
         else:
             field.setNumber(number, name, value)
     return number
+
+
+def _tags(entities: Iterable[tuple[int, int]]) -> list[int]:
+    return [tag for _, tag in entities]
 
 
 def _distance(gmsh: Any, curves: list[int]) -> int:
@@ -249,16 +253,14 @@ def _curvature_field(gmsh: Any, around: int) -> int:
     view = gmsh.view.add("sizes")
     gmsh.view.addListData(view, "SP", len(points), points.ravel())
     sizes_of_points = _field(gmsh, "PostView", ViewTag=view)
-    return _field(gmsh, "Restrict", InField=sizes_of_points, CurvesList=[tag for _, tag in curves])
+    return _field(gmsh, "Restrict", InField=sizes_of_points, CurvesList=_tags(curves))
 
 
 def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.asarray(np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count))))
 
 
-def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
-                   groups: dict[str, list[tuple[int, int]]]
-                   ) -> list[int]:
+def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: Groups) -> list[int]:
     """Fields by which elements grow from edges whose own are less than half of ``plain``."""
     sizes: dict[int, list[int]] = {}
     for curve in (*groups["plate"], *groups["frame"]):
@@ -272,31 +274,22 @@ def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float,
             for level, tags in sizes.items()]
 
 
-def _electrode_edge(gmsh: Any, groups: dict[str, list[tuple[int, int]]]) -> int:
-    """The distance to the edge between what is covered and what is bare."""
-    inner, outer = ({tag for _, tag in gmsh.model.getBoundary(groups[name], combined=False,
-                                                              oriented=False)}
-                    for name in ("covered", "bare"))
-    return _distance(gmsh, sorted(inner & outer))
-
-
-def _to_meshio(gmsh: Any, groups: dict[str, list[tuple[int, int]]], order: int) -> meshio.Mesh:
+def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
     """The tagged mesh in memory, points renumbered from zero, in metres."""
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
-    line, triangle = _CELL[order]
+    nodes_of = {1: order + 1, 2: (order + 1) * (order + 2) // 2}
     cells: list[tuple[str, np.ndarray]] = []
     names: list[str] = []
     for name, entities in groups.items():
         for dim, tag in entities:
             _, _, nodes = gmsh.model.mesh.getElements(dim, tag)
-            kind, width = (line, order + 1) if dim == 1 else (triangle,
-                                                              (order + 1) * (order + 2) // 2)
-            cells.append((kind, number[nodes[0].astype(np.int64)].reshape(-1, width)))
+            cells.append((_CELLS[order][dim - 1],
+                          number[nodes[0].astype(np.int64)].reshape(-1, nodes_of[dim])))
             names.append(name)
     sets = {
-        name: [np.arange(len(data)) if owner == name else np.array([], dtype=np.int64)
+        name: [np.arange(len(data) if owner == name else 0)
                for owner, (_, data) in zip(names, cells, strict=True)]
         for name in groups
     }

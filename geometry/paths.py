@@ -1,7 +1,4 @@
-"""Numbers within dataclasses by their path.
-
-Attributes and numbers of elements, "membrane.material.mu.0".
-"""
+"""Numbers within dataclasses by their path of attributes and element numbers."""
 
 from __future__ import annotations
 
@@ -38,11 +35,6 @@ def at(value: Any, path: Sequence[str]) -> Any:
     for key in path:
         value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
     return value
-
-
-def at_name(value: Any, name: str) -> Any:
-    """What stands at a path written with dots."""
-    return at(value, name.split("."))
 
 
 def with_change(value: Any, path: Sequence[str], change: Any) -> Any:

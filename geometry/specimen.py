@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, Registry, Special, read, takes_units
+from tympan.geometry.fields import Key, Registry, takes_units
 from tympan.geometry.outlines import OUTLINES, Circle, Ellipse, Outline, check_outline
 from tympan.geometry.paths import any_complex
-from tympan.geometry.toml_reader import NON_NEGATIVE, Rule, Table
+from tympan.geometry.toml_reader import NON_NEGATIVE, Rule
 
 Stretch = NDArray[np.float64] | NDArray[np.complex128]
 Pair = tuple[float, float]
@@ -68,15 +67,37 @@ STRENGTHS: Registry[Any] = Registry("law")
 
 @takes_units
 @dataclass(frozen=True)
-class Plate:
-    """The rigid plate; its edge clamps the film. ``offset`` of its centre from the frame's [m]."""
+class Region:
+    """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
 
-    outline: Annotated[Outline, Key("shape of the plate", kinds=OUTLINES, inline=True)]
+    outline: Annotated[Outline, Key("its shape", kinds=OUTLINES, inline=True)]
     offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
 
+    def __str__(self) -> str:
+        (a, b), (x, y) = (tuple(1e3 * length for length in pair)
+                          for pair in (self.outline.semi_axes, self.offset))
+        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} "
+                "mm")
+
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Negative inside the plate, zero at its edge [m]."""
+        """Negative inside the outline, zero on it [m]."""
         return self.outline.level(x - self.offset[0], y - self.offset[1])
+
+    def points(self, count: int) -> NDArray[np.float64]:
+        """Points on the outline, shape (2, count) [m]."""
+        return np.asarray(self.outline.points(count) + np.array(self.offset)[:, None])
+
+    @property
+    def mirror_planes(self) -> frozenset[str]:
+        """Axes of the frame whose coordinate may change sign without changing the region."""
+        offset = zip("xy", self.offset, strict=True)
+        return self.outline.mirror_planes & {axis for axis, distance in offset if distance == 0}
+
+
+@takes_units
+@dataclass(frozen=True)
+class Plate(Region):
+    """The rigid plate; its edge clamps the film."""
 
 
 @takes_units
@@ -106,30 +127,6 @@ class Film:
     def area_prestretch(self) -> float:
         """J_p, mounted over virgin area."""
         return self.prestretch[0] * self.prestretch[1]
-
-
-@takes_units
-@dataclass(frozen=True)
-class Region:
-    """What lies within an outline; ``offset`` of its centre from the frame's [m]."""
-
-    outline: Annotated[Outline, Key("shape of the region", kinds=OUTLINES, inline=True)]
-    offset: Annotated[Pair, Key("of its centre from the frame's", "length")] = (0.0, 0.0)
-
-    def __str__(self) -> str:
-        (a, b), (x, y) = (tuple(1e3 * length for length in pair)
-                          for pair in (self.outline.semi_axes, self.offset))
-        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} "
-                "mm")
-
-    def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Negative inside the outline, zero on it [m]."""
-        return self.outline.level(x - self.offset[0], y - self.offset[1])
-
-    @property
-    def mirror_planes(self) -> frozenset[str]:
-        """Axes of the frame whose coordinate may change sign without changing the region."""
-        return self.outline.mirror_planes & _centred(self.offset)
 
 
 @takes_units
@@ -169,13 +166,7 @@ class Specimen:
         default_factory=Electrode)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be built; numbers with an imaginary step are not looked at.
-
-        Raises
-        ------
-        Unbuildable
-            Where parts do not fit.
-        """
+        """Refuse what cannot be built; numbers with an imaginary step are not looked at."""
         if any_complex(self):
             return
         try:
@@ -229,8 +220,7 @@ class Specimen:
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
         """The gap and where it is [m]; each edge is seen from points of the other."""
-        plate = self.plate.outline.points(720) + np.array(self.plate.offset)[:, None]
-        frame = self.frame.points(720)
+        plate, frame = self.plate.points(720), self.frame.points(720)
         narrowest = []
         for edge, away in ((plate, -self.frame.level(*plate)), (frame, self.plate.level(*frame))):
             least = int(np.argmin(away))
@@ -249,26 +239,11 @@ class Specimen:
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        plate, region = self.plate, self.electrode.outline
-        planes = self.frame.mirror_planes & plate.outline.mirror_planes & _centred(plate.offset)
+        region, planes = self.electrode.outline, self.frame.mirror_planes & self.plate.mirror_planes
         return planes if region is None else planes & region.mirror_planes
 
     def _meets(self, region: Region) -> bool:
         """Whether film lies within: the region's edge is on it, or it holds the film whole."""
-        edge = region.outline.points(720) + np.array(region.offset)[:, None]
+        edge = region.points(720)
         on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
-
-
-def _centred(offset: tuple[float, float]) -> frozenset[str]:
-    """Axes along which the offset is zero."""
-    return frozenset(axis for axis, distance in zip("xy", offset, strict=True) if distance == 0)
-
-
-def read_specimen(source: Table | Path | str, special: Special) -> Specimen:
-    """The specimen of a table or a TOML file.
-
-    ``special`` has the readers of the film's material and strength, which know library and limits;
-    :func:`tympan.fem.film.library.load_specimen` is the reader with all of them.
-    """
-    return read(Specimen, source if isinstance(source, Table) else Table.read(source), special)

@@ -41,27 +41,16 @@ def missing_library(error: OSError | ImportError) -> MissingLibrary:
                           f"{DEBIAN[name]} (or your system's counterpart)")
 
 
-def missing_packages(names: dict[str, str] = DEBIAN) -> list[str]:
-    """Debian packages of the libraries that cannot be loaded here.
-
-    Empty where there is nothing to load on demand.
-
-    Examples
-    --------
-    >>> missing_packages({"libnowhere.so.7": "libnowhere7"})
-    ['libnowhere7']
-    """
-    lacking = []
-    for name, package in names.items():
-        try:
-            ctypes.CDLL(name)
-        except OSError:
-            lacking.append(package)
-    return lacking
+def _missing(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return True
+    return False
 
 
-if __name__ == "__main__":
-    packages = missing_packages() if sys.platform == "linux" else []
+if __name__ == "__main__" and sys.platform == "linux":
+    packages = [package for library, package in DEBIAN.items() if _missing(library)]
     if packages:
         sys.exit("tympan: system libraries are missing; on Debian: sudo apt-get install "
                  f"{' '.join(packages)}")

@@ -70,9 +70,19 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def _factor(unit: str, dimension: str) -> float:
-    """SI value of one ``unit``; raises pint's errors when it is no unit or of another dimension."""
     registry = _registry()
     return float(registry.Quantity(1.0, registry.Unit(unit)).to(DIMENSIONS[dimension].si).magnitude)
+
+
+def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
+    import pint
+
+    try:
+        return _factor(unit, dimension)
+    except pint.DimensionalityError:
+        raise InputError(f"wrong dimension: {allowed}", given=given) from None
+    except Exception:  # pint's parser raises whatever its tokeniser, evaluator or assertions raise
+        raise InputError(f"unknown unit: {allowed}", given=given) from None
 
 
 def quantity(text: object, dimension: str) -> float:
@@ -96,10 +106,7 @@ def quantity(text: object, dimension: str) -> float:
     >>> quantity("4.5 cm", "length"), quantity("20 g/mm/s^2", "stress")
     (0.045, 20.0)
     """
-    import pint
-
-    example = DIMENSIONS[dimension].example
-    allowed = f'must be a {dimension} with its unit, such as "{example}"'
+    allowed = f'must be a {dimension} with its unit, such as "{DIMENSIONS[dimension].example}"'
     if not isinstance(text, str):
         raise InputError(f"has no unit: {allowed}", given=text)
     match = _QUANTITY.fullmatch(text)
@@ -108,40 +115,19 @@ def quantity(text: object, dimension: str) -> float:
     number, unit = match.groups()
     if not unit:
         raise InputError(f"has no unit: {allowed}", given=text)
-    try:
-        return float(number) * _factor(unit, dimension)
-    except pint.DimensionalityError:
-        raise InputError(f"wrong dimension: {allowed}", given=text) from None
-    except Exception:  # pint's parser raises whatever its tokeniser, evaluator or assertions raise
-        raise InputError(f"unknown unit: {allowed}", given=text) from None
+    return float(number) * _si_value(unit, dimension, allowed, text)
 
 
 def unit_factor(unit: str, dimension: str) -> float:
-    """The SI value of one ``unit``, a name of letters only.
-
-    Raises
-    ------
-    InputError
-        When it is no unit, or one of another dimension.
+    """The SI value of one ``unit``; an :class:`InputError` if it is none of the dimension.
 
     Examples
     --------
     >>> unit_factor("kV", "voltage"), unit_factor("min", "time")
     (1000.0, 60.0)
     """
-    import pint
-
     example = DIMENSIONS[dimension].example.split()[1]
-    try:
-        if not unit.isalpha():
-            raise ValueError
-        return _factor(unit, dimension)
-    except pint.DimensionalityError:
-        raise InputError(f"wrong dimension: must be a unit of {dimension}, such as {example}",
-                         given=unit) from None
-    except Exception:  # as in quantity()
-        raise InputError(f"unknown unit: must be a unit of {dimension}, such as {example}",
-                         given=unit) from None
+    return _si_value(unit, dimension, f"must be a unit of {dimension}, such as {example}", unit)
 
 
 def quantity_text(value: float, dimension: str) -> str:

@@ -201,7 +201,7 @@ def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Mo
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
             if not settings.symmetry:
-                part, planes = unfold(part, planes).mesh, frozenset()
+                part, planes = unfold(part, planes)[0], frozenset()
             return Model(Discretisation.of(part, planes), specimen)
     raise InputError("cannot be meshed: between plate, frame and the electrode's edges there is "
                      "too little room", key="frame, plate, electrode", given=specimen.name)

@@ -24,8 +24,8 @@ def export(specimen: Specimen, settings: MeshSettings, folder: Path,
 
     Yields the files. Where the electrode leaves film bare, it is written too, for a mask.
     """
-    made = {"frame": parts.frame_part(specimen, options),
-            "clamp": parts.clamp_part(specimen, options),
+    made = {"frame": parts.ring_part(specimen.frame, options, options.frame_height),
+            "clamp": parts.ring_part(specimen.frame, options, options.clamp_height),
             "plate": parts.plate_part(specimen, options), "film": cad.membrane_part(specimen)}
     if not specimen.electrode.everywhere:
         made["electrode"] = cad.electrode_part(specimen)

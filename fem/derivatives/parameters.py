@@ -18,7 +18,7 @@ from tympan.fem.derivatives.shape import moved_by, velocity
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at, at_name, numbers, with_change
+from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 
 #: Loads by name: node positions hold, the load changes.
@@ -48,7 +48,7 @@ def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, Mo
         For a name that is no parameter of the model.
     """
     loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
-               if isfinite(at_name(model, name))}
+               if isfinite(at(model, name.split(".")))}
     parameters = {name: _number(["specimen", *name.split(".")])
                   for name in film_names(model.specimen)}
     parameters |= {name: _load(name) for name in LOADS} | loading

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from tympan.fem.film.admissibility import STRETCH_RANGE, ellipticity_margin, inadmissible_stretch
 from tympan.fem.film.library import EXAMINED, MATERIALS, READERS, examine_material
 from tympan.geometry.errors import InputError
-from tympan.geometry.specimen import Film, Material, read_specimen
+from tympan.geometry.fields import read
+from tympan.geometry.specimen import Film, Material, Specimen
+from tympan.geometry.toml_reader import Table
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -77,7 +79,8 @@ def subject(name: str, held: float | None = None) -> tuple[Material, float]:
     if not Path(name).suffix:
         raise InputError(f"must be a specimen file or one of {', '.join(laws)}", key="material",
                          given=name)
-    film = read_specimen(name, {**READERS, (Film, "material"): examine_material}).membrane
+    readers = {**READERS, (Film, "material"): examine_material}
+    film = read(Specimen, Table.read(name), readers).membrane
     return film.material, held or film.area_prestretch**0.5
 
 

@@ -13,14 +13,7 @@ from tympan.fem.film.breakdown import STRENGTH_LIBRARY
 from tympan.fem.film.laws import LAWS
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Special, read
-from tympan.geometry.specimen import (
-    STRENGTHS,
-    Film,
-    Material,
-    Specimen,
-    Strength,
-    read_specimen,
-)
+from tympan.geometry.specimen import STRENGTHS, Film, Material, Specimen, Strength
 from tympan.geometry.toml_reader import POSITIVE, Table
 
 
@@ -111,4 +104,4 @@ READERS: Special = {(Film, "material"): read_material, (Film, "strength"): read_
 
 def load_specimen(source: Table | Path | str) -> Specimen:
     """The specimen of a TOML file or table, with the laws and the library known here."""
-    return read_specimen(source, READERS)
+    return read(Specimen, source if isinstance(source, Table) else Table.read(source), READERS)

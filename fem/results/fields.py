@@ -74,10 +74,10 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     mesh = model.discretisation
     if not mesh.planes:
         return model, state
-    full = unfold(mesh.mesh, mesh.planes)
-    positions = state.positions[full.origin].copy()
-    positions[:, :2] *= full.signs.T
-    film = replace(model, discretisation=Discretisation.of(full.mesh))
+    full, origin, signs = unfold(mesh.mesh, mesh.planes)
+    positions = state.positions[origin]
+    positions[:, :2] *= signs.T
+    film = replace(model, discretisation=Discretisation.of(full))
     return film, replace(state, positions=positions)
 
 

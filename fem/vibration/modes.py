@@ -27,7 +27,7 @@ from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesh import Unfolding, unfold
+from tympan.geometry.mesh import unfold
 from tympan.geometry.outlines import Outline, moments
 
 Array = NDArray[np.float64]
@@ -146,11 +146,12 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     if not len(chosen):
         raise InputError("nothing that can move has mass: neither the film nor the plate",
                          key="membrane.density", given=model.specimen.membrane.density)
-    full = unfold(model.discretisation.mesh, model.discretisation.planes)
+    _, origin, signs = unfold(model.discretisation.mesh, model.discretisation.planes)
     pairs = [(system, vector) for system, (_, vectors, _) in zip(classes, spectra, strict=True)
              for vector in vectors.T]
     shapes, motions, shares = (np.array(part) for part in zip(
-        *(pairs[index][0].unfolded(pairs[index][1], full) for index in chosen), strict=True))
+        *(pairs[index][0].unfolded(pairs[index][1], origin, signs) for index in chosen),
+        strict=True))
     values = values[chosen]
     return Modes(np.sqrt(np.maximum(values, 0)) / (2 * np.pi), np.sqrt(np.maximum(-values, 0)),
                  shapes, motions, shares, sum(unstable for _, _, unstable in spectra))
@@ -206,16 +207,17 @@ class _System:
         weight = coo_matrix((self.plate.ravel(), (rows, columns)), (size, size))
         return _lowest(stiffness, (mass + weight).tocsc(), count)
 
-    def unfolded(self, vector: Array, full: Unfolding) -> tuple[Array, Array, Array]:
+    def unfolded(self, vector: Array, origin: NDArray[np.int64],
+                 signs: Array) -> tuple[Array, Array, Array]:
         """Displacements of the whole film's nodes and of the plate, normalised to the whole's mass.
 
         And the shares of the plate's six freedoms in the kinetic energy.
         """
         mesh, freedoms = self.model.discretisation, list(self.model.plate_freedoms)
-        nodal = (self.coordinates @ vector).reshape(-1, 3)[full.origin]
-        factors = np.column_stack([*full.signs, np.ones(full.signs.shape[1])])
+        nodal = (self.coordinates @ vector).reshape(-1, 3)[origin]
+        factors = np.column_stack([*signs, np.ones(signs.shape[1])])
         for plane in mesh.odd:
-            factors *= full.signs["xy".index(plane)][:, None]
+            factors *= signs["xy".index(plane)][:, None]
         motion, share = np.zeros(6), np.zeros(6)
         motion[freedoms] = vector[len(vector) - len(freedoms):]
         share[freedoms] = motion[freedoms] * (self.plate @ motion[freedoms])

@@ -1,4 +1,4 @@
-"""The specimen's parts in cadquery [mm]: the film for meshing and masks."""
+"""The specimen's film in cadquery [mm], for meshing and masks, and the wires of its outlines."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
-from tympan.geometry.cad.edges import millimetres, pieces_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline
-from tympan.geometry.outlines.pieces import Arc
+from tympan.geometry.outlines.pieces import Arc, Line, Piece, Spline
 from tympan.geometry.specimen import Region, Specimen
 from tympan.geometry.system import missing_library
 from tympan.geometry.units import METRE
 
 try:
     import cadquery as cq
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+    from OCP.Geom import Geom_BSplineCurve, Geom_Circle, Geom_Ellipse
+    from OCP.gp import gp_Ax2, gp_Pnt
+    from OCP.TColgp import TColgp_Array1OfPnt
+    from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 except ImportError as error:
     if ".so" not in str(error):
         raise
     raise missing_library(error) from None
+
+Pair = tuple[float, float]
+
 
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
     """The flat film, ``covered`` and ``bare``, cut along axes through the plate's centre.
@@ -43,7 +51,7 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
     InputError
         When the electrode's outline leaves slivers or no electrode at all.
     """
-    x, y = millimetres(*specimen.plate.offset)
+    x, y = _millimetres(*specimen.plate.offset)
     size = 4 * METRE * max(specimen.frame.semi_axes)
     cuts = [cq.Face.makePlane(size, size, (x, y, 0), normal) for normal in ((1, 0, 0), (0, 1, 0))]
 
@@ -57,7 +65,8 @@ def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list
 
 def membrane_part(specimen: Specimen) -> cq.Face:
     """The film as one face between frame and plate."""
-    return _annulus(_wire(specimen.frame), _wire(specimen.plate.outline, specimen.plate.offset))
+    plate = outline_wire(specimen.plate.outline, specimen.plate.offset)
+    return cq.Face.makeFromWires(outline_wire(specimen.frame), [plate])
 
 
 def electrode_part(specimen: Specimen) -> cq.Compound:
@@ -71,27 +80,16 @@ def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
                         exportType="STEP")
 
 
-def _wire(outline: Outline, centre: tuple[float, float] = (0.0, 0.0)) -> cq.Wire:
-    """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
-    return pieces_wire(outline.curve.pieces, centre)
-
-
-def _annulus(outer: cq.Wire, inner: cq.Wire) -> cq.Face:
-    return cq.Face.makeFromWires(outer, [inner])
-
-
 def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     """The whole film as ``covered`` and ``bare`` faces, cut along the electrode's edges only."""
-    electrode = specimen.electrode
-    frame = _wire(specimen.frame)
-    plate = _wire(specimen.plate.outline, specimen.plate.offset)
-    wires = [frame]
+    electrode, plate = specimen.electrode, specimen.plate
+    wires = [outline_wire(specimen.frame)]
     if electrode.margin_frame > 0:
         wires.append(offset_wire(specimen.frame, (0.0, 0.0), -electrode.margin_frame))
     if electrode.margin_plate > 0:
-        wires.append(offset_wire(specimen.plate.outline, specimen.plate.offset,
-                                 electrode.margin_plate))
-    rings = [_annulus(outer, inner) for outer, inner in pairwise([*wires, plate])]
+        wires.append(offset_wire(plate.outline, plate.offset, electrode.margin_plate))
+    wires.append(outline_wire(plate.outline, plate.offset))
+    rings = [cq.Face.makeFromWires(outer, [inner]) for outer, inner in pairwise(wires)]
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
         return {"covered": covered, "bare": rings}
@@ -101,7 +99,7 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
 def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
              region: Region) -> dict[str, list[cq.Face]]:
     """The ring's part within the region, and what is left of the film."""
-    disc = cq.Face.makeFromWires(_wire(region.outline, region.offset), [])
+    disc = cq.Face.makeFromWires(outline_wire(region.outline, region.offset), [])
     inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
     missing = ring.Area() - sum(face.Area() for face in (*inside, *outside))
     narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
@@ -115,12 +113,16 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
     return {"covered": inside, "bare": [*bare, *outside]}
 
 
-def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) -> cq.Wire:
+def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> cq.Wire:
+    """The outline in the plane z = 0 [mm], its centre at the given place [m]."""
+    return _pieces_wire(outline.curve.pieces, centre)
+
+
+def offset_wire(outline: Outline, centre: Pair, distance: float) -> cq.Wire:
     """The parallel curve at a distance [m], outwards if positive.
 
-    That of an ellipse or spline within 1e-8 of its size.
-
-    OpenCASCADE's own offset curves do not survive STEP into gmsh.
+    That of an ellipse or spline is within 1e-8 of its size. OpenCASCADE's own offset curves do not
+    survive STEP into gmsh.
 
     Raises
     ------
@@ -140,11 +142,10 @@ def offset_wire(outline: Outline, centre: tuple[float, float], distance: float) 
             "must stay below the outline's radius of curvature"
         raise InputError(f"an electrode margin {where}", key="electrode",
                          given=f"{abs(distance) * METRE:.4g} mm")
-    return pieces_wire(moved.pieces, centre)
+    return _pieces_wire(moved.pieces, centre)
 
 
-def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float],
-                   distance: float) -> cq.Wire:
+def _smooth_offset(outline: Circle | Ellipse, centre: Pair, distance: float) -> cq.Wire:
     """As a periodic spline."""
     points = outline.points(96)
     ahead, behind = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
@@ -156,3 +157,49 @@ def _smooth_offset(outline: Circle | Ellipse, centre: tuple[float, float],
     x, y = (moved + np.array(centre)[:, None]) * METRE
     vectors = [cq.Vector(*xy, 0) for xy in zip(x, y, strict=True)]
     return cq.Wire.assembleEdges([cq.Edge.makeSpline(vectors, periodic=True)])
+
+
+def _pieces_wire(pieces: Sequence[Piece], centre: Pair) -> cq.Wire:
+    x, y = _millimetres(*centre)
+    return cq.Wire.assembleEdges([_edge(piece).moved(cq.Location((x, y, 0.0))) for piece in pieces])
+
+
+def _edge(piece: Piece) -> cq.Edge:
+    if isinstance(piece, Line):
+        return cq.Edge.makeLine(cq.Vector(*_millimetres(*piece.start)),
+                                cq.Vector(*_millimetres(*piece.end)))
+    return _arc(piece) if isinstance(piece, Arc) else _spline(piece)
+
+
+def _arc(arc: Arc) -> cq.Edge:
+    if arc.sweep < 0:
+        arc = arc.backwards()
+    x, y, a, b = _millimetres(*arc.centre, *arc.radii)
+    first = arc.turn if a >= b else arc.turn + np.pi / 2
+    start = arc.start if a >= b else arc.start - np.pi / 2
+    axes = gp_Ax2(cq.Vector(x, y, 0).toPnt(), cq.Vector(0, 0, 1).toDir(),
+                  cq.Vector(np.cos(first), np.sin(first), 0).toDir())
+    curve = Geom_Circle(axes, a) if a == b else Geom_Ellipse(axes, max(a, b), min(a, b))
+    if arc.sweep > 2 * np.pi - 1e-12:
+        return cq.Edge(BRepBuilderAPI_MakeEdge(curve).Edge())
+    return cq.Edge(BRepBuilderAPI_MakeEdge(curve, start, start + arc.sweep).Edge())
+
+
+def _spline(spline: Spline) -> cq.Edge:
+    """The spline as a B-spline, the same curve."""
+    ends = tuple([(1, np.array(slope) * METRE)] for slope in spline.slopes)
+    poles = make_interp_spline(spline.knots, np.array(spline.points) * METRE, k=3, bc_type=ends).c
+    places = TColgp_Array1OfPnt(1, len(poles))
+    for number, (x, y) in enumerate(poles.tolist(), 1):
+        places.SetValue(number, gp_Pnt(x, y, 0.0))
+    knots = TColStd_Array1OfReal(1, len(spline.knots))
+    counts = TColStd_Array1OfInteger(1, len(spline.knots))
+    for number, knot in enumerate(spline.knots, 1):
+        knots.SetValue(number, knot)
+        counts.SetValue(number, 4 if number in (1, len(spline.knots)) else 1)
+    return cq.Edge(BRepBuilderAPI_MakeEdge(Geom_BSplineCurve(places, knots, counts, 3)).Edge())
+
+
+def _millimetres(*metres: float) -> tuple[float, ...]:
+    """Rounded to the femtometre, so that equal sizes in any unit give equal CAD."""
+    return tuple(round(metre * METRE, 12) for metre in metres)

@@ -9,10 +9,9 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 
-from tympan.geometry.cad.edges import pieces_wire
-from tympan.geometry.cad.membrane import offset_wire
+from tympan.geometry.cad.membrane import offset_wire, outline_wire
 from tympan.geometry.errors import InputError
-from tympan.geometry.outlines import Drawn, Outline
+from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.drawings import edge_pieces
 from tympan.geometry.outlines.drawn import joined
 from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece
@@ -38,7 +37,6 @@ class PartOptions:
     spacing: float = 40e-3
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be made."""
         for item in fields(self):
             size = getattr(self, item.name)
             if not 1e-5 <= size <= 10:
@@ -64,14 +62,15 @@ class PartOptions:
         return np.asarray(points[near] + self.width / 2 * normal)
 
 
-def frame_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
-    """The ring the film is mounted on."""
-    return _ring(specimen.frame, options, options.frame_height)
-
-
-def clamp_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
-    """The ring that clamps the film onto the frame; the same screws."""
-    return _ring(specimen.frame, options, options.clamp_height)
+def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
+    """The ring the film is mounted on, or the one that clamps it there with the same screws."""
+    inner = outline_wire(frame)
+    try:
+        outer = offset_wire(frame, (0.0, 0.0), options.width)
+    except InputError:  # around sharp corners
+        outer = inner.offset2D(options.width * METRE)[0]
+    holes = [_hole(centre, options.screw / 2) for centre in options.holes(frame)]
+    return cq.Solid.extrudeLinear(outer, [inner, *holes], cq.Vector(0, 0, height * METRE))
 
 
 def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
@@ -80,18 +79,8 @@ def plate_part(specimen: Specimen, options: PartOptions) -> cq.Solid:
     radius = min(options.screw / 2, min(outline.semi_axes) / 6)
     depth = -float(outline.level(np.zeros(1), np.zeros(1))[0])
     holes = [_hole(np.array(offset), radius)] if depth > 2 * radius else []
-    rim = pieces_wire(outline.curve.pieces, offset)
-    return cq.Solid.extrudeLinear(rim, holes, cq.Vector(0, 0, options.plate_height * METRE))
-
-
-def _ring(frame: Outline, options: PartOptions, height: float) -> cq.Solid:
-    inner = pieces_wire(frame.curve.pieces)
-    try:
-        outer = offset_wire(frame, (0.0, 0.0), options.width)
-    except InputError:  # around sharp corners
-        outer = inner.offset2D(options.width * METRE)[0]
-    holes = [_hole(centre, options.screw / 2) for centre in options.holes(frame)]
-    return cq.Solid.extrudeLinear(outer, [inner, *holes], cq.Vector(0, 0, height * METRE))
+    top = cq.Vector(0, 0, options.plate_height * METRE)
+    return cq.Solid.extrudeLinear(outline_wire(outline, offset), holes, top)
 
 
 def _hole(centre: Array, radius: float) -> cq.Wire:
@@ -102,17 +91,15 @@ def _hole(centre: Array, radius: float) -> cq.Wire:
 def flat_wires(shapes: Sequence[cq.Shape]) -> list[tuple[str, cq.Wire]]:
     """Wires in z = 0: ``outline`` around each, ``opening`` the longest inside, other ``holes``."""
     wires = []
-    for face in (face for shape in shapes for face in shape.Faces() if _flat(face)):
+    for face in (face for shape in shapes for face in shape.Faces()):
+        in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
+        if face.geomType() != "PLANE" or not in_plane:
+            continue
         inner = sorted(face.innerWires(), key=lambda wire: -wire.Length())
         wires += [("outline", face.outerWire())]
         wires += [("opening" if number == 0 else "holes", wire)
                   for number, wire in enumerate(inner)]
     return wires
-
-
-def _flat(face: cq.Face) -> bool:
-    in_plane = abs(face.Center().z) < 1e-6 and abs(face.normalAt().z) > 0.5
-    return bool(face.geomType() == "PLANE" and in_plane)
 
 
 def write_dxf(shapes: Sequence[cq.Shape], file: Path) -> None:
@@ -139,14 +126,10 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:
         loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)])
-        lines.append(f'<path class="{name}" d="{_path(loop)}"/>')
+        start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
+        words = [word for piece in loop.segments for word in _words(piece)]
+        lines.append(f'<path class="{name}" d="M {_numbers(start)} {" ".join(words)} Z"/>')
     file.write_text("\n".join([*lines, "</g>", "</svg>", ""]), encoding="utf-8")
-
-
-def _path(loop: Drawn) -> str:
-    start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
-    return " ".join([f"M {_numbers(start)}",
-                     *(word for piece in loop.segments for word in _words(piece)), "Z"])
 
 
 def _words(piece: Piece) -> list[str]:

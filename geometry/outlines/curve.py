@@ -1,4 +1,4 @@
-"""A closed curve of pieces: what every outline can say about itself, whatever its shape."""
+"""A closed curve of pieces."""
 
 from __future__ import annotations
 

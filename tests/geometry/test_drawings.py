@@ -75,8 +75,8 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
     holes = options.holes(made.frame)
     assert len(holes) == max(4, np.ceil(made.frame.curve.length / options.spacing))
     assert np.allclose(made.frame.curve.level(*holes.T), options.width / 2, rtol=2e-2)
-    for part, height in ((parts.frame_part, 4.0), (parts.clamp_part, 2.0)):
-        ring = part(made, options)
+    for height in (4.0, 2.0):
+        ring = parts.ring_part(made.frame, options, height * 1e-3)
         assert ring.isValid()
         wires = parts.flat_wires([ring])
         kinds = [kind for kind, _ in wires]
@@ -93,7 +93,7 @@ def test_parts_have_their_holes_and_heights(name: str, tmp_path: Path) -> None:
         assert area(outline) == pytest.approx(steiner, rel=1e-7 if name != "polygon" else 5e-3)
     plate = parts.plate_part(made, options)
     assert plate.Volume() == pytest.approx(2 * np.pi * (10**2 - 1.6**2), rel=1e-6)
-    parts.write_svg([parts.frame_part(made, options)], tmp_path / "frame.svg")
+    parts.write_svg([ring], tmp_path / "frame.svg")
     text = (tmp_path / "frame.svg").read_text(encoding="utf-8")
     assert text.count("<path") == len(holes) + 2
     width = float(re.search(r'width="([\d.]+)mm"', text)[1])

@@ -107,11 +107,11 @@ def test_by_load_is_the_residual_s_derivative(film: Model, load) -> None:
 @pytest.mark.parametrize("make", [dense, half], ids=["quarter", "half"])
 def test_a_mirrored_part_has_its_share_of_the_whole_s_potential(make) -> None:
     part = replace(make(), loading=Loading(tuple(SAMPLES.values()), gravity=9.81))
-    unfolded = unfold(part.discretisation.mesh, part.discretisation.planes)
-    whole = Model(Discretisation.of(unfolded.mesh), part.specimen, loading=part.loading)
+    mesh, origin, signs = unfold(part.discretisation.mesh, part.discretisation.planes)
+    whole = Model(Discretisation.of(mesh), part.specimen, loading=part.loading)
     state = loaded(part)
-    mirrored = state.positions[unfolded.origin].copy()
-    mirrored[:, :2] *= unfolded.signs.T
+    mirrored = state.positions[origin]
+    mirrored[:, :2] *= signs.T
     full = replace(state, positions=mirrored)
     copies = part.discretisation.mirrored
     assert copies * part.potential(state) == pytest.approx(whole.potential(full), rel=1e-11)
