@@ -18,7 +18,7 @@ from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha.samples import Samples, frame_distances, parts_of
 from tympan.studies.alpha.simplex import simplex_fit
 from tympan.studies.case import Settings, build_model
-from tympan.studies.circles.cone import ConeCircle, radii_of
+from tympan.studies.circles import ConeCircle, radii_of
 
 Array = NDArray[np.float64]
 Radii = tuple[float, ...]

@@ -19,7 +19,7 @@ from tympan.studies.alpha.film_circles import RADII, cone_forces, membrane_force
 from tympan.studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
 from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from tympan.studies.case import Settings, build_model
-from tympan.studies.circles.cone import radii_of
+from tympan.studies.circles import radii_of
 from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.circles.cone import Lumped
+from tympan.studies.circles import Lumped
 from tympan.studies.diagnosis.reduced.axes import HeldFilm, edited, film_axes
 from tympan.studies.diagnosis.reduced.force_law import (
     ForceLaw,

@@ -16,7 +16,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import any_quantity
-from tympan.studies.circles.cone import Lumped
+from tympan.studies.circles import Lumped
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Film, Specimen
-from tympan.studies.circles.cone import Lumped
+from tympan.studies.circles import Lumped
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.circles.cone import radii_of
+from tympan.studies.circles import radii_of
 from tympan.studies.estimation.identifiability import (
     Identifiability,
     Noise,

@@ -17,7 +17,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.circles.cone import ConeCircle, radii_of
+from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.estimation.identifiability import (
     CREDIBLE,

@@ -15,7 +15,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
-from tympan.studies.circles.cone import ConeCircle, radii_of
+from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.paper.table1 import known
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class Actuator:
         """A specimen as the paper has it: one circle for each of its semi-axes, the shortest first.
 
         Without ``weights`` the circles share equally (the paper's are lost). ``profile`` is that of
-        :class:`~tympan.studies.circles.cone.ConeCircle`.
+        :class:`~tympan.studies.circles.ConeCircle`.
         """
         radii = np.array(radii_of(specimen.frame))
         if weights is None or len(radii) == 1:

@@ -19,7 +19,7 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
 from tympan.studies.alpha.samples import Samples, equilibria
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
-from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
 from tympan.studies.lumped.actuator import Actuator, Viscous

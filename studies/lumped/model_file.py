@@ -13,7 +13,7 @@ from tympan.fem.toml_writer import specimen_content, toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
-from tympan.studies.circles.membrane import MembraneCircle
+from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.lumped.actuator import Actuator, Viscous
 

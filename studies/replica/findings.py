@@ -20,7 +20,7 @@ from tympan.fem.film.laws import Separable
 from tympan.fem.film.library import DEFAULT, MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
-from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.lumped.linear import linearise

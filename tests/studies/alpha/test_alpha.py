@@ -31,7 +31,7 @@ from tympan.studies.alpha import (
 )
 from tympan.studies.alpha.samples import frame_distances, parts_of
 from tympan.studies.case import Settings
-from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.circles import ConeCircle
 
 DEFAULT = MATERIALS["vhb-4910"].material
 FEW = AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3e3)), LoadGrid((22e-3,), (1.5e3, 4.5e3)))

@@ -22,7 +22,7 @@ from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Settings
-from tympan.studies.circles.cone import ConeCircle, Lumped
+from tympan.studies.circles import ConeCircle, Lumped
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.lumped_model import lumped, lumped_laws
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from tests.support.specimens import circular, elliptical
 from tympan.fem.film.laws import NeoHooke
 from tympan.studies.case import Case, Settings, equilibrate
-from tympan.studies.circles.cone import ConeCircle
+from tympan.studies.circles import ConeCircle
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import rest
 from tympan.studies.paper import published

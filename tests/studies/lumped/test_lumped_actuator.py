@@ -15,7 +15,7 @@ from tests.support.specimens import circular
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.system import MissingLibrary
-from tympan.studies.circles.cone import Lumped
+from tympan.studies.circles import Lumped
 from tympan.studies.lumped.actuator import (
     Actuator,
     Viscous,

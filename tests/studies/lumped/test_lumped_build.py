@@ -25,7 +25,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, examples
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.studies.case import Settings
-from tympan.studies.circles.membrane import MembraneCircle
+from tympan.studies.circles import MembraneCircle
 from tympan.studies.lumped.actuator import Viscous
 from tympan.studies.lumped.build import BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve

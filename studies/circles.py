@@ -1,4 +1,4 @@
-"""The paper's lumped model: films that are straight cones, Eqs. (2)–(5), and their mixtures."""
+"""Circular actuators of the lumped model: the paper's cones, Eqs. (2)–(5), membranes, mixtures."""
 
 from __future__ import annotations
 
@@ -65,16 +65,19 @@ class ConeCircle:
         return self._steepness(self.plate_radius)
 
     @cached_property
+    def thickness(self) -> float:
+        """z₀ [m], of the mounted film."""
+        film = self.specimen.membrane
+        return film.thickness / film.area_prestretch
+
+    @cached_property
     def volume(self) -> Any:
         """2π r z₀ l₀ [m³]: the film whose energy, by the deflection, gives the force of Eq. (5).
 
         In Eq. (5) z sin θ dy is z₀ l₀ dλ_r/λ_r, so force times dy is this volume times the stress
-        times d ln λ_r: for any law the force has a potential, the volume times Ψ(λ_r, λ_c). It is
-        not the whole film's volume.
+        times d ln λ_r: for any law the force has a potential, the volume times Ψ(λ_r, λ_c).
         """
-        film = self.specimen.membrane
-        thickness = film.thickness / film.area_prestretch
-        return 2 * np.pi * self.plate_radius * thickness / self.steepness
+        return 2 * np.pi * self.plate_radius * self.thickness / self.steepness
 
     @cached_property
     def film(self) -> tuple[Any, Any]:
@@ -84,15 +87,14 @@ class ConeCircle:
     def stretch(self, deflection: Any) -> tuple[Any, Any, Any]:
         """Stretch from the mounted film at the plate's edge, √s of Eq. (3), its slopes φ, φ' by y.
 
-        ``deflection`` [m] is any array, complex ones included. The viscous parts follow it.
+        The viscous parts follow it.
         """
         return sloped_stretch(self.steepness, deflection)
 
     def pull(self, material: Any, deflection: Any) -> tuple[Any, Any, Any]:
-        """Energy [J] over the flat film's, force [N] and stiffness [N/m] of a material.
+        """Energy [J] over the flat film's, force [N] and stiffness [N/m] of anything with W, W₁, ….
 
-        ``material`` is the film's own or any other with derivatives W, W₁, …, such as
-        :class:`tympan.fem.film.density.Maxwell`. Across the slope the film keeps its stretch.
+        Across the slope the film keeps its stretch.
         """
         flat = np.sqrt(self.specimen.membrane.area_prestretch)
         steepness, volume = self.film
@@ -110,31 +112,71 @@ class ConeCircle:
         return self.pull(maxwell(self.specimen, 1.0), deflection)
 
     def force(self, deflection: Any, voltage: float) -> Any:
-        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], at the plate's edge.
-
-        As in the paper it is what the film there pulls with, not the derivative of the film's
-        energy.
-        """
+        """2π r z sin θ (σ − ε₀ε_r E²) of Eq. (5) [N], which is not its film's energy by y."""
         parts = self.specimen.membrane.material, maxwell(self.specimen, voltage**2)
         return sum(self.pull(part, deflection)[1] for part in parts)
 
     def capacitance(self, deflection: Any) -> Any:
         """ε₀ε_r dA/z over the film [F] at a deflection [m], by Gauss's rule along the radius."""
-        film, axes = self.specimen.membrane, np.broadcast(deflection, self.radius).ndim
+        axes = np.broadcast(deflection, self.radius).ndim
         nodes, weights = (rule.reshape(-1, *[1] * axes)
                           for rule in np.polynomial.legendre.leggauss(_RINGS))
         half = (self.radius - self.plate_radius) / 2
         at = self.plate_radius + half * (1 + nodes)
-        prestretch = np.sqrt(film.area_prestretch)
+        prestretch = np.sqrt(self.specimen.membrane.area_prestretch)
         radial = prestretch * np.sqrt(1 + (deflection * self._steepness(at)) ** 2)
         energy = maxwell(self.specimen, 1.0).derivatives(radial, prestretch)[0]
-        volume = 2 * np.pi * at * weights * half * film.thickness / film.area_prestretch
+        volume = 2 * np.pi * at * weights * half * self.thickness
         return -2 * np.sum(volume * energy, axis=0)
 
     def _steepness(self, at: Any) -> Any:
-        """Slope over deflection [1/m] at distances from the axis [m]."""
         c, inner = self.profile, self.plate_radius
         return (1 - c) / (self.radius - inner) + c / (at * np.log(self.radius / inner))
+
+
+@dataclass(frozen=True)
+class MembraneCircle(ConeCircle):
+    """A circular actuator whose film is shaped as a weightless membrane; radius R, plate radius r.
+
+    Under even tension and hardly deflected that is y ln(R/ρ)/ln(R/r) at a distance ρ from the axis,
+    with the slope y/(ρ ln(R/r)). Over the whole film, whatever its law, the energy of those slopes
+    is to fourth order in y that of a volume V of film with the one slope κy:
+
+    V [Ψ(λ_p √(1 + κ²y²), λ_p) − Ψ(λ_p, λ_p)],  V κ² = 2π z₀/ln(R/r),  κ² = (1/r² − 1/R²)/(2
+    ln³(R/r)).
+
+    Force is its derivative, film and voltage alike: the voltage pulls with ½U² dC/dy. The paper's
+    cone has V = 2π r z₀ l₀ and κ = 1/l₀, and a force smaller by :attr:`membrane_factor`.
+    ``flat_capacitance`` [F] is that of the whole flat film. The viscous parts remain the cone's,
+    with which the paper identified their constants.
+    """
+
+    flat_capacitance: float = 0.0
+
+    @cached_property
+    def membrane_factor(self) -> Any:
+        """l₀/(r ln(R/r)): how much stiffer a membrane is than the paper's cone, hardly deflected.
+
+        Examples
+        --------
+        >>> from tympan.studies.paper.table1 import paper_actuators
+        >>> circle = MembraneCircle(paper_actuators(4.7)[0], 45e-3)
+        >>> print(f"{circle.membrane_factor:.2f}")
+        2.33
+        """
+        inner = self.plate_radius
+        return (self.radius - inner) / (inner * np.log(self.radius / inner))
+
+    @cached_property
+    def film(self) -> tuple[Any, Any]:
+        inner, outer = self.plate_radius, self.radius
+        logarithm = np.log(outer / inner)
+        steepness = np.sqrt((inner**-2.0 - outer**-2.0) / (2 * logarithm**3))
+        return steepness, 2 * np.pi * self.thickness / (logarithm * steepness**2)
+
+    def capacitance(self, deflection: Any) -> Any:
+        """Of the whole film [F]; half its derivative by y times U² is the voltage's pull."""
+        return self.flat_capacitance - 2 * self.electric(deflection)[0]
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""One circular actuator of the lumped model: how its film is shaped."""
