@@ -5,8 +5,10 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +16,9 @@ from tympan.reports.figures.optimum import draw_optimum
 from tympan.studies.case import Settings
 from tympan.studies.files import write_text
 from tympan.studies.optimise.design import DesignEvaluator
-from tympan.studies.optimise.optimise import Optima, Optimum, find_optima
+from tympan.studies.optimise.limits import LIMITS
+from tympan.studies.optimise.optimise import OptimiseResult, optimise
 from tympan.studies.optimise.problem import OptimiseProblem, default_problem
-from tympan.studies.optimise.result import result_of
-from tympan.studies.optimise.sqp import DescentSettings
 
 _DOCS = Path(__file__).parent.parent / "docs"
 
@@ -26,19 +27,21 @@ def main() -> None:
     """Run it whole, then frame and plate each for itself, and write the page."""
     problem = default_problem()
     began = time.perf_counter()
-    whole = find_optima(problem, Settings(), DescentSettings())
+    whole = optimise(problem)
     took = time.perf_counter() - began
-    parts = {name: find_optima(_only(problem, name), Settings(), DescentSettings())
-             for name in ("frame", "plate")}
+    parts = {name: optimise(_only(problem, name)) for name in ("frame", "plate")}
     with tempfile.TemporaryDirectory() as folder:
-        picture, _ = draw_optimum(result_of(whole), Path(folder))
+        picture, _ = draw_optimum(whole, Path(folder))
         shutil.copy(picture, _DOCS / "optimum.png")
-    write_text(_DOCS / "optimum.md", page(whole, parts, took))
+    write_text(_DOCS / "optimum.md", page(problem, whole, parts, took))
 
 
-def page(whole: Optima, parts: dict[str, Optima], took: float) -> str:
+def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, OptimiseResult],
+         took: float) -> str:
     """The page as Markdown."""
-    problem, reference = whole.problem, whole.reference
+    record, reference = whole.record, whole.record["reference"]
+    optima = record["optima"]
+    head = " | ".join(f"equal frame {optimum['held']}" for optimum in optima)
     lines = [
         "# The ellipse with the largest stroke", "",
         f"Stroke: deflection at {problem.voltage / 1e3:g} kV minus that at none, under "
@@ -46,27 +49,25 @@ def page(whole: Optima, parts: dict[str, Optima], took: float) -> str:
         f"`make optimum` makes this page in about {took / 60:.0f} min from "
         "`studies/optimise/ellipse.toml`; "
         "the search of it alone is `tympan optimise`.", "",
-        f"To beat: `{problem.reference.name}`, stroke {1e3 * reference.stroke:.4f} mm, "
-        + ", ".join(f"{_words(name)} {_shown(problem, name, value)}"
-                    for name, value in reference.limited.items())
+        f"To beat: `{reference['specimen']}`, stroke {1e3 * reference['stroke_m']:.4f} mm, "
+        + ", ".join(f"{_words(name)} {_shown(name, value)}"
+                    for name, value in reference["limited"].items())
         + ".", "", "![Outlines along the way, stroke and limits](optimum.png)", "",
-        "| | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima) + " |",
-        "|---|" + "---|" * len(whole.optima), *_rows(whole), "",
+        f"| | {head} |", "|---|" + "---|" * len(optima), *_rows(record), "",
         "Gain over the reference when only one part may change, with the same limits:", "",
-        "| varied | " + " | ".join(f"equal frame {optimum.held}" for optimum in whole.optima)
-        + " |",
-        "|---|" + "---|" * len(whole.optima),
-        *(f"| {name} | " + " | ".join(f"{optimum.gain:+.2%}" for optimum in found.optima) + " |"
-          for name, found in {**parts, "both": whole}.items()), "",
-        "## What this says", "", *_meaning(whole), "",
-        "## How far to trust it", "", *_trust(whole)]
+        f"| varied | {head} |", "|---|" + "---|" * len(optima),
+        *(f"| {name} | " + " | ".join(f"{optimum['gain']:+.2%}"
+                                      for optimum in result.record["optima"]) + " |"
+          for name, result in {**parts, "both": whole}.items()), "",
+        "## What this says", "", *_meaning(optima), "",
+        "## How far to trust it", "", *_trust(problem, optima)]
     return "\n".join(lines) + "\n"
 
 
-def _meaning(whole: Optima) -> list[str]:
+def _meaning(optima: list[dict[str, Any]]) -> list[str]:
     """In words, of what was found."""
     lines = []
-    for found in result_of(whole).record["optima"]:
+    for found in optima:
         x, y = (1e3 * found["variables"][f"frame.semi_axes.{axis}"] for axis in range(2))
         shape = "the circle" if abs(x / y - 1) < 2e-3 else f"{x:.1f} by {y:.1f} mm"
         active = [_words(name) for name, limit in found["limits"].items() if limit["active"]]
@@ -81,20 +82,18 @@ def _meaning(whole: Optima) -> list[str]:
             "must not be higher than the reference's has that as a bound in `[vary]`."]
 
 
-def _rows(whole: Optima) -> list[str]:
-    stored = result_of(whole).record["optima"]
+def _rows(record: Mapping[str, Any]) -> list[str]:
+    stored = record["optima"]
     rows = [["status", *(found["status"] for found in stored)]]
-    for variable in whole.problem.variables:
-        rows.append([f"{variable.key} [mm]",
-                     *(f"{1e3 * found['variables'][variable.key]:.3f}" for found in stored)])
+    for key in record["variables"]:
+        rows.append([f"{key} [mm]", *(f"{1e3 * found['variables'][key]:.3f}" for found in stored)])
     rows += [["stroke [mm]", *(f"{1e3 * found['stroke_m']:.4f}" for found in stored)],
              ["gain over the reference", *(f"{found['gain']:+.2%}" for found in stored)],
              ["the same on a mesh twice as fine",
               *(f"{found['finer']['gain']:+.2%}" for found in stored)]]
-    for limit in whole.problem.limits:
-        name = limit.name
-        rows.append([f"{_words(name)}, limit {_shown(whole.problem, name, limit.bound)}",
-                     *(_kept(whole.problem, name, found["limits"][name]) for found in stored)])
+    for name, limit in record["limits"].items():
+        rows.append([f"{_words(name)}, limit {_shown(name, limit['bound'])}",
+                     *(_kept(name, found["limits"][name]) for found in stored)])
     rows += [["stroke for 1 % more of what is held",
               *(f"{found['held_multiplier']:+.3f} %" for found in stored)],
              ["conditions of optimality miss by, relative",
@@ -108,23 +107,21 @@ def _rows(whole: Optima) -> list[str]:
     return ["| " + " | ".join(row) + " |" for row in rows]
 
 
-def _kept(problem: OptimiseProblem, name: str, found: dict[str, float]) -> str:
-    text = (f"{_shown(problem, name, found['value'])}, "
-            f"finer mesh {_shown(problem, name, found['finer'])}")
+def _kept(name: str, found: dict[str, float]) -> str:
+    text = f"{_shown(name, found['value'])}, finer mesh {_shown(name, found['finer'])}"
     return text + (f"; active, {found['multiplier']:.2f} % of stroke per %" if found["active"]
                    else "")
 
 
-def _trust(whole: Optima) -> list[str]:
+def _trust(problem: OptimiseProblem, optima: list[dict[str, Any]]) -> list[str]:
     lines = []
-    for optimum in whole.optima:
+    for optimum in optima:
         short = ", ".join(f"{_words(name)} {share - 1:.1%}"
-                          for name, share in _scales(whole.problem, optimum).items()
-                          if share != 1.0)
-        lines.append(f"* Equal {optimum.held}: the largest nodal values exceed the norms that "
+                          for name, share in _scales(problem, optimum).items())
+        lines.append(f"* Equal {optimum['held']}: the largest nodal values exceed the norms that "
                      f"stand for them: {short}; "
                      "the search scales the norms by that, anew on every new mesh.")
-        lines += [f"* Equal {optimum.held}: {warning}" for warning in optimum.warnings]
+        lines += [f"* Equal {optimum['held']}: {warning}" for warning in optimum["warnings"]]
     return [*lines,
             "* Slopes are exact for the mesh at hand, which the tests check by Taylor's test. "
             "Within a step meshes are "
@@ -134,10 +131,11 @@ def _trust(whole: Optima) -> list[str]:
             "margin is less certain, and differs between meshes by more than the stroke does."]
 
 
-def _scales(problem: OptimiseProblem, optimum: Optimum) -> dict[str, float]:
+def _scales(problem: OptimiseProblem, optimum: dict[str, Any]) -> dict[str, float]:
     bench = DesignEvaluator(problem, Settings())
-    bench.fresh(optimum.best.best.values)
-    return dict(bench.scales)
+    values = np.array(list(optimum["variables"].values()))
+    bench.at((values - problem.lows) / problem.widths, renew=True)
+    return bench.scales
 
 
 def _only(problem: OptimiseProblem, part: str) -> OptimiseProblem:
@@ -153,10 +151,9 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _shown(problem: OptimiseProblem, name: str, value: float) -> str:
-    unit = next(limit.unit for limit in problem.limits if limit.name == name)
-    scale, text = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}.get(unit,
-                                                                                        (1.0, ""))
+def _shown(name: str, value: float) -> str:
+    shown = {"Pa": (1e-3, " kPa"), "V/m": (1e-6, " MV/m"), "m": (1e3, " mm")}
+    scale, text = shown.get(LIMITS[name].unit, (1.0, ""))
     return f"{scale * value:.4g}{text}"
 
 

@@ -41,7 +41,7 @@ KINDS = (
                "alpha.table:OutlineTable"),
     FolderKind("map", "alpha-map.json", "figures.map:draw_map", "alpha.map:AlphaMap"),
     FolderKind("optimise", "optimum.json", "figures.optimum:draw_optimum",
-               "optimise.result:OptimiseResult"),
+               "optimise.optimise:OptimiseResult"),
     FolderKind("material fit", "fit.json", "figures.coupon:draw_fit",
                "material.result:MaterialFitResult"),
     FolderKind("diagnose", "diagnosis.json", "diagnosis.page:build_diagnosis_page"),

@@ -12,7 +12,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
-from tympan.studies.optimise.result import OptimiseResult
+from tympan.studies.optimise.optimise import OptimiseResult
 from tympan.studies.path import PathResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tympan.studies.diagnosis.result import Diagnosis
     from tympan.studies.lumped.build import BuildResult
     from tympan.studies.modes import ModesResult
-    from tympan.studies.optimise.result import OptimiseResult
+    from tympan.studies.optimise.optimise import OptimiseResult
     from tympan.studies.path import PathResult
     from tympan.studies.sensitivity import SensitivityResult
     from tympan.studies.study import StudyResult
@@ -158,8 +158,8 @@ def optimise(file: File | None = None, settings: Settings = Settings()) -> Resul
 
     Without a file: the paper's large ellipse at equal frame area and perimeter.
     """
+    from tympan.studies.optimise.optimise import optimise
     from tympan.studies.optimise.problem import default_problem, read_problem
-    from tympan.studies.optimise.result import optimise
 
     problem = default_problem() if file is None else read_problem(Path(file))
     return Result(optimise(problem, settings))

@@ -21,7 +21,7 @@ def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
 def _compose(alpha_map: AlphaMap) -> Figure:
     figure = style.new_figure(68.0)
     alpha, stroke, missed = (style.place_axes(figure, start, 8, 44, 48) for start in (12, 70, 132))
-    weights = np.array([reading.alpha for reading in alpha_map.grid])
+    weights = alpha_map.of("grid")["alpha_1"]
     levels = np.arange(np.ceil(40 * weights.min()), 40 * weights.max()) / 40
     _levels(alpha, alpha_map, weights, levels, "α₁ (dashed: formula)", "%.3g")
     aspect, ratio = np.meshgrid(np.linspace(*alpha_map.formula.aspects, 80),
@@ -29,7 +29,7 @@ def _compose(alpha_map: AlphaMap) -> Figure:
     alpha.contour(aspect, ratio, alpha_map.formula(aspect, ratio), levels, colors=style.PALETTE[1],
                   linewidths=0.7, linestyles="dashed")
     voltage, mass = alpha_map.settings.voltage / 1e3, alpha_map.settings.mass * 1e3
-    _levels(stroke, alpha_map, 1e3 * np.array([reading.stroke for reading in alpha_map.grid]), 9,
+    _levels(stroke, alpha_map, 1e3 * alpha_map.of("grid")["stroke"], 9,
             f"stroke at {voltage:g} kV, {mass:g} g [mm]", "%.2f")
     _errors(missed, alpha_map)
     return figure
@@ -50,10 +50,10 @@ def _errors(axes: Axes, alpha_map: AlphaMap) -> None:
              "inside": ("inside, not fitted", style.PALETTE[2], "s"),
              "outside": ("outside", style.PALETTE[1], "^")}
     for name, (label, colour, marker) in looks.items():
-        aspects = [reading.aspect for reading in getattr(alpha_map, name)
-                   if np.isfinite(reading.alpha)]
-        errors = np.abs(alpha_map.errors(name)).clip(1e-5)
-        axes.semilogy(aspects, errors, marker, ms=2.5, color=colour, label=label)
+        readings = alpha_map.of(name)
+        # Rounded, so that the digits a file keeps draw the same.
+        errors = np.abs(readings["formula"] - readings["alpha_1"]).round(7).clip(1e-5)
+        axes.semilogy(readings["aspect"], errors, marker, ms=2.5, color=colour, label=label)
     axes.axvspan(*alpha_map.formula.aspects, color="0.93", zorder=0)
     axes.set(title="|formula − α₁|", xlabel="aspect ratio r₂/r₁", ylim=(8e-6, 0.1))
     axes.legend(loc="lower right", handletextpad=0.2)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tympan.reports import look as style
-from tympan.studies.optimise.result import OptimiseResult
+from tympan.studies.optimise.optimise import OptimiseResult
 
 _PANEL = 52.0  #: width of the outlines' panel [mm]
 

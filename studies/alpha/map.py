@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
@@ -17,7 +18,6 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
-from tympan.studies.alpha.formula import Formula, fit_formula
 from tympan.studies.case import Settings, build_model, voltage_ramp
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json
@@ -33,7 +33,7 @@ SHORT = 45e-3
 #: Places of a map: on its grid, at random within its range, and beyond it.
 SETS = ("grid", "inside", "outside")
 
-#: The columns of alpha-map.csv: one per field of a reading, beside its set and the formula.
+#: The columns of alpha-map.csv: a reading, its set, and α₁ by the formula.
 COLUMNS: tuple[Column, ...] = (
     Column.labels("where", SETS),
     Column.labels("material"),
@@ -45,33 +45,73 @@ COLUMNS: tuple[Column, ...] = (
     Column("stroke", "mm", required=False, absent="nan"),
     Column.labels("trouble", required=False),
 )
-_READ = {"material": "material", "aspect": "aspect", "ratio": "plate_over_short",
-         "alpha": "alpha_1", "error": "force_error", "stroke": "stroke", "trouble": "trouble"}
+
+#: Radius of the circle whose film is as stiff as that of an endless strip with a small plate in its
+#: middle, over the strip's half width: its conformal radius.
+_STRIP = 4 / np.pi
+
+
+@dataclass(frozen=True)
+class Formula:
+    """α₁(A, q), A = r₂/r₁, q = r/r₁, with four constants c.
+
+    A film under small tension changes pulls like 1/ln(R/r), so one circle of radius s r₁ is as
+    stiff as the ellipse: α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q)), with s = 1 + (4/π
+    − 1)(1 − A^−p) between the circle (1) and the endless strip (4/π), and p = c₀ + c₁ ln A + c₂ ln²
+    A + c₃ q³ ln A. It holds for A and q in ``aspects`` and ``ratios``.
+
+    Examples
+    --------
+    >>> formula = Formula((1.83, 0.84, -0.49, -1.44), (1.1, 2.5), (0.1, 0.6))
+    >>> round(float(formula(75 / 45, 10 / 45)), 2)
+    0.61
+    """
+
+    constants: tuple[float, ...]
+    aspects: tuple[float, float]
+    ratios: tuple[float, float]
+
+    def __call__(self, aspect: Array, ratio: Array) -> Array:
+        """α₁, whether or not the formula holds there."""
+        logarithm = np.log(aspect)
+        power = np.stack([np.ones_like(logarithm), logarithm, logarithm**2, ratio**3 * logarithm],
+                         -1) @ self.constants
+        radius = 1 + (_STRIP - 1) * (1 - aspect**-power)
+        same, short, long = (1 / np.log(size / ratio) for size in (radius, 1.0, aspect))
+        return np.asarray((same - long) / (short - long))
+
+    def words(self) -> str:
+        """The formula with its numbers, to be copied."""
+        first, *others = self.constants
+        c1, c2, c3 = (f"{constant:+.4f}" for constant in others)
+        return (f"p = {first:.4f} {c1} ln A {c2} ln² A {c3} q³ ln A;  s = 1 + (4/π − 1)(1 − "
+                "A^−p);  α₁ = (1/ln(s/q) − 1/ln(A/q)) / (1/ln(1/q) − 1/ln(A/q));  A = r₂/r₁, q = "
+                "r/r₁")
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A place on the map, and what is read there.
+    """A place on the map, and what is read there; as the columns of alpha-map.csv.
 
-    ``aspect`` and ``ratio``: long semi-axis and plate radius over the short semi-axis. ``alpha``:
-    α₁ of two membrane circles with the semi-axes; ``error``: the force error it leaves, relative;
-    ``stroke`` [m]; nan where ``trouble`` says what went wrong.
+    ``aspect`` and ``plate_over_short``: long semi-axis and plate radius over the short semi-axis.
+    ``alpha_1`` is of two membrane circles with the semi-axes, ``force_error`` what it leaves,
+    relative; nan where ``trouble`` says what went wrong.
     """
 
     aspect: float
-    ratio: float
+    plate_over_short: float
     material: str = "vhb-4910"
-    alpha: float = np.nan
-    error: float = np.nan
+    alpha_1: float = np.nan
+    force_error: float = np.nan
     stroke: float = np.nan
     trouble: str = ""
 
     @property
     def specimen(self) -> Specimen:
         """An ellipse with the paper's film and short semi-axis."""
-        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.ratio:.4g}",
+        return Specimen(f"ellipse {self.aspect:.4g}, plate {self.plate_over_short:.4g}",
                         Ellipse((self.aspect * SHORT, SHORT)),
-                        Plate(Circle(self.ratio * SHORT)), paper_film(self.material))
+                        Plate(Circle(self.plate_over_short * SHORT)), paper_film(self.material))
 
 
 @dataclass(frozen=True)
@@ -93,94 +133,76 @@ class MapSettings:
     far: tuple[float, float] = (5.0, 0.8)
     seed: int = 2026
 
-    def grid(self) -> list[Reading]:
-        """The places the formula is found from."""
-        return [Reading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
+    def places(self) -> dict[str, list[Reading]]:
+        """The places of each of SETS: the formula is found from the grid and tested on the others.
 
-    def inner(self) -> list[Reading]:
-        """Places it is tested on, within its range."""
-        rng = np.random.default_rng(self.seed)
-        names = sorted(MATERIALS)
-        return [Reading(rng.uniform(self.aspects[0], self.aspects[-1]),
-                        rng.uniform(self.ratios[0], self.ratios[-1]),
-                        names[rng.integers(len(names))]) for _ in range(self.inside)]
-
-    def outer(self) -> list[Reading]:
-        """Places beyond its range: longer, with a larger plate, or both."""
+        Those outside are longer, have a larger plate, or both.
+        """
+        grid = [Reading(aspect, ratio) for aspect in self.aspects for ratio in self.ratios]
+        rng, names = np.random.default_rng(self.seed), sorted(MATERIALS)
+        inside = [Reading(rng.uniform(self.aspects[0], self.aspects[-1]),
+                          rng.uniform(self.ratios[0], self.ratios[-1]),
+                          names[rng.integers(len(names))]) for _ in range(self.inside)]
         rng = np.random.default_rng(self.seed + 1)
-        places: list[Reading] = []
-        while len(places) < self.outside:
+        outside: list[Reading] = []
+        while len(outside) < self.outside:
             place = Reading(rng.uniform(self.aspects[0], self.far[0]),
                             rng.uniform(self.ratios[0], self.far[1]))
-            if place.aspect > self.aspects[-1] or place.ratio > self.ratios[-1]:
-                places.append(place)
-        return places
+            if place.aspect > self.aspects[-1] or place.plate_over_short > self.ratios[-1]:
+                outside.append(place)
+        return dict(zip(SETS, (grid, inside, outside), strict=True))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AlphaMap:
-    """Readings on the ``grid``, at random places ``inside`` its range, and ``outside`` it."""
+    """Readings by the name of a column of :data:`COLUMNS`, in SI, and the formula."""
 
     settings: MapSettings
-    grid: tuple[Reading, ...]
-    inside: tuple[Reading, ...]
-    outside: tuple[Reading, ...]
     formula: Formula
+    readings: Mapping[str, Array]
 
-    def errors(self, name: str) -> Array:
-        """Formula less reading, where there is one, in one of SETS."""
-        aspect, ratio, weight = _columns(getattr(self, name))
-        return self.formula(aspect, ratio) - weight
+    def of(self, name: str) -> dict[str, Array]:
+        """The readings of one of SETS."""
+        return {column: values[self.readings["where"] == name]
+                for column, values in self.readings.items()}
 
     def json(self) -> dict[str, Any]:
         """As a JSON object, without the readings."""
-        errors = {name: self.errors(name) for name in SETS}
+        errors = {name: _errors(self.of(name)) for name in SETS}
         return {"formula": self.formula.words(), "constants": list(self.formula.constants),
                 "aspects": list(self.formula.aspects), "ratios": list(self.formula.ratios),
                 "worst_error": {name: float(np.abs(error).max()) for name, error in errors.items()},
                 "rms_error": {name: float(np.sqrt(np.mean(error**2)))
                               for name, error in errors.items()},
-                "places": {name: len(getattr(self, name)) for name in SETS},
+                "places": {name: len(self.of(name)["where"]) for name in SETS},
                 "settings": asdict(self.settings)}
 
     def save(self, folder: Path) -> None:
         """Write ``alpha-map.csv`` and ``alpha-map.json``."""
         remove(folder, "alpha-map.json", "alpha-map.png", "alpha-map.svg")
-        rows = [(name, reading) for name in SETS for reading in getattr(self, name)]
-        values: dict[str, Any] = {title: np.array([getattr(reading, name) for _, reading in rows])
-                                  for name, title in _READ.items()}
-        values["formula"] = self.formula(values["aspect"], values["plate_over_short"])
-        write_sheet(folder / "alpha-map.csv", COLUMNS,
-                    {**values, "where": [name for name, _ in rows]})
+        write_sheet(folder / "alpha-map.csv", COLUMNS, self.readings)
         write_json(folder / "alpha-map.json", self.json())
 
     @classmethod
     def load(cls, folder: Path) -> AlphaMap:
-        """What was saved.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or damaged.
-        """
+        """What was saved."""
         file = folder / "alpha-map.json"
         record = from_json(dict[str, Any], read_json(file), file)
-        settings = from_json(MapSettings, record.get("settings"), file, "settings")
-        columns = read_own_sheet(folder / "alpha-map.csv", COLUMNS)
-        sets: dict[str, list[Reading]] = {name: [] for name in SETS}
-        rows = zip(*(columns[title].tolist() for title in _READ.values()), strict=True)
-        for name, row in zip(columns["where"].tolist(), rows, strict=True):
-            sets[name].append(Reading(**dict(zip(_READ, row, strict=True))))
-        return cls(settings, tuple(sets["grid"]), tuple(sets["inside"]), tuple(sets["outside"]),
-                   from_json(Formula, record, file))
+        return cls(from_json(MapSettings, record.get("settings"), file, "settings"),
+                   from_json(Formula, record, file),
+                   read_own_sheet(folder / "alpha-map.csv", COLUMNS))
 
 
 def alpha_map(settings: MapSettings, workers: int = 1,
               progress: Callable[[str], None] = lambda _: None) -> AlphaMap:
-    """Make a map: read the grid, fit the formula, test it."""
-    grid, inside, outside = (tuple(map_readings(places, settings, workers, progress)) for places in
-                             (settings.grid(), settings.inner(), settings.outer()))
-    return AlphaMap(settings, grid, inside, outside, fit_formula(*_columns(grid)))
+    """Make a map: read all places, fit the formula to the grid."""
+    rows = [{"where": name, **asdict(reading)} for name, places in settings.places().items()
+            for reading in map_readings(places, settings, workers, progress)]
+    readings = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    fitted = (readings["where"] == "grid") & np.isfinite(readings["alpha_1"])
+    aspect, ratio, weight = (readings[name] for name in ("aspect", "plate_over_short", "alpha_1"))
+    formula = _fit_formula(aspect[fitted], ratio[fitted], weight[fitted])
+    return AlphaMap(settings, formula, {**readings, "formula": formula(aspect, ratio)})
 
 
 def map_readings(places: Sequence[Reading], map_settings: MapSettings, workers: int = 1,
@@ -200,18 +222,28 @@ def _read(map_settings: MapSettings, place: Reading) -> Reading:
         weights = alpha(specimen, settings, loads).by_basis["membrane"]
     except InputError as error:
         return replace(place, trouble=str(error))
-    reading = replace(place, alpha=weights.alpha[0], error=weights.fit_error)
+    reading = replace(place, alpha_1=weights.alpha[0], force_error=weights.fit_error)
     (_, resting), (_, charged) = voltage_ramp(
         build_model(specimen, settings), map_settings.mass, (0.0, map_settings.voltage), Rig(),
         settings.path)
     if charged.status != "equilibrium":
         return replace(reading, trouble=charged.advice)
-    stroke = charged.state.plate.deflection - resting.state.plate.deflection
-    return replace(reading, stroke=stroke)
+    return replace(reading, stroke=charged.state.plate.deflection - resting.state.plate.deflection)
 
 
-def _columns(readings: Sequence[Reading]) -> tuple[Array, Array, Array]:
-    """Aspects, ratios and α₁ of the readings that have one."""
-    aspect, ratio, weight = np.array([(reading.aspect, reading.ratio, reading.alpha)
-                                      for reading in readings if np.isfinite(reading.alpha)]).T
-    return aspect, ratio, weight
+def _fit_formula(aspect: Array, ratio: Array, weight: Array) -> Formula:
+    """The formula nearest to α₁ in the mean square, its constants rounded to the places it prints.
+
+    ``aspect``, ``ratio`` and α₁, ``weight``, have shape (readings,).
+    """
+    aspects, ratios = ((float(item.min()), float(item.max())) for item in (aspect, ratio))
+    fit = least_squares(
+        lambda constants: Formula(tuple(constants), aspects, ratios)(aspect, ratio) - weight,
+        np.array([2.0, 0.0, 0.0, 0.0]), xtol=1e-14, ftol=1e-14)
+    return Formula(tuple(round(float(constant), 4) for constant in fit.x), aspects, ratios)
+
+
+def _errors(readings: Mapping[str, Array]) -> Array:
+    """Formula less reading, where there is one."""
+    error = readings["formula"] - readings["alpha_1"]
+    return np.asarray(error[np.isfinite(error)])

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import complex_step
+from tympan.fem.derivatives.parameters import shape_names
 from tympan.fem.derivatives.quantities import QUANTITIES
-from tympan.fem.derivatives.sensitivity import gradient_many
-from tympan.fem.derivatives.shape import motion_between, moved_by
+from tympan.fem.derivatives.shape import edge_nodes, motion_between, moved_by
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import folded
+from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
-from tympan.studies.optimise.limits import DesignState, Highest
+from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.optimise.limits import LIMITS, DesignState, slopes_of
 from tympan.studies.optimise.problem import OptimiseProblem
 from tympan.studies.optimise.sqp import Linearisation
 from tympan.studies.sensitivity import case_parameters
@@ -46,12 +49,11 @@ class Design:
 
 @dataclass(eq=False)
 class DesignEvaluator:
-    """Computes designs of a problem on the mesh it keeps, which it makes anew when asked.
+    """Designs of a problem as an objective of :func:`tympan.studies.optimise.sqp.maximise`.
 
-    As an objective of :func:`tympan.studies.optimise.sqp.maximise` its points are shares of the
-    variables' bounds and ``measure`` of the frame is kept; ``last`` is the design computed last.
-    ``model`` and ``state``: mesh to move and film at the voltage on it; ``scales``: how far limits'
-    stand-ins fall short there.
+    ``measure`` of the frame is kept; ``last`` is the design computed last. ``model`` and ``state``:
+    the mesh to move and the film at the voltage on it; ``scales``: how far limits' stand-ins fall
+    short there.
     """
 
     problem: OptimiseProblem
@@ -60,41 +62,25 @@ class DesignEvaluator:
     last: Design | None = None
     model: Model | None = None
     state: State | None = None
-    scales: Mapping[str, float] = field(default_factory=dict)
+    scales: dict[str, float] = field(default_factory=dict)
 
-    def fresh(self, values: Array) -> tuple[Design, Linearisation | None]:
-        """A design on a mesh of its own, which becomes the one to move."""
-        return self._evaluated(values, renew=True)
+    def at(self, x: Array, renew: bool = False) -> Linearisation | None:
+        """At a design, by shares of the variables' bounds.
 
-    def moved(self, values: Array) -> tuple[Design, Linearisation | None]:
-        """A design on the kept mesh, moved: designs compare without the noise of new meshes."""
-        return self._evaluated(values, renew=False)
-
-    def renewed(self, x: Array) -> Linearisation | None:
-        """On a new mesh."""
-        self.last, local = self.fresh(self._values(x))
-        return self._scaled(local)
-
-    def at(self, x: Array) -> Linearisation | None:
-        """On the mesh moved."""
-        self.last, local = self.moved(self._values(x))
-        return self._scaled(local)
+        The kept mesh is moved, so that designs compare without the noise of new meshes; renewed, it
+        is a mesh of the design's own, kept from there on.
+        """
+        self.last, local = self._evaluated(self.problem.lows + self.problem.widths * x, renew)
+        return local
 
     def held(self, x: Array) -> tuple[float, Array]:
         """What the frame must keep; nan where there is no such frame."""
+        problem = self.problem
         try:
-            miss, slope = self.problem.held_slopes(self.measure, self._values(x))
+            miss, slope = problem.held_slopes(self.measure, problem.lows + problem.widths * x)
         except InputError:
             return float("nan"), np.zeros(len(x))
-        return miss, slope * self.problem.widths
-
-    def _values(self, x: Array) -> Array:
-        return self.problem.lows + self.problem.widths * x
-
-    def _scaled(self, local: Linearisation | None) -> Linearisation | None:
-        widths = self.problem.widths
-        return None if local is None else replace(local, slope=local.slope * widths,
-                                                  limit_slopes=local.limit_slopes * widths)
+        return miss, slope * problem.widths
 
     def _evaluated(self, values: Array, renew: bool) -> tuple[Design, Linearisation | None]:
         problem, path = self.problem, self.settings.path
@@ -106,7 +92,7 @@ class DesignEvaluator:
             return Design(values, reason=str(error)), None
         if not renew and folded(model.discretisation.mesh):
             return Design(values, specimen, "the mesh cannot be moved so far"), None
-        case = problem.case(specimen)
+        case = Case(specimen, mass=problem.mass, voltage=problem.voltage, rig=problem.rig)
         parameters = case_parameters(case, model)
         by = {variable.name: parameters[variable.name] for variable in problem.variables}
         ramp = voltage_ramp(model, case.mass, (0.0, case.voltage), case.rig, path)
@@ -115,28 +101,62 @@ class DesignEvaluator:
         for outcome in (resting, charged):
             if outcome.status != "equilibrium":
                 return Design(values, specimen, failure_reason(outcome)), None
-            gradient = gradient_many(model, outcome, {"": QUANTITIES["heave"]}, by)[""]
-            slopes.append(np.array([gradient[name] for name in by]))
-        state = DesignState(case, model, charged, by, self.scales, path)
+            slopes.append(slopes_of(QUANTITIES["heave"], model, outcome, by))
         if renew:
-            self.scales = {limit.name: limit.scale(state) for limit in problem.limits
-                           if isinstance(limit, Highest)}
-            self.model, self.state = model, charged.state
-            state = replace(state, scales=self.scales)
-        evaluations = [limit.evaluate(state) for limit in problem.limits]
+            self.model, self.state, self.scales = model, charged.state, {}
+        state = DesignState(case, model, charged, by, self.scales, path)
+        evaluations = {name: LIMITS[name].evaluate(state, bound)
+                       for name, bound in problem.limits.items()}
         rest = resting.state.plate.deflection
         stroke = charged.state.plate.deflection - rest
-        limited = {limit.name: measured for limit, (measured, *_)
-                   in zip(problem.limits, evaluations, strict=True)}
-        owners = tuple(limit.name for limit, (_, c, _)
-                       in zip(problem.limits, evaluations, strict=True) for _ in c)
+        limited = {name: measured for name, (measured, *_) in evaluations.items()}
+        owners = tuple(name for name, (_, c, _) in evaluations.items() for _ in c)
+        limits = np.concatenate([np.zeros(0), *(c for _, c, _ in evaluations.values())])
+        limit_slopes = np.concatenate([np.zeros((0, len(by))),
+                                       *(slope for *_, slope in evaluations.values())])
         return Design(values, specimen, "", stroke, rest, limited, owners), Linearisation(
-            stroke, slopes[1] - slopes[0],
-            np.concatenate([np.zeros(0), *(c for _, c, _ in evaluations)]),
-            np.concatenate([np.zeros((0, len(by))), *(slope for *_, slope in evaluations)]))
+            stroke, (slopes[1] - slopes[0]) * problem.widths, limits, limit_slopes * problem.widths)
 
     def _moved_model(self, specimen: Specimen) -> Model:
         model = self.model
         assert model is not None
         motion = motion_between(model.discretisation, model.specimen, specimen)
         return moved_by(model, model.mounted(), specimen, motion)[0]
+
+
+def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
+    """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
+    specimen = problem.specimen
+    model = build_model(specimen, settings, problem.rig.loading)
+    edge_nodes(model.discretisation, model.specimen)
+    values = np.array([at(specimen, variable.path) for variable in problem.variables])
+    for variable, value, unit in zip(problem.variables, values, np.eye(len(values)), strict=True):
+        part = variable.path[0]
+        if variable.name not in shape_names(specimen):
+            raise InputError("has no derivative: moved alone it would break the specimen's "
+                             "symmetry", key=f"vary.{variable.key}", given=specimen.name)
+        step = 1e-5 * (variable.high - variable.low)
+        inward = step if value - 2 * step < variable.low else -step
+        edges = [_edge(problem.design(values + share * inward * unit), part) for share in (0, 1, 2)]
+        differences = (-3 * edges[0] + 4 * edges[1] - edges[2]) / (2 * inward)
+        size = np.abs(differences).max()
+        slope = _edge_slope(specimen, variable.path)
+        if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
+            raise InputError("has no derivative: the points of its outline do not follow it "
+                             "smoothly", key=f"vary.{variable.key}", given=specimen.name)
+
+
+def _edge(specimen: Specimen, part: str) -> Array:
+    outline = specimen.frame if part == "frame" else specimen.plate.outline
+    return outline.points(720)
+
+
+def _edge_slope(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
+    """Derivative of the edge's points, None where the outline takes no complex step."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.asarray(complex_step(
+                lambda change: _edge(with_change(specimen, path, change), path[0]), 0.0))
+        except (TypeError, ValueError, np.exceptions.ComplexWarning):
+            return None

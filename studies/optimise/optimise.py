@@ -1,27 +1,84 @@
-"""Optima of a problem: from every start, checked on a finer mesh and against each other."""
+"""Optima of a problem: from every start, checked on a finer mesh and against each other; stored."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.complex_step import complex_step
-from tympan.fem.derivatives.parameters import shape_names
-from tympan.fem.derivatives.shape import edge_nodes
+from tympan.fem.film.library import load_specimen
+from tympan.fem.toml_writer import specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import Settings, build_model, state_warnings
-from tympan.studies.optimise.design import Design, DesignEvaluator
-from tympan.studies.optimise.problem import OptimiseProblem
+from tympan.studies.case import Settings, state_warnings
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, remove, write_json, write_text
+from tympan.studies.optimise.design import Design, DesignEvaluator, check_derivatives
+from tympan.studies.optimise.limits import LIMITS
+from tympan.studies.optimise.problem import MEASURES, OptimiseProblem
 from tympan.studies.optimise.sqp import Descent, DescentSettings, maximise
 
-Array = NDArray[np.float64]
-Progress = Callable[[str], None]
+#: A limit is active where its value is so near to it, relative.
+ACTIVE = 1e-3
+
+#: The columns of optimum-outlines.csv: edges of frame and plate of the reference (``held`` blank)
+#: and of the designs gone to on the way to each optimum.
+OUTLINES: tuple[Column, ...] = (
+    Column.labels("held", required=False), Column("trial"),
+    Column.labels("part", ("frame", "plate")), Column("x", "mm"), Column("y", "mm"))
+
+TableOfColumns = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class OptimiseResult:
+    """``record``: all numbers [SI]; ``trials``: every design tried; ``outlines``: as OUTLINES.
+
+    ``record`` has an optimum for each measure of the frame that is held: the best end of all
+    starts. Its ``finer`` is the same design on a mesh twice as fine, ``starts_apart_stroke`` the
+    largest difference in stroke between starts that came to an end, relative,
+    ``starts_apart_variables`` in any variable, relative to its bounds; ``gain`` and
+    ``gain_over_given`` are its stroke over the reference's and the specimen's own, minus one.
+    ``trials`` has the columns of path.csv: held, start, trial, accepted, the variables, stroke, the
+    limited values and reason. ``specimens``: the optimal ones by file name.
+    """
+
+    record: Mapping[str, Any]
+    trials: TableOfColumns
+    outlines: TableOfColumns
+    specimens: Mapping[str, Specimen]
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object."""
+        return dict(self.record)
+
+    def save(self, folder: Path) -> None:
+        """Write ``path.csv``, ``optimum-outlines.csv``, specimens, and last ``optimum.json``."""
+        remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
+               "optimum-outlines.csv", *(f"optimum-{measure}.toml" for measure in MEASURES))
+        write_sheet(folder / "path.csv", _trial_columns(self.record), self.trials)
+        write_sheet(folder / "optimum-outlines.csv", OUTLINES, self.outlines)
+        for name, specimen in self.specimens.items():
+            write_text(folder / name, specimen_to_toml(specimen))
+        write_json(folder / "optimum.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path) -> OptimiseResult:
+        """What was saved; refused where it is of a version that kept too little."""
+        file = folder / "optimum.json"
+        record = from_json(dict[str, Any], read_json(file), file)
+        if "variables" not in record:
+            raise InputError("is of a version that kept too little for a picture: run tympan "
+                             "optimise again", file=file)
+        files = [optimum["specimen_file"] for optimum in record["optima"]]
+        return cls(record, read_own_sheet(folder / "path.csv", _trial_columns(record)),
+                   read_own_sheet(folder / "optimum-outlines.csv", OUTLINES),
+                   {name: load_specimen(folder / name) for name in files})
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,40 +97,9 @@ class StartRun:
         return (accepted or self.trials)[-1]
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum:
-    """The best end of all starts, holding one measure of the frame.
-
-    ``finer``: the same design on a mesh twice as fine. ``apart``: largest difference in stroke
-    between starts that came to an end, relative; ``elsewhere``: in any variable, relative to its
-    bounds. ``gain`` and ``gain_start``: stroke over the reference's and the specimen's own, minus
-    one, nan where those have none.
-    """
-
-    held: str
-    runs: tuple[StartRun, ...]
-    best: StartRun
-    finer: Design
-    apart: float
-    elsewhere: float
-    gain: float
-    gain_start: float
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Optima:
-    """All optima of a problem, the reference and the specimen it began with on the same footing."""
-
-    problem: OptimiseProblem
-    reference: Design
-    given: Design
-    optima: tuple[Optimum, ...]
-    failed: tuple[StartRun, ...]
-
-
-def find_optima(problem: OptimiseProblem, settings: Settings, descent: DescentSettings,
-                progress: Progress = lambda words: None) -> Optima:
+def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
+             descent: DescentSettings = DescentSettings(),
+             progress: Callable[[str], None] = lambda words: None) -> OptimiseResult:
     """The optima of a problem, one for each measure of the frame that is held.
 
     Raises
@@ -82,10 +108,12 @@ def find_optima(problem: OptimiseProblem, settings: Settings, descent: DescentSe
         When a variable's shape has no derivative.
     """
     check_derivatives(problem, settings)
-    reference = _alone(problem, problem.reference, settings)
-    given = _alone(problem, problem.specimen, settings)
-    optima: list[Optimum] = []
+    reference, given = (_alone(problem, specimen, settings)
+                        for specimen in (problem.reference, problem.specimen))
+    optima: list[dict[str, Any]] = []
+    ended: list[StartRun] = []
     failed: list[StartRun] = []
+    bests: list[StartRun] = []
     for measure in problem.held:
         runs: list[StartRun] = []
         for number, values in enumerate(problem.starts):
@@ -94,11 +122,29 @@ def find_optima(problem: OptimiseProblem, settings: Settings, descent: DescentSe
             (runs if run.descent.here is not None else failed).append(run)
         progress(f"equal {measure}, finer mesh")
         if runs:
-            optima.append(_optimum(problem, measure, tuple(runs), reference, given, settings))
-    return Optima(problem, reference, given, tuple(optima), tuple(failed))
+            bests.append(max(runs, key=lambda run: (run.descent.status == "optimum",
+                                                    run.best.stroke)))
+            optima.append(_optimum(problem, bests[-1], runs, reference, given, settings))
+            ended += runs
+    record = {
+        "name": problem.name, "mass_kg": problem.mass, "voltage_V": problem.voltage,
+        "limits": {name: {"bound": bound, "unit": LIMITS[name].unit}
+                   for name, bound in problem.limits.items()},
+        "variables": {variable.key: {"low": variable.low, "high": variable.high,
+                                     "dimension": variable.dimension}
+                      for variable in problem.variables},
+        "reference": {"specimen": problem.reference.name, **_design(problem, reference)},
+        "given": {"specimen": problem.specimen.name, **_design(problem, given)},
+        "optima": optima,
+        "failed": [{"held": run.held, **_run(problem, run)} for run in failed]}
+    specimens = {_specimen_file(problem, run): replace(run.best.specimen,
+                                                       name=f"{problem.name} equal {run.held}")
+                 for run in bests if run.best.specimen is not None}
+    return OptimiseResult(record, _trials(problem, [*ended, *failed]), _outlines(problem, bests),
+                          specimens)
 
 
-def run_from(problem: OptimiseProblem, measure: str, number: int, values: Array,
+def run_from(problem: OptimiseProblem, measure: str, number: int, values: NDArray[np.float64],
              settings: Settings, descent: DescentSettings) -> StartRun:
     """One descent, every point on its way kept."""
     reason = f"no design within the bounds has the {measure} of the reference's frame"
@@ -106,67 +152,118 @@ def run_from(problem: OptimiseProblem, measure: str, number: int, values: Array,
     evaluator = DesignEvaluator(problem, settings, measure)
     trials: list[Design] = []
 
-    def note(x: Array, accepted: bool) -> None:
+    def note(x: NDArray[np.float64], accepted: bool) -> None:
         trials.append(replace(evaluator.last or nowhere, accepted=accepted))
 
     ended = maximise(evaluator, (values - problem.lows) / problem.widths, descent, note)
     return StartRun(measure, number, tuple(trials) or (evaluator.last or nowhere,), ended)
 
 
-def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
-    """Refuse variables no mesh can follow, or whose outline is not differentiable by them."""
-    specimen = problem.specimen
-    model = build_model(specimen, settings, problem.rig.loading)
-    edge_nodes(model.discretisation, model.specimen)
-    values = np.array([at(specimen, variable.path) for variable in problem.variables])
-    for variable, value, unit in zip(problem.variables, values, np.eye(len(values)), strict=True):
-        part = variable.path[0]
-        if variable.name not in shape_names(specimen):
-            raise InputError("has no derivative: moved alone it would break the specimen's "
-                             "symmetry", key=f"vary.{variable.key}", given=specimen.name)
-        step = 1e-5 * (variable.high - variable.low)
-        inward = step if value - 2 * step < variable.low else -step
-        edges = [_edge(problem.design(values + share * inward * unit), part) for share in (0, 1, 2)]
-        differences = (-3 * edges[0] + 4 * edges[1] - edges[2]) / (2 * inward)
-        size = np.abs(differences).max()
-        slope = _edge_slope(specimen, variable.path)
-        if slope is None or not size > 0 or not np.abs(slope - differences).max() < 1e-3 * size:
-            raise InputError("has no derivative: the points of its outline do not follow it "
-                             "smoothly", key=f"vary.{variable.key}", given=specimen.name)
-
-
-def _optimum(problem: OptimiseProblem, measure: str, runs: tuple[StartRun, ...],
-             reference: Design, given: Design, settings: Settings) -> Optimum:
-    best = max(runs, key=lambda run: (run.descent.status == "optimum", run.best.stroke))
-    evaluator = DesignEvaluator(problem, replace(settings, mesh=settings.mesh.refined(2)))
-    finer, _ = evaluator.fresh(best.best.values)
-    strokes = [run.best.stroke for run in runs]
-    ends = np.array([run.descent.x for run in runs])
-    warned = (() if evaluator.model is None or evaluator.state is None
-              else tuple(state_warnings(evaluator.model, evaluator.state)))
-    return Optimum(measure, runs, best, finer, float(np.ptp(strokes)) / max(strokes),
-                   float(np.ptp(ends, axis=0).max()),
-                   best.best.stroke / reference.stroke - 1, best.best.stroke / given.stroke - 1,
-                   warned)
-
-
 def _alone(problem: OptimiseProblem, specimen: Specimen, settings: Settings) -> Design:
     """A specimen of its own shape under the problem's load and limits, nothing varied."""
-    alone = replace(problem, specimen=specimen, variables=())
-    return DesignEvaluator(alone, settings).fresh(np.zeros(0))[0]
+    evaluator = DesignEvaluator(replace(problem, specimen=specimen, variables=()), settings)
+    evaluator.at(np.zeros(0), renew=True)
+    assert evaluator.last is not None
+    return evaluator.last
 
 
-def _edge(specimen: Specimen, part: str) -> Array:
-    outline = specimen.frame if part == "frame" else specimen.plate.outline
-    return outline.points(720)
+def _optimum(problem: OptimiseProblem, best: StartRun, runs: Sequence[StartRun],
+             reference: Design, given: Design, settings: Settings) -> dict[str, Any]:
+    design, multipliers, here = best.best, best.descent.multipliers, best.descent.here
+    assert multipliers is not None
+    assert here is not None
+    evaluator = DesignEvaluator(problem, replace(settings, mesh=settings.mesh.refined(2)))
+    evaluator.at(best.descent.x, renew=True)
+    finer = evaluator.last
+    assert finer is not None
+    share, limits = 1 / design.stroke, {}
+    for name, bound in problem.limits.items():
+        rows = [owner == name for owner in design.owners]
+        limits[name] = {
+            "bound": bound, "unit": LIMITS[name].unit, "value": design.limited[name],
+            "finer": _number(finer.limited.get(name, np.nan)),
+            "active": bool((here.limits[rows] > -ACTIVE).any()),
+            "multiplier": float(multipliers.limits[rows].sum()) * share}
+    strokes, ends = [run.best.stroke for run in runs], np.array([run.descent.x for run in runs])
+    return {
+        "held": best.held, "best_start": best.start + 1,
+        "specimen_file": _specimen_file(problem, best),
+        "status": best.descent.status, **_design(problem, design),
+        "gain": _number(design.stroke / reference.stroke - 1),
+        "gain_over_given": _number(design.stroke / given.stroke - 1),
+        "held_multiplier": multipliers.held * share,
+        "kkt_residual": multipliers.residual, "limits": limits,
+        "at_bounds": [variable.key for variable, force
+                      in zip(problem.variables, multipliers.bounds, strict=True) if force],
+        "finer": {**_design(problem, finer),
+                  "gain": _number(finer.stroke / reference.stroke - 1)},
+        "starts": [_run(problem, run) for run in runs],
+        "starts_apart_stroke": float(np.ptp(strokes)) / max(strokes),
+        "starts_apart_variables": float(np.ptp(ends, axis=0).max()),
+        "warnings": ([] if evaluator.model is None or evaluator.state is None
+                     else state_warnings(evaluator.model, evaluator.state))}
 
 
-def _edge_slope(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
-    """Derivative of the edge's points, None where the outline takes no complex step."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return np.asarray(complex_step(
-                lambda change: _edge(with_change(specimen, path, change), path[0]), 0.0))
-        except (TypeError, ValueError, np.exceptions.ComplexWarning):
-            return None
+def _run(problem: OptimiseProblem, run: StartRun) -> dict[str, Any]:
+    multipliers = run.descent.multipliers
+    return {"start": run.start + 1, "status": run.descent.status, "trials": run.descent.trials,
+            "without_equilibrium": run.descent.missing,
+            "kkt_residual": None if multipliers is None else multipliers.residual,
+            **_design(problem, run.best)}
+
+
+def _design(problem: OptimiseProblem, design: Design) -> dict[str, Any]:
+    frame = {} if design.specimen is None else {
+        f"frame_{name}": float(measure(design.specimen.frame))
+        for name, measure in MEASURES.items()}
+    variables = {variable.key: float(value) for variable, value
+                 in zip(problem.variables, design.values, strict=False)}
+    return {"variables": variables, "stroke_m": _number(design.stroke),
+            "deflection_without_voltage_m": _number(design.rest), **frame,
+            "limited": {name: _number(value) for name, value in design.limited.items()},
+            "reason": design.reason}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _specimen_file(problem: OptimiseProblem, run: StartRun) -> str:
+    return "optimum.toml" if len(problem.held) == 1 else f"optimum-{run.held}.toml"
+
+
+def _trial_columns(record: Mapping[str, Any]) -> tuple[Column, ...]:
+    variables = [Column(name, "mm" if variable["dimension"] == "length" else "")
+                 for name, variable in record["variables"].items()]
+    limits = [Column(name, limit["unit"].removesuffix("1"), required=False, absent="nan")
+              for name, limit in record["limits"].items()]
+    return (Column.labels("held"), Column("start"), Column("trial"), Column("accepted"), *variables,
+            Column("stroke", "mm", required=False, absent="nan"), *limits,
+            Column.labels("reason", required=False))
+
+
+def _trials(problem: OptimiseProblem, runs: Sequence[StartRun]) -> TableOfColumns:
+    rows = [{"held": run.held, "start": run.start + 1.0, "trial": float(number),
+             "accepted": float(trial.accepted), "stroke": trial.stroke, "reason": trial.reason,
+             **{variable.key: float(value) for variable, value
+                in zip(problem.variables, trial.values, strict=True)},
+             **{name: trial.limited.get(name, np.nan) for name in problem.limits}}
+            for run in runs for number, trial in enumerate(run.trials)]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _outlines(problem: OptimiseProblem, bests: Sequence[StartRun]) -> TableOfColumns:
+    shown = [("", 0, problem.reference)]
+    shown += [(run.held, number, trial.specimen) for run in bests
+              for number, trial in enumerate(run.trials)
+              if trial.accepted and trial.specimen is not None]
+    edges: list[tuple[str, int, str, NDArray[Any]]] = []
+    for measure, number, specimen in shown:
+        offset = np.array(specimen.plate.offset)[:, None]
+        edges += [(measure, number, "frame", specimen.frame.points(360)),
+                  (measure, number, "plate", specimen.plate.outline.points(360) + offset)]
+    x, y = np.concatenate([edge for *_, edge in edges], axis=1)
+    lengths = [edge.shape[1] for *_, edge in edges]
+    return {"held": np.repeat([measure for measure, *_ in edges], lengths),
+            "trial": np.repeat([float(number) for _, number, *_ in edges], lengths),
+            "part": np.repeat([part for _, _, part, _ in edges], lengths), "x": x, "y": y}

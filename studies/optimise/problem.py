@@ -19,8 +19,7 @@ from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
-from tympan.studies.case import Case
-from tympan.studies.optimise.limits import Limit, read_limit
+from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.paper.actuators import FILES
 
 #: The specimen to beat when a problem names none: the paper's large ellipse.
@@ -32,11 +31,15 @@ MEASURES = {"area": area, "perimeter": perimeter}
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of frame or plate by its ``key`` in problem files, between bounds [SI]."""
+    """A number of frame or plate by its ``key`` in problem files, between bounds [SI].
+
+    ``dimension`` is "" for plain numbers.
+    """
 
     key: str
     low: float
     high: float
+    dimension: str = ""
 
     @property
     def path(self) -> tuple[str, ...]:
@@ -49,18 +52,14 @@ class Variable:
         """As parameter of a model."""
         return ".".join(self.path)
 
-    def dimension(self, specimen: Specimen) -> str:
-        """What it is in a specimen, "" for plain numbers."""
-        field = field_at(specimen, self.path)
-        return field.says.dimension if field is not None else ""
-
 
 @dataclass(frozen=True)
 class OptimiseProblem:
     """Largest stroke over ``variables``, under limits, the frame's area or length held.
 
-    ``held``: of :data:`MEASURES`; each gives an optimum of its own. ``starts``: values of the
-    variables to start from, one row each.
+    ``starts``: values of the variables to start from, one row each. ``limits``: bounds [SI] by the
+    keys of :data:`tympan.studies.optimise.limits.LIMITS`. ``held``: of :data:`MEASURES`; each gives
+    an optimum of its own.
     """
 
     name: str
@@ -70,13 +69,9 @@ class OptimiseProblem:
     voltage: float
     variables: tuple[Variable, ...]
     starts: tuple[tuple[float, ...], ...]
-    limits: tuple[Limit, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
     held: tuple[str, ...] = ("area",)
     rig: Rig = field(default_factory=Rig)
-
-    def case(self, specimen: Specimen) -> Case:
-        """A specimen under the load and the voltage."""
-        return Case(specimen, mass=self.mass, voltage=self.voltage, rig=self.rig)
 
     @property
     def lows(self) -> np.ndarray:
@@ -96,29 +91,28 @@ class OptimiseProblem:
         InputError
             When it cannot be built.
         """
-        return replace(self.specimen, frame=self.frame(values),
-                       plate=_set(self.specimen.plate, self._numbers("plate", values)))
-
-    def frame(self, values: np.ndarray) -> Any:
-        """The frame with these values of the variables, whether or not a plate fits in."""
-        return _set(self.specimen.frame, self._numbers("frame", values))
+        specimen: Specimen = _with_values(self.specimen, {
+            variable.path: float(value)
+            for variable, value in zip(self.variables, values, strict=True)})
+        return specimen
 
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
-        """A held measure of the frame over the reference's, minus one; its derivatives."""
-        size, frame = MEASURES[measure], self.frame(values)
-        whole = float(np.real(size(self.reference.frame)))
+        """A held measure of the frame over the reference's, minus one; its derivatives.
+
+        Whether or not a plate fits in the frame.
+        """
+        size, whole = MEASURES[measure], float(np.real(MEASURES[measure](self.reference.frame)))
+        paths = [variable.path[1:] if variable.path[0] == "frame" else None
+                 for variable in self.variables]
+        frame = _with_values(self.specimen.frame, {
+            path: float(value) for path, value in zip(paths, values, strict=True)
+            if path is not None})
 
         def slope(path: tuple[str, ...]) -> float:
             return float(complex_step(lambda change: size(with_change(frame, path, change)), 0.0))
 
-        slopes = [slope(variable.path[1:]) if variable.path[0] == "frame" else 0.0
-                  for variable in self.variables]
+        slopes = [0.0 if path is None else slope(path) for path in paths]
         return float(np.real(size(frame))) / whole - 1, np.array(slopes) / whole
-
-    def _numbers(self, part: str, values: np.ndarray) -> dict[tuple[str, ...], float]:
-        return {variable.path[1:]: float(value)
-                for variable, value in zip(self.variables, values, strict=True)
-                if variable.path[0] == part}
 
 
 def read_problem(file: Path) -> OptimiseProblem:
@@ -128,10 +122,9 @@ def read_problem(file: Path) -> OptimiseProblem:
     """
     table = Table.read(file)
     specimen = _specimen(table, "specimen", table.text("specimen"))
-    limits = table.table("limits", {})
     variables = _variables(table.table("vary"), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
-    starts = (given, *(_start(start, variables, specimen) for start in table.tables("start")))
+    starts = (given, *(_start(start, variables, given) for start in table.tables("start")))
     hold = table.value("hold", "area")
     measures = [hold] if isinstance(hold, str) else hold
     if (not isinstance(measures, list) or not measures
@@ -142,9 +135,8 @@ def read_problem(file: Path) -> OptimiseProblem:
         _specimen(table, "reference", table.text("reference", PAPER)),
         table.number("mass", "mass", "17.9 g", POSITIVE),
         table.number("voltage", "voltage", rule=POSITIVE), variables, starts,
-        tuple(read_limit(limits, key, specimen) for key in limits.data),
+        _limits(table.table("limits", {}), specimen),
         tuple(dict.fromkeys(measures)), Rig.from_table(table.table("rig", {})))
-    table.asked.add("start")
     table.done()
     return problem
 
@@ -155,7 +147,7 @@ def default_problem() -> OptimiseProblem:
         return read_problem(file)
 
 
-def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
+def _with_values(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
     """A copy with the numbers at these paths, all at once: on the way none need be valid."""
     if () in numbers:
         return numbers[()]
@@ -163,8 +155,9 @@ def _set(value: Any, numbers: Mapping[tuple[str, ...], float]) -> Any:
     for path, number in numbers.items():
         below.setdefault(path[0], {})[path[1:]] = number
     if isinstance(value, tuple):
-        return tuple(_set(item, below.get(str(index), {})) for index, item in enumerate(value))
-    return replace(value, **{key: _set(getattr(value, key), inner)
+        return tuple(_with_values(item, below.get(str(index), {}))
+                     for index, item in enumerate(value))
+    return replace(value, **{key: _with_values(getattr(value, key), inner)
                              for key, inner in below.items()}) if below else value
 
 
@@ -186,32 +179,46 @@ def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:
     for key, given in table.data.items():
         if key not in names:
             raise table.error(key, f"must be one of {', '.join(names)}", "vary")
-        variable = Variable(key, 0.0, 1.0)
-        low, high = table.numbers(key, variable.dimension(specimen), count=2)
-        value = float(at(specimen, variable.path))
+        path = Variable(key, 0.0, 1.0).path
+        field = field_at(specimen, path)
+        dimension = field.says.dimension if field is not None else ""
+        low, high = table.numbers(key, dimension, count=2)
+        value = float(at(specimen, path))
         if not low < high:
             raise table.error(key, "must be a lower and a larger upper bound", given)
         if not low <= value <= high:
             raise table.error(key, f"must have the specimen's own value, {value:.6g} in SI units, "
                                    "within", given)
-        variables.append(Variable(key, low, high))
+        variables.append(Variable(key, low, high, dimension))
     if not variables:
         raise InputError(f"must name at least one of {', '.join(names)}", file=table.file,
                          key="vary")
     return tuple(variables)
 
 
-def _start(table: Table, variables: tuple[Variable, ...],
-           specimen: Specimen) -> tuple[float, ...]:
-    """A further start: what it does not name is the specimen's own."""
+def _start(table: Table, variables: tuple[Variable, ...], given: tuple[float, ...]
+           ) -> tuple[float, ...]:
+    """A further start: what it does not name is as ``given`` by the specimen."""
     values = []
-    for variable in variables:
-        key, value = variable.key, at(specimen, variable.path)
+    for variable, value in zip(variables, given, strict=True):
+        key = variable.key
         if key in table:
-            value = table.number(key, variable.dimension(specimen))
+            value = table.number(key, variable.dimension)
             if not variable.low <= value <= variable.high:
                 raise table.error(key, "must lie within the variable's bounds", table.data[key])
         table.asked.add(key)
         values.append(value)
     table.done()
     return tuple(values)
+
+
+def _limits(table: Table, specimen: Specimen) -> dict[str, float]:
+    """Bounds by the keys of [limits]."""
+    for key in table.data:
+        if key not in LIMITS:
+            raise table.error(key, f"unknown limit: known are {', '.join(LIMITS)}")
+        if key == "breakdown_margin" and specimen.membrane.strength is None:
+            raise table.error(key, "needs a film whose electric strength is known "
+                                   "(membrane.breakdown)")
+    return {key: table.number(key, LIMITS[key].dimension, rule=LIMITS[key].rule)
+            for key in table.data}

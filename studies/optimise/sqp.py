@@ -16,7 +16,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import BFGS, lsq_linear, minimize
 
 Array = NDArray[np.float64]
 Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
@@ -40,11 +40,11 @@ class Linearisation:
 class Objective(Protocol):
     """What is maximised."""
 
-    def renewed(self, x: Array) -> Linearisation | None:
-        """Values at a point, around which :meth:`at` then looks; None where there are none."""
+    def at(self, x: Array, renew: bool = False) -> Linearisation | None:
+        """Values at a point, None where there are none.
 
-    def at(self, x: Array) -> Linearisation | None:
-        """Values at a point nearby, comparable to each other until :meth:`renewed` is called."""
+        Comparable to those at other points nearby, until it is renewed to look around this one.
+        """
 
     def held(self, x: Array) -> tuple[float, Array]:
         """e and ∇e."""
@@ -100,21 +100,22 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
              note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
     """Maximise an objective from a start; ``note`` is told every point and if it was gone to."""
     x = restored(objective, start)
-    here = None if x is None else objective.renewed(x)
+    here = None if x is None else objective.at(x, renew=True)
     if x is None or here is None:
         return Descent("no_start", start, None, None, 1, 1)
     note(x, True)
     unit = abs(here.value) or 1.0
     centre, radius, price = x, settings.radius, 10.0
-    bend = np.eye(len(x))
+    bend = BFGS("damp_update", min_curvature=0.2, init_scale=1.0)  # Powell's damping
+    bend.initialize(len(x), "hess")
     trials, missing, settled = 1, 0, 0
     for _ in range(settings.iterations):
-        step, promised = _step(objective, x, here, bend, radius, price, unit)
+        step, promised = _step(objective, x, here, bend.get_matrix(), radius, price, unit)
         if np.abs(step).max() < settings.step or promised < settings.gain:
             settled += 1
             if np.abs(x - centre).max() <= settings.near or settled == settings.rounds:
                 break
-            renewed = objective.renewed(x)
+            renewed = objective.at(x, renew=True)
             if renewed is None:
                 break
             here, centre, radius = renewed, x, max(radius, settings.radius / 4)
@@ -135,11 +136,13 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
             radius = min(2 * radius, settings.widest)
         multipliers = kkt(objective, ahead, there)
         price = max(price, 3 * float(multipliers.limits.sum()) / unit)
-        bend = _bent(bend, ahead - x, _lagrangian(objective, x, here, multipliers, unit)
-                     - _lagrangian(objective, ahead, there, multipliers, unit))
+        change = (_lagrangian(objective, x, here, multipliers, unit)
+                  - _lagrangian(objective, ahead, there, multipliers, unit))
+        if change.any():
+            bend.update(ahead - x, change)
         x, here = ahead, there
         if np.abs(x - centre).max() > settings.away:
-            renewed = objective.renewed(x)
+            renewed = objective.at(x, renew=True)
             if renewed is None:
                 break
             here, centre = renewed, x
@@ -220,17 +223,3 @@ def _lagrangian(objective: Objective, x: Array, here: Linearisation, multipliers
     """Slope of f − λ c − μ e over the unit."""
     kept = multipliers.held * objective.held(x)[1]
     return (here.slope - multipliers.limits @ here.limit_slopes - kept) / unit
-
-
-def _bent(bend: Array, step: Array, change: Array) -> Array:
-    """Powell's damped BFGS update."""
-    along = bend @ step
-    curvature = float(step @ along)
-    if curvature < 1e-16:
-        return bend
-    share = float(step @ change)
-    damped = 1.0 if share >= 0.2 * curvature else 0.8 * curvature / (curvature - share)
-    change = damped * change + (1 - damped) * along
-    return (bend - np.outer(along, along) / curvature
-            + np.outer(change, change) / float(step @ change))
-

@@ -32,13 +32,7 @@ class Checkpoint:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nobody else works in the folder meanwhile; that ends with the process, however it dies.
-
-        Raises
-        ------
-        InputError
-            When another sweep runs there, or the folder cannot be written.
-        """
+        """Nobody else works in the folder meanwhile; ends with the process, however it dies."""
         with ExitStack() as stack:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
@@ -57,10 +51,10 @@ class Checkpoint:
     def put(self, task: SweepTask, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
-            write_atomically(self.vtu(case_id), methodcaller("write_bytes", content))
+            write_atomically(self._vtu(case_id), methodcaller("write_bytes", content))
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
-                           "fields": sorted(result.fields),
-                           "rows": result.rows}, ensure_ascii=False)
+                           "fields": sorted(result.fields), "rows": result.rows},
+                          ensure_ascii=False)
         write_text(self._file(task), f"{_digest(body)}\n{body}\n")
 
     def get(self, task: SweepTask) -> list[Row] | None:
@@ -78,13 +72,12 @@ class Checkpoint:
             return None
         content = json.loads(body)
         if content["task"] != task.id or not all(
-                self.vtu(case_id).exists() for case_id in content["fields"]):
+                self._vtu(case_id).exists() for case_id in content["fields"]):
             return None
         rows: list[Row] = content["rows"]
         return rows
 
-    def vtu(self, case_id: str) -> Path:
-        """Where the fields of a case are."""
+    def _vtu(self, case_id: str) -> Path:
         return self.folder / "fields" / f"{case_id}.vtu"
 
     def _file(self, task: SweepTask) -> Path:

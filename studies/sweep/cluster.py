@@ -25,11 +25,6 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
 
     Dask tries an item again when its worker dies; one over which several died is given up, as Dask
     is set up to.
-
-    Raises
-    ------
-    InputError
-        When ``distributed`` is not installed, or the scheduler does not answer.
     """
     try:
         from distributed import Client, as_completed

@@ -1,31 +1,47 @@
-"""SWEEP.toml read and checked whole, before anything is solved."""
+"""SWEEP.toml: grids, lists and samples of values, checked whole before anything is solved."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.geometry.toml_reader import Rule, Table
-from tympan.geometry.units import quantity
+from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
 from tympan.studies.case import Settings
-from tympan.studies.sweep.parameters import Choice, choices, with_choice
 from tympan.studies.sweep.task import SweepTask, solver
+
+#: Raw TOML values by dotted key: what one specimen of a sweep differs in.
+Choice = dict[str, Any]
+
+Array = NDArray[np.float64]
+
+#: Ways to sample ranges.
+METHODS = ("random", "latin_hypercube", "sobol")
+
+#: More specimens than this are a slip of the pen.
+MOST = 1_000_000
 
 #: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
 #: the rig.
 _LOADS = ("mass", "voltage")
 _RIG = "rig."
 
-_COUNT: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
-                "must be a whole number from 2 to 10000")
+_SPECIMENS: Rule = (lambda x: 1 <= x <= MOST and x == int(x),
+                    f"must be a whole number from 1 to {MOST}")
+_VOLTAGES: Rule = (lambda x: 2 <= x <= 10_000 and x == int(x),
+                   "must be a whole number from 2 to 10000")
+_SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number, not negative")
 
 
 @dataclass(frozen=True)
@@ -60,12 +76,9 @@ class Sweep:
 def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     """The sweep of a file; files it names lie beside it.
 
-    Raises
-    ------
-    InputError
-        For unknown keys, wrong units and values out of range of the sweep and of all its specimens,
-        naming the file and the key; a combination of allowed values that cannot be built is an
-        entry without a task instead, unless all are.
+    Unknown keys, wrong units and values out of range, of the sweep and of all its specimens, are
+    errors; a combination of allowed values that cannot be built is an entry without a task instead,
+    unless all are.
     """
     table = Table.read(file)
     fields = table.truth("fields", False)
@@ -79,10 +92,12 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         if stems.count(stem) > 1:
             raise table.error("specimen", "must be files of different names", stem)
     rows = choices(table)
-    loads = {name: None if any(name in row for row in rows) else read(table) for name, read in
-             (("mass", _masses), ("voltage", _voltages))}
-    for name in [name for name in _LOADS if loads[name] is None and name in table]:
-        raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of both")
+    varied = {name for row in rows for name in row}
+    for name in _LOADS:
+        if name in varied and name in table:
+            raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
+                                    "both")
+    loads = {name: _loads(table, name) for name in _LOADS if name not in varied}
     rigs = [_rig(table, row) for row in rows]
     table.done()
     digits = len(str(max(len(rows) - 1, 1)))
@@ -90,9 +105,8 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     def entry(base: Path, number: int) -> Entry:
         choice = rows[number]
         name = f"{base.stem}-{number:0{digits}}" if len(rows) > 1 else base.stem
-        masses, voltages = (
-            loads[load] or (_load(Table(table.file, choice), load, choice[load]),)
-            for load in _LOADS)
+        masses, voltages = (loads.get(load) or (_load(table, load, choice[load]),)
+                            for load in _LOADS)
         try:
             specimen = _specimen(table, base, bases[base], choice)
         except Unbuildable as error:
@@ -106,6 +120,133 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
     return Sweep(entries, file.read_text(encoding="utf-8-sig"))
+
+
+def choices(table: Table) -> list[Choice]:
+    """Every combination of the grid, with every row of the list and every point of the sample."""
+    grid = table.table("grid", {})
+    columns = _columns(grid)
+    parts = [[dict(zip(columns, row, strict=True)) for row in product(*columns.values())],
+             _list(table.table("list", {})), _sample(table.table("sample", {}))]
+    keys = [key for part in parts if part for key in part[0]]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise table.error(key, "must stand in one of [grid], [list] and [sample] only")
+        if any(other != key and other.startswith(f"{key}.") for other in keys):
+            raise table.error(key, "is varied as a whole and by its parts: only one of both")
+    if np.prod([float(len(part)) for part in parts]) > MOST:
+        raise table.error("grid", f"there must be at most {MOST} specimens",
+                          [len(part) for part in parts])
+    return [{**first, **second, **third} for first, second, third in product(*parts)]
+
+
+def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dict[str, Any]:
+    """A copy of nested tables with a choice's values; list elements are named by their number."""
+    changed = copy.deepcopy(dict(content))
+    for key, value in choice.items():
+        *path, last = key.split(".")
+        inner: Any = changed
+        for number, name in enumerate(path):
+            inner = (inner[_index(inner, name, key, table)] if isinstance(inner, list)
+                     else inner.setdefault(name, {}))
+            if not isinstance(inner, dict | list):
+                raise table.error(key, f"unknown key: {'.'.join(path[:number + 1])} is no table",
+                                  inner)
+        place = _index(inner, last, key, table) if isinstance(inner, list) else last
+        inner[place] = copy.deepcopy(value)
+    return changed
+
+
+def read_quantity(value: Any) -> tuple[float, str] | None:
+    """SI value and SI unit ("" of a plain number), None of what is neither.
+
+    Examples
+    --------
+    >>> read_quantity("8 mm"), read_quantity(2), read_quantity("ellipse")
+    ((0.008, 'm'), (2.0, ''), None)
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value), ""
+    read = any_quantity(value)
+    return None if read is None else (read[0], DIMENSIONS[read[1]].si)
+
+
+def _index(items: list[Any], name: str, key: str, table: Table) -> int:
+    if not name.isdecimal() or int(name) >= len(items):
+        raise table.error(key, f"unknown key: a list has the elements 0 to {len(items) - 1}", name)
+    return int(name)
+
+
+def _columns(table: Table) -> dict[str, list[Any]]:
+    """The lists of a table by key; keys must be dotted names in quotation marks."""
+    columns = {key: table.value(key) for key in table.data}
+    for key, values in columns.items():
+        if isinstance(values, Mapping):
+            raise table.error(key, "must be a list; write a dotted key in quotation marks, such as "
+                                   f'"{key}.…" = […]')
+        if not isinstance(values, list) or not values:
+            raise table.error(key, "must be a list of values, at least one", values)
+    return columns
+
+
+def _list(table: Table) -> list[Choice]:
+    columns = _columns(table)
+    if not columns:
+        return [{}]
+    length = len(next(iter(columns.values())))
+    for key, values in columns.items():
+        if len(values) != length:
+            raise table.error(key, f"must be as long as the first list of [list], {length}",
+                              len(values))
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _sample(table: Table) -> list[Choice]:
+    if not table.data:
+        return [{}]
+    method = table.choice("method", {name: name for name in METHODS})
+    count = int(table.number("count", rule=_SPECIMENS))
+    seed = int(table.number("seed", default=0, rule=_SEED))
+    ranges = table.table("ranges")
+    limits = {key: _range(ranges, key, values) for key, values in _columns(ranges).items()}
+    if not limits:
+        raise table.error("ranges", "must name at least one key", {})
+    table.done()
+    points = sample_points(method, len(limits), count, seed)
+    choices: list[Choice] = [{} for _ in points]
+    for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):
+        for choice, share in zip(choices, shares, strict=True):
+            value = low + share * (high - low)
+            choice[key] = f"{value!r} {unit}" if unit else value
+    return choices
+
+
+def _range(table: Table, key: str, values: list[Any]) -> tuple[float, float, str]:
+    """Low, high and SI unit."""
+    read = [read_quantity(value) for value in values]
+    first, *others = read
+    if len(read) != 2 or first is None or others[0] is None or first[1] != others[0][1]:
+        raise table.error(key, "must be two values of one kind, the smaller first, such as "
+                               '["8 mm", "15 mm"]; one element of a list has its number in the key',
+                          values)
+    (low, unit), (high, _) = first, others[0]
+    if not -np.inf < low < high < np.inf:
+        raise table.error(key, "must be two finite values, the smaller first", values)
+    return low, high, unit
+
+
+def sample_points(method: str, dimensions: int, count: int, seed: int) -> Array:
+    """Points in the unit cube, shape (count, dimensions)."""
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng(seed)
+    if method == "random":
+        return rng.random((count, dimensions))
+    if method == "latin_hypercube":
+        return np.asarray(qmc.LatinHypercube(dimensions, seed=rng).random(count))
+    # The first points of the scrambled sequence; a power of two of them is balanced.
+    sequence = qmc.Sobol(dimensions, seed=rng)
+    return np.asarray(sequence.random_base2(max(count - 1, 0).bit_length())[:count])
 
 
 def _specimen(table: Table, file: Path, content: Mapping[str, Any], choice: Choice) -> Specimen:
@@ -135,13 +276,10 @@ def _rig(table: Table, choice: Choice) -> Rig:
     changes = {key.removeprefix(_RIG): value for key, value in choice.items()
                if key.startswith(_RIG)}
     given = table.value("rig", {})
-    if not isinstance(given, str):
-        content = table.table("rig", {}).data
-        return Rig.from_table(Table(table.file, with_choice(content, changes, table), "rig"))
-    rig = Table.read(Path(table.file).parent / given)
-    if not changes:
-        return Rig.from_table(rig)
-    return Rig.from_table(Table(table.file, with_choice(rig.data, changes, table), "rig"))
+    rig = (Table.read(Path(table.file).parent / given) if isinstance(given, str)
+           else table.table("rig", {}))
+    return Rig.from_table(Table(table.file, with_choice(rig.data, changes, table), "rig")
+                          if changes else rig)
 
 
 def _load(table: Table, name: str, value: Any) -> float:
@@ -155,29 +293,19 @@ def _load(table: Table, name: str, value: Any) -> float:
     return number
 
 
-def _loads(table: Table, name: str, value: Any) -> tuple[float, ...]:
-    values = value if isinstance(value, list) else [value]
-    return tuple(_load(table, name, item) for item in values)
-
-
-def _masses(table: Table) -> tuple[float, ...]:
-    value = table.value("mass")
-    masses = _loads(table, "mass", value)
-    if not masses or len(set(masses)) < len(masses):
-        raise table.error("mass", "must be a mass or a list of different ones", value)
-    return masses
-
-
-def _voltages(table: Table) -> tuple[float, ...]:
-    value = table.value("voltage")
-    if isinstance(value, Mapping):
-        span = table.table("voltage")
-        low, high = (_load(span, "voltage", span.value(key)) for key in ("from", "to"))
-        count = int(span.number("count", rule=_COUNT))
+def _loads(table: Table, name: str) -> tuple[float, ...]:
+    """All masses [kg], different ones, or all voltages [V], ascending."""
+    value = table.value(name)
+    if name == "voltage" and isinstance(value, Mapping):
+        span = table.table(name)
+        low, high = (_load(span, name, span.value(key)) for key in ("from", "to"))
+        loads = np.linspace(low, high, int(span.number("count", rule=_VOLTAGES))).tolist()
         span.done()
-        voltages = tuple(np.linspace(low, high, count).tolist())
     else:
-        voltages = _loads(table, "voltage", value)
-    if not voltages or list(voltages) != sorted(set(voltages)):
-        raise table.error("voltage", "must ascend", value)
-    return voltages
+        items = value if isinstance(value, list) else [value]
+        loads = [_load(table, name, item) for item in items]
+    if name == "mass" and (not loads or len(set(loads)) < len(loads)):
+        raise table.error(name, "must be a mass or a list of different ones", value)
+    if name == "voltage" and (not loads or loads != sorted(set(loads))):
+        raise table.error(name, "must ascend", value)
+    return tuple(loads)

@@ -13,7 +13,7 @@ from tympan.studies.files import from_json, read_json, remove, write_json
 from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep
-from tympan.studies.sweep.table import FILES, dataset, read_table, write_tables
+from tympan.studies.sweep.table import dataset, read_table, write_tables
 from tympan.studies.sweep.task import Row, SweepTask, TaskResult, failed_rows, solver
 
 if TYPE_CHECKING:
@@ -55,13 +55,7 @@ class SweepResult:
 
     @classmethod
     def load(cls, folder: Path) -> SweepResult:
-        """What was saved.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or damaged.
-        """
+        """What was saved."""
         file = folder / "sweep.json"
         record = from_json(dict[str, Any], read_json(file), file)
         kinds: dict[str, Any] = {"statuses": dict[str, int], "solved": int, "kept": int,
@@ -75,13 +69,8 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     """Solve what is not finished in a folder yet, and write its tables.
 
     Leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
-    may be ended at any moment, and run again: no finished task is solved twice.
-
-    Raises
-    ------
-    InputError
-        When the folder cannot be written, is full, or another sweep uses it; what was finished is
-        kept.
+    may be ended at any moment, also by a full disk, and run again: no finished task is solved
+    twice.
     """
     checkpoint = Checkpoint(folder)
     with checkpoint.alone():
@@ -94,7 +83,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
         progress(done, kept)
         missing = {task_id: task for task_id, task in tasks.items() if task_id not in rows}
         if missing:  # what is there belongs to another plan, or to an older solver
-            remove(folder, *FILES)
+            remove(folder, "sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
         for task_id, answer in pool(methodcaller("run"), missing):
             task = tasks[task_id]
             if isinstance(answer, NoValue):  # not kept: another run may have more luck

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +12,15 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.units import unit_of
 from tympan.studies.files import write_atomically, write_text
-from tympan.studies.sweep.parameters import flattened, read_quantity
-from tympan.studies.sweep.plan import Sweep
+from tympan.studies.sweep.plan import Sweep, read_quantity
 from tympan.studies.sweep.task import COLUMNS, Row, failed_rows, solver
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
-
 #: Dimensions of the table.
 AXES = ("specimen", "mass", "voltage")
-
-_TEXTS = ("status", "warnings", "id")
 
 
 def write_tables(folder: Path, table: xr.Dataset) -> None:
@@ -42,13 +37,7 @@ def write_tables(folder: Path, table: xr.Dataset) -> None:
 
 
 def read_table(file: Path) -> xr.Dataset:
-    """The table of a netCDF file.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or damaged.
-    """
+    """The table of a netCDF file."""
     import xarray as xr
 
     try:
@@ -102,6 +91,23 @@ def frame(table: xr.Dataset) -> pd.DataFrame:
     return flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
 
 
+def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Keys and single values: a list becomes its elements.
+
+    Examples
+    --------
+    >>> list(flattened({"frame.semi_axes": ["6 cm", "4 cm"], "frame.shape": "ellipse"}))
+    [('frame.semi_axes.0', '6 cm'), ('frame.semi_axes.1', '4 cm'), ('frame.shape', 'ellipse')]
+    """
+    for key, value in choice.items():
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            yield from flattened({f"{key}.{number}": item for number, item in enumerate(value)})
+        elif isinstance(value, Mapping):
+            yield from flattened({f"{key}.{name}": item for name, item in value.items()})
+        else:
+            yield key, value
+
+
 def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
     """Name and coordinate of what the specimens differ in; the unit ends the name of numbers."""
     read = [None if value is None else read_quantity(value) for value in values]
@@ -116,9 +122,10 @@ def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
 
 
 def _column(name: str, values: list[Any]) -> np.ndarray:
-    if name in _TEXTS:
-        return _texts([" | ".join(value) if isinstance(value, list) else str(value)
-                       for value in values])
+    if name == "warnings":
+        return _texts([" | ".join(value) for value in values])
+    if name in ("status", "id"):
+        return _texts(values)
     return np.array([np.nan if value is None else float(value) for value in values])
 
 

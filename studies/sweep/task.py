@@ -84,13 +84,7 @@ class SweepTask:
         return _hash([*self.ids, self.fields])
 
     def run(self) -> TaskResult:
-        """Solve all cases; what cannot be built or meshed is a failed row each, not an error.
-
-        Raises
-        ------
-        InputError
-            When this process has another version than the one that asks.
-        """
+        """Solve all cases; what cannot be built or meshed is a failed row each, not an error."""
         if self.solver != solver():
             raise InputError(f"workers must have the same version: there {solver()}, here "
                              f"{self.solver}", key="--scheduler")

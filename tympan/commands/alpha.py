@@ -74,6 +74,6 @@ def alpha_map(options: argparse.Namespace) -> None:
     if options.workers < 1:
         raise InputError("must be at least 1", key="--workers", given=options.workers)
     settings = MapSettings()
-    with bar(len(settings.grid()) + settings.inside + settings.outside) as progress:
+    with bar(sum(map(len, settings.places().values()))) as progress:
         result = alpha_map(settings, options.workers, progress)
     finish(options, result)

@@ -17,8 +17,8 @@ from tympan.options import JSON, MESH, argument, command, finish, output, read_s
 def optimise(options: argparse.Namespace) -> None:
     """Lengths of frame and plate with the largest stroke under limits."""
     from tympan.progress import bar
+    from tympan.studies.optimise.optimise import optimise
     from tympan.studies.optimise.problem import default_problem, read_problem
-    from tympan.studies.optimise.result import optimise
 
     problem = default_problem() if options.file is None else read_problem(options.file)
     with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:

@@ -12,8 +12,7 @@ from tests.support.sweeps import CHEAP, OVAL, read, written
 from tympan.cli import main
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.studies.sweep.parameters import METHODS, sample_points
-from tympan.studies.sweep.plan import read_sweep
+from tympan.studies.sweep.plan import METHODS, read_sweep, sample_points
 from tympan.studies.sweep.task import SweepTask
 
 LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
