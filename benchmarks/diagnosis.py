@@ -21,13 +21,12 @@ from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
+from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects, signatures
 from tympan.studies.diagnosis.inference.verdict import judge
-from tympan.studies.diagnosis.next_experiment.proposals import propose
+from tympan.studies.diagnosis.next_experiment import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.hypothesis import Cause
-from tympan.studies.diagnosis.result import chosen_fit
-from tympan.studies.diagnosis.validation.gain import gain_of
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
 
@@ -86,7 +85,7 @@ def main() -> None:
         gain_of(simulation, table, causes, judged)
     with stage("next experiment", spent):
         propose(simulation, judged, causes)
-    chosen = chosen_fit(judged)
+    chosen = judged.chosen
     with stage("check by finite elements", spent):
         error = max(error, law_error(simulation, chosen, table) if chosen else 0.0)
     _print(spent, f"{judged.verdict} {', '.join(map(str, judged.named))}", error, workers)

@@ -21,13 +21,13 @@ from benchmarks.trials.synthetic_trials import (
     readings,
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS
+from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.validation.gain import gain_of
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
 _LOOSE = 5.0

@@ -12,7 +12,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.result import Diagnosis, cause_names, chosen_fit
+from tympan.studies.diagnosis.result import Diagnosis, cause_names
 
 #: Factors on the widths of the priors for which the verdict is found again.
 SWEEP = (0.5, 2.0)
@@ -53,7 +53,6 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     for widen in SWEEP if judged.posterior is not None else ():
         other = judge(simulation, table, readings.causes, readings.stated, widen=widen, seed=seed)
         swept.append((other.verdict, cause_names(other.named)))
-    chosen = chosen_fit(judged)
-    if chosen is not None:
-        error = max(error, law_error(simulation, chosen, table))
+    if judged.chosen is not None:
+        error = max(error, law_error(simulation, judged.chosen, table))
     return Diagnosis.of(dataset, readings, simulation, judged, error, tuple(swept), seed)

@@ -20,7 +20,6 @@ from tympan.studies.diagnosis.reduced.axes import HeldFilm, edited, film_axes
 from tympan.studies.diagnosis.reduced.force_law import (
     ForceLaw,
     Grid,
-    grid_of,
     law_through,
     sampled_film,
     samples,
@@ -63,16 +62,15 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
 
 def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
     film = HeldFilm.of(setup, name)
-    if film.heavy or not grid.odd or film.loading.arm != (0.0, 0.0):
+    if not (film.odd and grid.odd):
         raise InputError("must be without gas pressure, weight of its own and offset weights in "
                          "the lumped model", key="specimen", given=name)
     nominal = lumped_nodes(film.specimen, grid)
     axes = tuple(axis for axis in film_axes(setup, name) if not np.array_equal(
         lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid), nominal))
-    places = samples(axes)
-    return law_through(grid, axes, places, [
-        lumped_nodes(sampled_film(setup, name, axes, sample).specimen, grid_of(grid, sample))
-        for sample in places])
+    return law_through(grid, axes, {
+        sample: lumped_nodes(sampled_film(setup, name, axes, sample).specimen, grid.at(sample))
+        for sample in samples(axes)})
 
 
 def lumped_nodes(specimen: Specimen, grid: Grid) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.units import quantity
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
+from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.fit import Fit
 from tympan.studies.diagnosis.inference.identifiability import Detectable, detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Posterior
@@ -28,13 +29,12 @@ from tympan.studies.diagnosis.inference.verdict import (
     interval,
     single_effects,
 )
-from tympan.studies.diagnosis.next_experiment.proposals import Proposal, propose
+from tympan.studies.diagnosis.next_experiment import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.text import AGAIN, limitations, where
-from tympan.studies.diagnosis.validation.gain import GainReport, gain_of
 from tympan.studies.effects import Setup
 from tympan.studies.files import write_csv, write_json, write_text
 
@@ -80,7 +80,7 @@ class Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
         causes = readings.causes
         return cls(dataset, readings, simulation, judgement, model_error, swept,
-                   chosen_fit(judgement),
+                   judgement.chosen,
                    gain_of(simulation, readings.table, causes, judgement, seed),
                    *propose(simulation, judgement, causes),
                    single_effects(simulation, judgement, causes),
@@ -195,7 +195,7 @@ class Diagnosis:
             return {"what": AGAIN, "separates": [], "expected_chi_squared": None, "menu": []}
         if not self.proposals:
             return None
-        menu = [{"what": proposal.what, "separates": list(proposal.effects),
+        menu = [{"what": proposal.what, "separates": list(proposal.separates),
                  "expected_chi_squared": proposal.expected, "enough": proposal.enough}
                 for proposal in self.proposals]
         best = next((entry for entry in menu if entry["enough"]), menu[0])
@@ -235,14 +235,6 @@ def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]]]:
         raise InputError(f"cannot be read: {error}; run tympan diagnose again",
                          file=folder) from None
     return content, columns
-
-
-def chosen_fit(judged: Judgement) -> Fit | None:
-    """The hypothesis to extend the model with: the causes named, or the most probable."""
-    posterior = judged.posterior
-    if posterior is None:
-        return None
-    return (posterior.fit_of(judged.named) if judged.named else None) or posterior.best
 
 
 def cause_names(causes: tuple[Cause, ...]) -> tuple[str, ...]:

@@ -64,6 +64,16 @@ class Judgement:
     invisible: tuple[Cause, ...] = ()
     suspects: tuple[Cause, ...] = ()
 
+    @property
+    def chosen(self) -> Fit | None:
+        """What to extend the model with: the causes named, or the most probable hypothesis.
+
+        None when nothing is wrong.
+        """
+        if self.posterior is None or not self.posterior.fits:
+            return None
+        return self.posterior.fit_of(self.named) or self.posterior.best
+
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
           stated: float = STATED, widen: float = 1.0, seed: int = 0) -> Judgement:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
+from tympan.studies.effects import EFFECTS, Effect, Setup
 
 #: How far from no effect a force law reaches, in standard deviations of the prior.
 REACH = 3.0
@@ -32,6 +32,11 @@ class Axis:
     folded: bool
     modulus: bool
 
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Coordinates at which it is sampled besides 0."""
+        return (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0) if self.two_sided else (0.3, 0.65, 1.0)
+
     def coordinate(self, size: float, stiffness: float = 1.0) -> float:
         """u of a size, on a film of the nominal stiffness times ``stiffness``."""
         share = size / (self.span * stiffness if self.modulus else self.span)
@@ -44,10 +49,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class HeldFilm:
-    """What the finite elements see of a specimen on a rig.
-
-    Itself, how its plate is held, and gas pressure [Pa].
-    """
+    """What the finite elements see of a specimen: how its plate is held, and gas pressure [Pa]."""
 
     specimen: Specimen
     loading: Loading
@@ -59,16 +61,15 @@ class HeldFilm:
 
         Mechanisms between plate and ground act on the heave alone and are left out.
         """
-        loading = replace(setup.rig.loading, biases=())
-        specimen = setup.specimen(name)
-        return cls(specimen,
-                   loading if specimen.membrane.density else replace(loading, gravity=0.0),
-                   setup.rig.gas_pressure)
+        specimen, loading = setup.specimen(name), replace(setup.rig.loading, biases=())
+        if not specimen.membrane.density:
+            loading = replace(loading, gravity=0.0)
+        return cls(specimen, loading, setup.rig.gas_pressure)
 
     @property
-    def heavy(self) -> bool:
-        """Whether loads act on it that do not scale with its stiffness."""
-        return bool(self.loading.gravity or self.gas_pressure)
+    def odd(self) -> bool:
+        """Whether its force is odd in the heave: no weight, no gas, no mass beside the centre."""
+        return not self.loading.gravity and not self.gas_pressure and self.loading.arm == (0.0, 0.0)
 
 
 def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]) -> HeldFilm:
@@ -77,45 +78,29 @@ def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]
     for axis, size in zip(axes, sizes, strict=True):
         values = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
         values[axis.index] = size
-    for effect in (effect for effect in EFFECTS.values() if effect.name in together):
-        setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
+    for effect in EFFECTS.values():
+        if effect.name in together:
+            setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
     return HeldFilm.of(setup, name)
 
 
 def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
     """The axes of a specimen's film."""
     nominal = HeldFilm.of(setup, name)
-    axes = []
-    for effect in EFFECTS.values():
-        for index, parameter in enumerate(effect.parameters):
-            axis = _axis(setup, name, effect, index, parameter)
-            if axis is not None and edited(setup, name, (axis,), (axis.span,)) != nominal:
-                axes.append(axis)
-    return tuple(axes)
+    axes = (_axis(setup, name, effect, index) for effect in EFFECTS.values()
+            for index in range(len(effect.parameters)))
+    return tuple(axis for axis in axes
+                 if axis and edited(setup, name, (axis,), (axis.span,)) != nominal)
 
 
-def changes_rig(setup: Setup, effect: Effect) -> bool:
-    """Whether an effect edits the rig."""
-    which = setup.specimens[0].name if effect.on_one else None
-    sizes = [parameter.deviation for parameter in effect.parameters]
-    try:
-        return effect.at(setup, sizes, which).rig != setup.rig
-    except InputError:  # the specimen cannot bear it, so it is the film that it changes
-        return False
-
-
-def _axis(setup: Setup, name: str, effect: Effect, index: int,
-          parameter: EffectParameter) -> Axis | None:
-    """The axis of a parameter, as long as the specimen can be built.
-
-    None where hardly any of it can be.
-    """
+def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis | None:
+    """The axis of a parameter, as long as the specimen can be built; None where hardly any can."""
+    parameter = effect.parameters[index]
     low, high = parameter.limits
     reach = min(REACH * parameter.deviation, max(high, -low))
-    two_sided = low < 0
     planes = setup.specimen(name).mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
-    axis = Axis(effect.name, index, min(reach, high), two_sided and not folded, folded,
+    axis = Axis(effect.name, index, min(reach, high), low < 0 and not folded, folded,
                 parameter.dimension == "stress")
     while axis.span > _LEAST_SHARE * reach:
         try:

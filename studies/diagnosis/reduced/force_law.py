@@ -10,9 +10,9 @@ and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import combinations, compress
+from itertools import combinations
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -26,10 +26,8 @@ Array = NDArray[np.float64]
 #: Where a film is solved: numbers of some axes and the coordinates there, the others 0.
 Sample = tuple[tuple[int, float], ...]
 
-#: Coordinates at which an axis is sampled besides 0.
-TWO_SIDED, ONE_SIDED = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0), (0.3, 0.65, 1.0)
-#: The same for pairs of axes.
-CORNERS = (-0.6, 0.6)
+#: Coordinates at which pairs of axes are sampled.
+_CORNERS = (-0.6, 0.6)
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,14 @@ class Grid:
         heaves = self.heave * (np.sqrt(shares) if self.odd else shares)
         return heaves, self.voltage_squared * (1 + q) / 2
 
+    @property
     def coarse(self) -> Grid:
         """The grid for pairs of effects."""
-        return Grid(self.heave, self.voltage_squared, self.odd, 3, 3)
+        return replace(self, heaves=3, voltages=3)
+
+    def at(self, sample: Sample) -> Grid:
+        """The grid on which a sample is solved."""
+        return self if len(sample) < 2 else self.coarse
 
     def coefficients(self, values: Array) -> Array:
         """Chebyshev coefficients of what has these values at the nodes, (heaves, voltages)."""
@@ -77,15 +80,11 @@ class Grid:
 
 
 def _polynomials(x: Array, count: int) -> Array:
-    """The first Chebyshev polynomials, shape (n, count).
-
-    NumPy's own function is five times slower on short arrays.
-    """
-    values = np.empty((len(x), count))
-    values[:, 0] = 1.0
-    for degree in range(1, count):
-        values[:, degree] = x if degree == 1 else (2 * x * values[:, degree - 1]
-                                                   - values[:, degree - 2])
+    # NumPy's own function is five times slower on short arrays.
+    values = np.ones((len(x), count))
+    values[:, 1] = x
+    for degree in range(2, count):
+        values[:, degree] = 2 * x * values[:, degree - 1] - values[:, degree - 2]
     return values
 
 
@@ -164,8 +163,8 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
     """Where to solve: the nominal film, each axis alone, each pair of axes."""
     places: list[Sample] = [()]
     for index, axis in enumerate(axes):
-        places += [((index, at),) for at in _alone(axis)]
-    low, high = CORNERS
+        places += [((index, at),) for at in axis.places]
+    low, high = _CORNERS
     for first, second in combinations(range(len(axes)), 2):
         places.append(((first, high), (second, high)))
         if axes[first].two_sided:
@@ -175,23 +174,14 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
     return places
 
 
-def _alone(axis: Axis) -> tuple[float, ...]:
-    return TWO_SIDED if axis.two_sided else ONE_SIDED
-
-
 def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
     """A specimen's film at a sample."""
     return edited(setup, name, [axes[index] for index, _ in sample],
                   [axes[index].size(at) for index, at in sample])
 
 
-def grid_of(grid: Grid, sample: Sample) -> Grid:
-    """The grid on which a sample is solved."""
-    return grid if len(sample) < 2 else grid.coarse()
-
-
-def law_through(grid: Grid, axes: tuple[Axis, ...], places: list[Sample],
-                nodes: list[tuple[Array, Array]]) -> ForceLaw:
+def law_through(grid: Grid, axes: tuple[Axis, ...],
+                solved: dict[Sample, tuple[Array, Array]]) -> ForceLaw:
     """The law through force and capacitance at samples, of pairs at the coarse grid's nodes.
 
     Values are nan where a film could not be solved. The nominal film's are continued along the
@@ -199,42 +189,43 @@ def law_through(grid: Grid, axes: tuple[Axis, ...], places: list[Sample],
     of pairs, what they add is continued.
     """
     powers = _powers(axes)
-    coordinates = np.zeros((len(places), len(axes)))
-    for row, sample in enumerate(places):
+    coordinates = np.zeros((len(solved), len(axes)))
+    for row, sample in enumerate(solved):
         for index, at in sample:
             coordinates[row, index] = at
     design = np.prod(coordinates[:, None, :] ** powers, axis=2)
-    single = np.array([len(sample) < 2 for sample in places])
+    single = np.array([len(sample) < 2 for sample in solved])
     alone = (powers > 0).sum(1) < 2
-    over = [force / grid_of(grid, sample).nodes[0][:, None] if grid.odd else force
-            for sample, (force, _) in zip(places, nodes, strict=True)]
+    over = {sample: force / grid.at(sample).nodes[0][:, None] if grid.odd else force
+            for sample, (force, _) in solved.items()}
     coefficients = []
-    for values in (over, [capacitance for _, capacitance in nodes]):
-        completed = _along_axes(grid, [sample for sample in places if len(sample) < 2],
-                                list(compress(values, single)))
+    for values in (over, {sample: capacitance for sample, (_, capacitance) in solved.items()}):
+        completed = _along_axes(grid, {sample: item for sample, item in values.items()
+                                       if len(sample) < 2})
         full = np.zeros((len(powers), grid.heaves * grid.voltages))
         full[alone] = np.linalg.lstsq(design[np.ix_(single, alone)], _flat(grid, completed),
                                       rcond=None)[0]
         if not single.all():
             expected = _on_coarse(grid, design[np.ix_(~single, alone)] @ full[alone])
-            added = [_along_voltage(grid.coarse(), item - sums)
-                     for item, sums in zip(compress(values, ~single), expected, strict=True)]
+            pairs = [item for sample, item in values.items() if len(sample) == 2]
+            added = [_along_voltage(grid.coarse, item - sums)
+                     for item, sums in zip(pairs, expected, strict=True)]
             full[~alone] = np.linalg.lstsq(design[np.ix_(~single, ~alone)], _flat(grid, added),
                                            rcond=None)[0]
         coefficients.append(full.reshape(len(powers), grid.heaves, grid.voltages))
-    return ForceLaw(grid, axes, powers, coefficients[0], coefficients[1])
+    return ForceLaw(grid, axes, powers, *coefficients)
 
 
-def _along_axes(grid: Grid, places: list[Sample], values: list[Array]) -> list[Array]:
+def _along_axes(grid: Grid, values: dict[Sample, Array]) -> list[Array]:
     """Values of the nominal film and single axes, completed by polynomials along the axes."""
-    nominal = _along_voltage(grid, values[places.index(())])
+    nominal = _along_voltage(grid, values[()])
     completed = []
-    for sample, item in zip(places, values, strict=True):
+    for sample, item in values.items():
         item = item.copy() if sample else nominal.copy()
         for node in map(tuple, np.argwhere(np.isnan(item))):
             (axis, at), = sample
             solved = {0.0: nominal[node]} | {
-                other[0][1]: value[node] for other, value in zip(places, values, strict=True)
+                other[0][1]: value[node] for other, value in values.items()
                 if other and other[0][0] == axis and np.isfinite(value[node])}
             line = np.polyfit(list(solved), list(solved.values()), len(solved) - 1)
             item[node] = np.polyval(line, at)
@@ -264,7 +255,7 @@ def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
     unit = np.eye(len(axes), dtype=np.int64)
     rows = [np.zeros(len(axes), dtype=np.int64)]
     for index, axis in enumerate(axes):
-        rows += [unit[index] * power for power in range(1, 1 + len(_alone(axis)))]
+        rows += [unit[index] * power for power in range(1, 1 + len(axis.places))]
     rows += [unit[first] + unit[second] for first, second in combinations(range(len(axes)), 2)]
     return np.array(rows).reshape(len(rows), len(axes))
 
@@ -279,7 +270,7 @@ def _flat(grid: Grid, values: list[Array]) -> Array:
 
 def _on_coarse(grid: Grid, flat: Array) -> Array:
     """Values of the fine polynomials at the coarse nodes, shape (count, heaves, voltages)."""
-    coarse = grid.coarse()
+    coarse = grid.coarse
     v, q = (chebyshev.chebvander(_points(few), many - 1)
             for few, many in ((coarse.heaves, grid.heaves), (coarse.voltages, grid.voltages)))
     return np.asarray(np.einsum("ai,bj,tij->tab", v, q,

@@ -21,7 +21,6 @@ from tympan.studies.diagnosis.reduced.force_law import (
     ForceLaw,
     Grid,
     Sample,
-    grid_of,
     law_through,
     sampled_film,
     samples,
@@ -48,14 +47,12 @@ _FEWEST = 2
 
 
 class NotSampled(ArithmeticError):
-    """The film has no equilibrium, or none was found, at a node.
+    """The film has no equilibrium, or none was found, at a node of this U² [V²]."""
 
-    ``voltage_squared`` is the U² there [V²].
-    """
-
-    def __init__(self, voltage_squared: float) -> None:
-        super().__init__(voltage_squared)
-        self.voltage_squared = voltage_squared
+    @property
+    def voltage_squared(self) -> float:
+        """The U² there [V²]."""
+        return float(self.args[0])
 
     def __str__(self) -> str:
         voltage = self.voltage_squared**0.5
@@ -72,19 +69,17 @@ class Nodes:
     model: Model
 
 
-def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None = None,
+def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None,
              strict: bool = False) -> Nodes:
     """Solve a film at the nodes of a grid, beginning from a similar one where the meshes agree.
 
-    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; ``strict``
-    refuses that.
-
-    Raises
-    ------
-    NotSampled
-        Where there is no solution.
+    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; a
+    :class:`NotSampled` where that is at the first ones, or, if ``strict``, anywhere.
     """
-    model = _model(film, settings, near)
+    if near is not None and meshed_outlines(film.specimen) == meshed_outlines(near.model.specimen):
+        model = replace(near.model, specimen=film.specimen, loading=film.loading)
+    else:
+        model = build_model(film.specimen, COARSE, film.loading)
     heaves, voltages_squared = grid.nodes
     force, capacitance = np.full((2, len(heaves), len(voltages_squared)), np.nan)
     states: list[list[State]] = []
@@ -103,13 +98,6 @@ def at_nodes(film: HeldFilm, grid: Grid, settings: Settings, near: Nodes | None 
     return Nodes(force, capacitance, states, model)
 
 
-def _model(film: HeldFilm, settings: Settings, near: Nodes | None) -> Model:
-    """The film's model: on the mesh of a similar film that has the same outlines."""
-    if near is not None and meshed_outlines(film.specimen) == meshed_outlines(near.model.specimen):
-        return replace(near.model, specimen=film.specimen, loading=film.loading)
-    return build_model(film.specimen, settings, film.loading)
-
-
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
     """All a specimen's mesh depends on."""
     electrode = specimen.electrode
@@ -119,7 +107,7 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
 
 def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int,
            j: int) -> State | None:
-    """A state to start from: a similar film's, or the neighbours' continued along the voltage."""
+    # A similar film's, or the neighbours' continued along the voltage.
     if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
         return near.states[i][j]
     row = states[i]
@@ -130,7 +118,6 @@ def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]]
 
 def _solved(model: Model, guess: State | None, heave: float, voltage_squared: float,
             pressure: float) -> Solution | None:
-    """The film with its plate held."""
     guess = model.mounted() if guess is None else guess
     solution = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
                       (held_plate(heave),))
@@ -141,39 +128,39 @@ def _solved(model: Model, guess: State | None, heave: float, voltage_squared: fl
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
-def _sampled(task: Task) -> list[tuple[Array, Array]]:
+def _sampled(task: Task) -> dict[Sample, tuple[Array, Array]]:
     """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
     setup, name, full, axes, places = task
     similar: dict[tuple[object, ...], Nodes] = {}
-    results = {}
+    solved = {}
     for sample in sorted(places, key=len):
-        grid = grid_of(full, sample)
-        nominal = (grid, meshed_outlines(setup.specimen(name)))
+        grid = full.at(sample)
+        nominal = grid, meshed_outlines(setup.specimen(name))
         if nominal not in similar:
-            similar[nominal] = at_nodes(HeldFilm.of(setup, name), grid, COARSE)
+            similar[nominal] = at_nodes(HeldFilm.of(setup, name), grid)
         film = sampled_film(setup, name, axes, sample)
         outlines = grid, meshed_outlines(film.specimen)
         nodes = similar[nominal]
         if sample:
-            nodes = at_nodes(film, grid, COARSE, similar.get(outlines, nodes))
+            nodes = at_nodes(film, grid, similar.get(outlines, nodes))
         similar.setdefault(outlines, nodes)
-        results[sample] = nodes.force, nodes.capacitance
-    return [results[sample] for sample in places]
+        solved[sample] = nodes.force, nodes.capacitance
+    return solved
 
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
     """The force law of a film without effects up to a heave [m] and a U² [V²], or less."""
     film = HeldFilm.of(setup, name)
     while True:
-        grid = Grid(heave, voltage_squared, odd=not film.heavy and film.loading.arm == (0.0, 0.0))
+        grid = Grid(heave, voltage_squared, film.odd)
         try:
-            nodes = at_nodes(film, grid, COARSE, strict=True)
+            nodes = at_nodes(film, grid, strict=True)
         except NotSampled as error:
             voltage_squared = min(0.9 * voltage_squared, error.voltage_squared)
             if voltage_squared < 1.0:
                 raise
         else:
-            return law_through(grid, (), [()], [(nodes.force, nodes.capacitance)])
+            return law_through(grid, (), {(): (nodes.force, nodes.capacitance)})
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
@@ -186,26 +173,17 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
     NotSampled
         Where a film has no solution within its grid.
     """
+    films = {specimen.name: (grid, film_axes(setup, specimen.name))
+             for specimen, grid in zip(setup.specimens, grids, strict=True)}
     tasks: list[Task] = []
-    for specimen, grid in zip(setup.specimens, grids, strict=True):
-        axes = film_axes(setup, specimen.name)
-
-        def mesh(sample: Sample, axes: tuple[Axis, ...] = axes) -> tuple[bool, list[object]]:
-            # What may need its own mesh; samples on one mesh are solved by one process.
-            return len(sample) > 1, [(axes[index].effect, at) for index, at in sample]
-
-        every = sorted(samples(axes), key=mesh)
-        tasks += [(setup, specimen.name, grid, axes, tuple(every[first : first + _CHUNK]))
+    for name, (grid, axes) in films.items():
+        # What may need its own mesh; samples on one mesh are solved by one process.
+        every = sorted(samples(axes), key=lambda sample: (
+            len(sample) > 1, [(axes[index].effect, at) for index, at in sample]))
+        tasks += [(setup, name, grid, axes, tuple(every[first : first + _CHUNK]))
                   for first in range(0, len(every), _CHUNK)]
-    results = []
+    solved: dict[str, dict[Sample, tuple[Array, Array]]] = {name: {} for name in films}
     for done, result in enumerate(mapped(_sampled, tasks, min(workers, len(tasks)))):
         progress(done, len(tasks))
-        results.append(result)
-    laws = []
-    for specimen, grid in zip(setup.specimens, grids, strict=True):
-        solved = [(task, result) for task, result in zip(tasks, results, strict=True)
-                  if task[1] == specimen.name]
-        laws.append(law_through(grid, solved[0][0][3],
-                                [sample for task, _ in solved for sample in task[4]],
-                                [nodes for _, result in solved for nodes in result]))
-    return tuple(laws)
+        solved[tasks[done][1]] |= result
+    return tuple(law_through(grid, axes, solved[name]) for name, (grid, axes) in films.items())

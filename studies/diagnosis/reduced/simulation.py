@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import ReadingTable, States
-from tympan.studies.diagnosis.reduced.axes import changes_rig
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
 from tympan.studies.diagnosis.reduced.hypothesis import (
     FACTORS,
@@ -53,21 +52,16 @@ class Simulation:
 
     def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States,
                start: Array | None = None) -> Array:
-        """Heave of each state [m].
-
-        Nan where there is no equilibrium or none that the force laws reach.
-        """
+        """Heave of each state [m], nan where the force laws reach no equilibrium."""
         view = _View(self, hypothesis, unknowns, states)
-        heave = view.first_guess() if start is None else np.where(np.isfinite(start), start,
-                                                                  view.first_guess())
-        free = np.isnan(states.heave)
+        free, reach, heave = np.isnan(states.heave), view.reach, view.first_guess()
+        if start is not None:
+            heave = np.where(np.isfinite(start), start, heave)
         heave = np.where(free, heave, states.heave)
-        done = ~free
-        reach = view.reach
         for _ in range(_ITERATIONS):
             force, stiffness = view.balance(heave)
             with np.errstate(all="ignore"):
-                step = np.where(done, 0.0, -force / stiffness)
+                step = np.where(free, -force / stiffness, 0.0)
             heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach,
                             (1 + _BEYOND) * reach)
             if np.all(np.abs(step) < _SMALL * reach):
@@ -99,8 +93,9 @@ class Simulation:
         force, stiffness = here.balance(heave)
         value = here.shown(table, heave)
         tiny = 1e-6 * np.mean(here.reach)
+        # Right for rows of one state; a range is of two.
         by_heave = (here.shown(table, heave + tiny) - here.shown(table, heave - tiny)) / (2 * tiny)
-        free = np.isnan(table.states.heave)
+        free, ranges = np.isnan(table.states.heave), table.since >= 0
         columns = []
         deviations = [parameter.deviation for parameter in parameters_of(hypothesis)]
         for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
@@ -109,28 +104,18 @@ class Simulation:
             moved[number] += step
             there = _View(self, hypothesis, moved, table.states)
             shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
-            change = there.shown(table, heave) - value
-            columns.append((change + _through(table, by_heave, shift, here)) / step)
+            change = by_heave * shift[table.state]
+            change[ranges] = (1 + here.rig.sensor_gain) * (
+                shift[table.state[ranges]] - shift[table.since[ranges]])
+            columns.append((there.shown(table, heave) - value + change) / step)
         return np.stack(columns, axis=1)
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
-        """Effects that edit the rig."""
-        return frozenset(name for name, effect in EFFECTS.items()
-                         if changes_rig(self.setup, effect))
-
-
-def _through(table: ReadingTable, by_heave: Array, shift: Array, view: _View) -> Array:
-    """Change of the rows by shifts of the states' heaves.
-
-    ``by_heave`` is right for rows of one state.
-    """
-    change = by_heave * shift[table.state]
-    ranges = table.since >= 0
-    if ranges.any():
-        gain = 1 + view.rig.sensor_gain
-        change[ranges] = gain * (shift[table.state[ranges]] - shift[table.since[ranges]])
-    return change
+        """Effects that edit the rig; none of those on one specimen does."""
+        bare = Setup((), self.setup.rig)
+        return frozenset(name for name, effect in EFFECTS.items() if not effect.on_one and bare
+                         != effect.at(bare, [item.deviation for item in effect.parameters]))
 
 
 class _View:
@@ -142,13 +127,16 @@ class _View:
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
         self.rig = _rig(simulation, hypothesis, unknowns)
-        self.surfaces = [_surface_of(simulation, number, hypothesis, unknowns, self.stiffness)
-                         for number in range(len(simulation.laws))]
-        self.groups = states.of_specimen
+        surfaces = [_surface_of(simulation, number, hypothesis, unknowns, self.stiffness)
+                    for number in range(len(simulation.laws))]
         # A probe shows what the supply gives, without the film's lag.
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
         self.voltage_squared = self.permittivity / self.stiffness * seen**2
+        # Of each specimen, its states, its film, and their forces as polynomials of the heave.
+        self.films = [(rows, surface, surface.by_heave(self.voltage_squared[rows]))
+                      for rows, surface in zip(states.of_specimen, surfaces, strict=False)
+                      if len(rows)]
         areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
@@ -156,25 +144,13 @@ class _View:
         top = np.array([law.grid.voltage_squared for law in simulation.laws])[states.specimen]
         self.beyond = self.voltage_squared > (1 + _BEYOND) * top
 
-    @cached_property
-    def by_heave(self) -> list[Array]:
-        """Of each specimen, its states' forces as polynomials of the heave."""
-        return [surface.by_heave(self.voltage_squared[rows])
-                for rows, surface in zip(self.groups, self.surfaces, strict=False)]
-
-    def film(self, heave: Array) -> tuple[Array, Array]:
-        """Force of the films [N] and its derivative by the heave [N/m]."""
-        force, rate = np.empty((2, len(heave)))
-        for rows, surface, by_heave in zip(self.groups, self.surfaces, self.by_heave, strict=False):
-            if len(rows):
-                force[rows], rate[rows] = surface.force(heave[rows], by_heave)
-        return self.stiffness * force, self.stiffness * rate
-
     def balance(self, heave: Array) -> tuple[Array, Array]:
         """Force that is missing [N], and the stiffness of film and rig [N/m]."""
-        force, rate = self.film(heave)
-        force = force + self.rig.spring * heave
-        rate = rate + self.rig.spring
+        force, rate = np.empty((2, len(heave)))
+        for rows, surface, by_heave in self.films:
+            force[rows], rate[rows] = surface.force(heave[rows], by_heave)
+        force = self.stiffness * force + self.rig.spring * heave
+        rate = self.stiffness * rate + self.rig.spring
         if self.rig.biases:
             more = np.array([[bias.derivatives(at)[1:] for at in heave.tolist()]
                              for bias in self.rig.biases]).sum(0)
@@ -191,20 +167,18 @@ class _View:
 
     def shown(self, table: ReadingTable, heave: Array) -> Array:
         """What the rows show."""
-        rig, states = self.rig, self.states
-        shown = np.empty(len(table))
+        rig, shown = self.rig, np.empty(len(table))
         for kind, rows in table.rows_of.items():
             at = table.state[rows]
             if kind == "displacement":
-                shown[rows] = rig.reading(heave[at], states.elapsed[at])
+                shown[rows] = rig.reading(heave[at], self.states.elapsed[at])
             elif kind == "range":
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind == "capacitance":
                 of_states = np.empty(len(heave))
-                for group, surface in zip(self.groups, self.surfaces, strict=False):
-                    if len(group):
-                        of_states[group] = surface.capacitance(heave[group],
-                                                               self.voltage_squared[group])
+                for group, surface, _ in self.films:
+                    of_states[group] = surface.capacitance(heave[group],
+                                                           self.voltage_squared[group])
                 shown[rows] = self.permittivity * of_states[at]
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
@@ -214,7 +188,6 @@ class _View:
 
 
 def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig:
-    """The rig with its effects."""
     setup = Setup((), simulation.setup.rig)
     for cause in sorted(hypothesis, key=lambda cause: list(EFFECTS).index(cause.name)):
         if cause.name in simulation.rig_effects:
@@ -224,7 +197,7 @@ def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig
 
 def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
                 stiffness: float) -> ForceSurface:
-    """The force law of a specimen with the effects that change its film."""
+    """The film of a specimen with the effects that change it."""
     law, name = simulation.laws[number], simulation.setup.specimens[number].name
     coordinates = np.zeros(len(law.axes))
     for cause in hypothesis:

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
-from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
-from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.validation.gain import (
+from tympan.studies.diagnosis.gain import (
+    MOST_ROWS,
     GainReport,
+    GaussianProcess,
     SplitGain,
     _overall,
     compact,
@@ -22,7 +20,10 @@ from tympan.studies.diagnosis.validation.gain import (
     gain_of,
     splits_of,
 )
-from tympan.studies.diagnosis.validation.gaussian_process import MOST_ROWS, GaussianProcess
+from tympan.studies.diagnosis.inference.verdict import Judgement, judge
+from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
+from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 
 SIGMA = 10e-6
 

@@ -12,8 +12,15 @@ from tympan.studies.diagnosis.inference.fit import Fit, fit
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
-from tympan.studies.diagnosis.next_experiment.experiments import MENU, Experiment, Readout
-from tympan.studies.diagnosis.next_experiment.proposals import expected, possible, propose, rivals
+from tympan.studies.diagnosis.next_experiment import (
+    MENU,
+    Experiment,
+    Readout,
+    expected,
+    possible,
+    propose,
+    rivals,
+)
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.simulation import Simulation
@@ -84,7 +91,7 @@ def test_a_new_channel_is_proposed_where_it_shows_the_cause(three_shapes: Simula
                             (REPEAT, BETWEEN, channel))
     assert ranked[0].what == channel.what
     assert ranked[0].enough
-    assert set(ranked[0].effects) == {true, rival}
+    assert set(ranked[0].separates) == {true, rival}
     assert words.startswith(channel.what)
 
 

@@ -1,1 +1,0 @@
-"""Which experiment would tell the rivals apart."""

@@ -1,1 +1,0 @@
-"""What an extended model gains on readings it has not seen."""
