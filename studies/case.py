@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -119,18 +119,56 @@ def in_si(value: float | str, dimension: str, key: str = "") -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseResult:
+class CaseRecord:
+    """Numbers of one case, SI, in a file named after the specimen and the record's ``ending``.
+
+    ``film`` is the deformed film, where there is one and it was asked for; it has a VTU file beside
+    the numbers. ``writer`` is the command that writes both.
+    """
+
+    ending: ClassVar[str] = ""
+    writer: ClassVar[str]
+    kinds: ClassVar[tuple[str, ...]] = ("vtu", "json")  #: of files an earlier run may have left
+
+    specimen: str
+    mass_kg: float
+    voltage_V: float
+    film: FilmSurface | None = field(default=None, repr=False, compare=False)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object; without films."""
+        record: dict[str, Any] = to_json(self)
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write NAME, the ending, ``.json`` and, where there is a film, ``.vtu``."""
+        name = f"{self.specimen}{self.ending}"
+        remove(folder, *(f"{name}.{kind}" for kind in self.kinds))
+        if self.film is not None:
+            self.film.save(folder / f"{name}.vtu")
+        write_json(folder / f"{name}.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> Self:
+        """What was saved, of the specimen of a ``name`` or of the only one."""
+        file = stored_file(folder, f"*{cls.ending}.json", name, cls.writer)
+        result = from_json(cls, read_json(file), file)
+        surface = file.with_suffix(".vtu")
+        return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseResult(CaseRecord):
     """The numbers of ``solve --json``, SI; those of a state that does not exist are None.
 
     ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the
     smallest strength over field, None without voltage or a strength law, and its place on the
     mounted film. ``slack_area_m2`` is the mounted area that carries tension in one direction or
-    none, ``slack_share`` its share. ``film`` has the fields, where they were asked for.
+    none, ``slack_share`` its share. ``film`` has the fields.
     """
 
-    specimen: str
-    mass_kg: float
-    voltage_V: float
+    writer = "tympan solve -o"
+
     status: Status
     deflection_m: float | None = None
     reading_m: float | None = None
@@ -149,46 +187,10 @@ class CaseResult:
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]
-    film: FilmSurface | None = field(default=None, repr=False, compare=False)
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object; without the film's fields."""
-        record: dict[str, Any] = to_json(self)
-        return record
-
-    def save(self, folder: Path) -> None:
-        """Write ``NAME.json`` and, where there are fields, ``NAME.vtu``; NAME is the specimen's."""
-        remove(folder, f"{self.specimen}.vtu", f"{self.specimen}.json")
-        if self.film is not None:
-            self.film.save(folder / f"{self.specimen}.vtu")
-        write_json(folder / f"{self.specimen}.json", self.json())
-
-    @classmethod
-    def load(cls, folder: Path, name: str | None = None) -> CaseResult:
-        """What was saved, of the specimen of a ``name`` or of the only one.
-
-        Raises
-        ------
-        InputError
-            When a file is missing, damaged or of another kind.
-        """
-        file = stored_file(folder, "*.json", name, "tympan solve -o")
-        result = from_json(cls, read_json(file), file)
-        surface = file.with_suffix(".vtu")
-        return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
 
 
 def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALONE) -> Model:
-    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times.
-
-    The model of the whole film has the mirrored mesh of the part, so symmetry changes nothing but
-    the time.
-
-    Raises
-    ------
-    InputError
-        When no mesh without folded elements is found.
-    """
+    """CAD, mesh and discretisation; kept, since a study asks for the same specimen many times."""
     planes = specimen.mirror_planes - {axis for axis, arm in zip("xy", loading.arm, strict=True)
                                        if arm}
     return replace(meshed(specimen, settings, planes), loading=loading)
@@ -196,7 +198,10 @@ def build_model(specimen: Specimen, settings: Settings, loading: Loading = _ALON
 
 @lru_cache(maxsize=32)
 def meshed(specimen: Specimen, settings: Settings, planes: frozenset[str]) -> Model:
-    """The model on a mesh that uses these mirror planes, nothing acting on it."""
+    """The model on a mesh that uses these mirror planes, nothing acting on it.
+
+    The whole film has the mirrored mesh of the part, so symmetry changes nothing but the time.
+    """
     for refine in (1.0, 2.0, 4.0):
         part = from_meshio(mesh_film(specimen, settings.mesh.refined(refine), planes))
         if not folded(part):
@@ -273,7 +278,11 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
                 yield replace(result, reading_m=reading, **next(numbers)), outcome
                 continue
             if outcome is not last:  # all voltages above a limit share its outcome
-                last, excuse = outcome, (failure_reason(outcome), *_last_state(model, outcome))
+                when, state = "at the last equilibrium before that", outcome.state
+                if outcome.critical is not None:
+                    when, state = "before it gets there", outcome.critical.state
+                before = (f"{when}, {words}" for words in state_warnings(model, state))
+                last, excuse = outcome, (failure_reason(outcome), *before)
             yield replace(result, warnings=excuse), outcome
 
 
@@ -285,11 +294,12 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
     fields_of = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
     lost_of = lost_tension_of(model, states)
     for number, (state, fields, slack) in enumerate(zip(states, fields_of, lost_of, strict=True)):
-        weakest = _weakest(fields)
-        breakdown = {} if weakest is None else {
-            "breakdown_margin": float(1 / fields.breakdown_share[weakest]),
-            "breakdown_x_m": float(fields.position[weakest, 0]),
-            "breakdown_y_m": float(fields.position[weakest, 1])}
+        breakdown = {}
+        if fields.breakdown_share.any():  # there is a field, and a strength law
+            weakest = int(np.argmax(fields.breakdown_share))
+            breakdown = {"breakdown_margin": float(1 / fields.breakdown_share[weakest]),
+                         "breakdown_x_m": float(fields.position[weakest, 0]),
+                         "breakdown_y_m": float(fields.position[weakest, 1])}
         yield {
             "deflection_m": state.plate.deflection,
             "reaction_N": float(sums.reaction[number]),
@@ -318,46 +328,26 @@ def state_warnings(model: Model, state: State) -> list[str]:
 
 def field_warnings(fields: Fields, lost: LostTension, material: Material) -> list[str]:
     """What a reader of these fields must know before trusting them."""
-    warnings = [*_tension_warnings(fields, lost), *_breakdown_warnings(fields)]
-    warnings += failures(material, fields.position, fields.stretch_1, fields.stretch_2)
-    return warnings
+    warnings, loose = [], fields[fields.tension != Tension.TAUT]
+    if len(loose.tension):
+        x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
+        area_cm2, slack_cm2 = (lost.wrinkled + lost.slack) * 1e4, lost.slack * 1e4
+        over = (f" over {area_cm2:.3g} cm² of the mounted film ({lost.share:.2%})" if area_cm2
+                else "")
+        over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
+        warnings.append(f"the film loses tension and wrinkles{over}, most at x {x_mm:.1f} mm, "
+                        f"y {y_mm:.1f} mm")
+    weakest = int(np.argmax(fields.breakdown_share))
+    share = fields.breakdown_share[weakest]
+    if share * LEAST_MARGIN >= 1:
+        x_mm, y_mm, _ = fields.position[weakest] * 1e3
+        field_MV_per_m = fields.electric_field[weakest] / 1e6
+        strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
+        what = "would break down" if share > 1 else f"is near breakdown (margin {1 / share:.2f})"
+        warnings.append(f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field "
+                        f"{field_MV_per_m:.3g} of {strength_MV_per_m:.3g} MV/m")
+    return warnings + failures(material, fields.position, fields.stretch_1, fields.stretch_2)
 
-
-def _tension_warnings(fields: Fields, lost: LostTension) -> list[str]:
-    loose = fields[fields.tension != Tension.TAUT]
-    if not len(loose.tension):
-        return []
-    x_mm, y_mm, _ = loose.position[np.argmin(loose.stress_2)] * 1e3
-    area_cm2, slack_cm2 = (lost.wrinkled + lost.slack) * 1e4, lost.slack * 1e4
-    over = (f" over {area_cm2:.3g} cm² of the mounted film ({lost.share:.2%})" if area_cm2 else "")
-    over += f", {slack_cm2:.3g} cm² of them slack in all directions" if slack_cm2 else ""
-    return [f"the film loses tension and wrinkles{over}, most at x {x_mm:.1f} mm, y {y_mm:.1f} mm"]
-
-
-def _weakest(fields: Fields) -> int | None:
-    """The point nearest to breakdown, or None where there is no field or no strength law."""
-    return int(np.argmax(fields.breakdown_share)) if fields.breakdown_share.any() else None
-
-
-def _breakdown_warnings(fields: Fields) -> list[str]:
-    weakest = _weakest(fields)
-    if weakest is None or fields.breakdown_share[weakest] * LEAST_MARGIN < 1:
-        return []
-    margin = 1 / fields.breakdown_share[weakest]
-    x_mm, y_mm, _ = fields.position[weakest] * 1e3
-    field_MV_per_m = fields.electric_field[weakest] / 1e6
-    strength_MV_per_m = fields.breakdown_strength[weakest] / 1e6
-    what = "would break down" if margin < 1 else f"is near breakdown (margin {margin:.2f})"
-    return [f"the film {what} at x {x_mm:.1f} mm, y {y_mm:.1f} mm: field {field_MV_per_m:.3g} of "
-            f"{strength_MV_per_m:.3g} MV/m"]
-
-
-def _last_state(model: Model, outcome: Outcome) -> list[str]:
-    """Warnings about the limit point, or the last state before the failure, said to be that."""
-    when, state = "at the last equilibrium before that", outcome.state
-    if outcome.critical is not None:
-        when, state = "before it gets there", outcome.critical.state
-    return [f"{when}, {words}" for words in state_warnings(model, state)]
 
 
 def failure_reason(outcome: Outcome) -> str:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Self
 
 import numpy as np
 
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.state import FREEDOMS
 from tympan.fem.results.fields import whole
-from tympan.fem.vibration.mode_names import mode_names
-from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, vibrations
+from tympan.fem.vibration.modes import Modes, RigidPlate, film_mass, mode_names, vibrations
 from tympan.geometry.errors import InputError
-from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
-from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
+from tympan.studies.case import (
+    Case,
+    CaseRecord,
+    Settings,
+    equilibrate,
+    failure_reason,
+    state_warnings,
+)
 from tympan.studies.film_surface import FilmSurface, cut_triangles, interpolated
 
 #: Into the square of this many triangles a curved element is cut in files and pictures.
@@ -48,16 +53,17 @@ class Mode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModesResult:
+class ModesResult(CaseRecord):
     """The numbers of ``modes --json``; a state that does not exist has no modes.
 
-    ``semi_axes_m`` are the frame's half extents. ``film`` is the deformed film with a field
-    ``mode_1``, ``mode_2``, … of largest length 1 for each mode.
+    ``semi_axes_m`` are the frame's half extents. ``film`` has a field ``mode_1``, ``mode_2``, … of
+    largest length 1 for each mode.
     """
 
-    specimen: str
-    mass_kg: float
-    voltage_V: float
+    ending = "-modes"
+    writer = "tympan modes -o"
+    kinds = ("vtu", "png", "svg", "json")
+
     status: Status
     deflection_m: float | None = None
     film_mass_kg: float | None = None
@@ -69,39 +75,17 @@ class ModesResult:
     wall_s: float
     warnings: tuple[str, ...]
     semi_axes_m: tuple[float, ...] = ()
-    film: FilmSurface | None = field(default=None, repr=False, compare=False)
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object; without the shapes."""
-        record: dict[str, Any] = to_json(self)
-        return record
-
-    def save(self, folder: Path) -> None:
-        """Write ``NAME-modes.json`` and, where there are modes, ``NAME-modes.vtu``."""
-        name = f"{self.specimen}-modes"
-        remove(folder, *(f"{name}.{kind}" for kind in ("vtu", "png", "svg", "json")))
-        if self.film is not None:
-            self.film.save(folder / f"{name}.vtu")
-        write_json(folder / f"{name}.json", self.json())
 
     @classmethod
-    def load(cls, folder: Path, name: str | None = None) -> ModesResult:
-        """What was saved, of the specimen of a ``name`` or of the only one.
-
-        Raises
-        ------
-        InputError
-            When a file is missing, damaged, of another kind, or of a version that did not keep the
-            flat film.
-        """
-        file = stored_file(folder, "*-modes.json", name, "tympan modes -o")
-        result = from_json(cls, read_json(file), file)
-        if not result.modes:
-            return result
-        if not result.semi_axes_m:
+    def load(cls, folder: Path, name: str | None = None) -> Self:
+        result = super().load(folder, name)
+        if result.modes and result.film is None:
+            raise InputError("is missing: run the command that wrote the folder again",
+                             file=folder / f"{result.specimen}-modes.vtu")
+        if result.modes and not result.semi_axes_m:
             raise InputError("is of a version that kept too little for a picture: run tympan modes "
-                             "again", file=file)
-        return replace(result, film=FilmSurface.load(file.with_suffix(".vtu")))
+                             "again", file=folder / f"{result.specimen}-modes.json")
+        return result
 
 
 def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.0) -> ModesResult:

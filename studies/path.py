@@ -6,38 +6,43 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
+from tympan.fem.equilibrium.ramp import follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import whole
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import Case, Settings, equilibrate, failure_reason, node_fields
-from tympan.studies.files import (
-    from_json,
-    read_json,
-    remove,
-    stored_file,
-    to_json,
-    write_csv,
-    write_json,
+from tympan.studies.case import (
+    Case,
+    CaseRecord,
+    Settings,
+    equilibrate,
+    failure_reason,
+    node_fields,
 )
+from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface
 
-#: What may grow along a branch, the load that does, and its unit in results.
+#: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
+_STEP, _STRETCH = 0.015, 6.0
+
+#: What may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
 What = Literal["limit", "tension lost", "breakdown"]
-LOADS: dict[Along, Load] = {"voltage": "voltage", "charge": "voltage", "mass": "force",
-                            "pressure": "pressure"}
+
+#: The load that grows, and the unit in results.
+_GROWING: dict[Along, tuple[Load, str]] = {
+    "voltage": ("voltage", "V"), "charge": ("voltage", "C"), "mass": ("force", "kg"),
+    "pressure": ("pressure", "Pa")}
+#: Of a unit in results, what a person reads and how many of it there are.
 _READ = {"V": (1e-3, "kV"), "C": (1e6, "µC"), "kg": (1e3, "g"), "Pa": (1.0, "Pa")}
-UNITS: dict[Along, str] = {"voltage": "V", "charge": "C", "mass": "kg", "pressure": "Pa"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,15 +85,17 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathResult:
+class PathResult(CaseRecord):
     """A path: its stations in order, and where it turns, tension is lost or the film breaks down.
 
-    ``limits``: the film at each limit point, with a field ``critical_mode``.
+    Mass and voltage are those it starts at. ``limits``: the film at each limit point, with a field
+    ``critical_mode``.
     """
 
-    specimen: str
-    mass_kg: float
-    voltage_V: float
+    ending = "-path"
+    writer = "tympan path -o"
+    kinds = ("csv", "json", "png", "svg")
+
     along: Along
     unit: str
     stations: tuple[Station, ...]
@@ -98,64 +105,30 @@ class PathResult:
     warnings: tuple[str, ...]
     limits: tuple[FilmSurface, ...] = field(default=(), repr=False, compare=False)
 
-    def json(self) -> dict[str, Any]:
-        """As a JSON object; without the films."""
-        record: dict[str, Any] = to_json(self)
-        return record
-
     def save(self, folder: Path) -> None:
         """Write ``NAME-path.csv``, ``.json``, and each limit point's film as ``-limit-N.vtu``."""
         name = f"{self.specimen}-path"
-        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
         remove(folder, *(file.name for file in folder.glob(f"{name}-limit-*.vtu")))
+        super().save(folder)
         for number, film in enumerate(self.limits, start=1):
             film.save(folder / f"{name}-limit-{number}.vtu")
         columns = [item.name for item in fields(Station)]
         write_csv(folder / f"{name}.csv", columns,
                   ([getattr(station, column) for column in columns] for station in self.stations))
-        write_json(folder / f"{name}.json", self.json())
 
     @classmethod
-    def load(cls, folder: Path, name: str | None = None) -> PathResult:
-        """What was saved, of the specimen of a ``name`` or of the only one.
-
-        Raises
-        ------
-        InputError
-            When a file is missing, damaged or of another kind.
-        """
-        file = stored_file(folder, "*-path.json", name, "tympan path -o")
-        result = from_json(cls, read_json(file), file)
-        films = sorted(folder.glob(f"{file.stem}-limit-*.vtu"),
+    def load(cls, folder: Path, name: str | None = None) -> Self:
+        result = super().load(folder, name)
+        films = sorted(folder.glob(f"{result.specimen}-path-limit-*.vtu"),
                        key=lambda limit: int(limit.stem.rpartition("-")[2]))
         return replace(result, limits=tuple(map(FilmSurface.load, films)))
 
 
-@dataclass(frozen=True)
-class Reach:
-    """Where a branch ends, whichever comes first.
-
-    ``deflection``: relative to the frame's half extent; ``stretch``: largest; ``unbalanced``:
-    largest nodal force left, relative to the largest there is, beyond which the mesh does not
-    resolve the branch; ``step``: longest, relative to the frame's half extent.
-    """
-
-    deflection: float = 1.0
-    stretch: float = 6.0
-    unbalanced: float = PathSettings.unbalanced
-    step: float = 0.015
-
-
-def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
+def path(case: Case, settings: Settings, along: Along,
          progress: Callable[[str], None] = lambda words: None) -> PathResult:
     """Follow the equilibria of a case while one quantity grows, and through its limit points.
 
-    The case's mass and voltage are where the path starts.
-
-    Raises
-    ------
-    InputError
-        When the case itself has no equilibrium.
+    The case's mass and voltage are where the path starts; InputError if there is no equilibrium.
     """
     began = time.perf_counter()
     model, start = equilibrate(case, settings)
@@ -167,45 +140,37 @@ def path(case: Case, settings: Settings, along: Along, reach: Reach = Reach(),
     events: list[Event] = []
     limits: list[FilmSurface] = []
     previous: PathPoint | None = None
-    warnings = ["the branch could not be followed further"]
-    stepping = replace(settings.path, arc=replace(settings.path.arc, longest=reach.step))
-    for branch, point in follow_branch(model, start.state, LOADS[along], stepping):
-        stations.append(_station(model, point))
-        progress(f"{stations[-1].deflection_m * 1e3:.2f} mm")
+    ended = "the branch could not be followed further"
+    load, unit = _GROWING[along]
+    stepping = replace(settings.path, arc=replace(settings.path.arc, longest=_STEP))
+    for branch, point in follow_branch(model, start.state, load, stepping):
+        station = _station(model, point)
+        progress(f"{station.deflection_m * 1e3:.2f} mm")
         if previous is not None:
             passed = list(_events(case, branch, previous, point, along, limits))
-            # Curves should pass through what happens between two points.
-            stations[-1:] = [*_in_order(passed, previous), stations[-1]]
             events += passed
+            # Curves should pass through what happens between two points.
+            before = previous.state.plate.deflection
+            stations += sorted((event.station for event in passed),
+                               key=lambda passing: abs(passing.deflection_m - before))
+        stations.append(station)
         previous = point
-        ended = _ended(model, stations[-1], reach, point, along)
-        if ended:
-            warnings = [ended]
-            break
+        if station.deflection_m > model.size:
+            ended = f"followed to a deflection of {station.deflection_m * 1e3:.3g} mm"
+        elif station.max_stretch > _STRETCH:
+            ended = f"followed to a stretch of {station.max_stretch:.3g}"
+        elif point.rate < 0 and point.state.load(load) < 0:
+            ended = f"followed until the {along} fell back to zero"
+        elif station.unbalanced > settings.path.unbalanced:
+            ended = (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, "
+                     "the mesh does not resolve the branch; --refine may")
+        else:
+            continue
+        break
     return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
-        unit=UNITS[along], stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
-        wall_s=time.perf_counter() - began, warnings=tuple(warnings), limits=tuple(limits))
-
-
-def _in_order(events: list[Event], previous: PathPoint) -> list[Station]:
-    start = previous.state.plate.deflection
-    return sorted((event.station for event in events),
-                  key=lambda station: abs(station.deflection_m - start))
-
-
-def _ended(model: Model, station: Station, reach: Reach, point: PathPoint, along: Along) -> str:
-    """Why a branch ends at a station, or nothing."""
-    if station.deflection_m > reach.deflection * model.size:
-        return f"followed to a deflection of {station.deflection_m * 1e3:.3g} mm"
-    if station.max_stretch > reach.stretch:
-        return f"followed to a stretch of {station.max_stretch:.3g}"
-    if point.rate < 0 and point.state.load(LOADS[along]) < 0:
-        return f"followed until the {along} fell back to zero"
-    if station.unbalanced > reach.unbalanced:
-        return (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, the "
-                "mesh does not resolve the branch; --refine may")
-    return ""
+        unit=unit, stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
+        wall_s=time.perf_counter() - began, warnings=(ended,), limits=tuple(limits))
 
 
 def _station(model: Model, point: PathPoint) -> Station:
@@ -240,14 +205,21 @@ def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, alo
             change = replace(point.state, positions=mode.positions - point.state.positions)
             limits.append(film_surface(branch.model, point.state,
                                        critical_mode=whole(branch.model, change)[1].positions))
-        yield Event(what=what, value=measured(case, station, along), unit=UNITS[along],
+        yield Event(what=what, value=_measured(case, station, along), unit=_GROWING[along][1],
                     station=station)
 
 
 def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], float]]:
     """Functions of a point that change sign where something happens."""
     def rate(point: PathPoint) -> float:
-        return _charge_rate(model, point) if along == "charge" else point.rate
+        if along != "charge":
+            return point.rate
+        voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
+        inner, plate = model.by_load(point.state, "voltage")
+        work = float(inner @ point.direction[0] + plate @ point.direction[1])
+        growth = -2 * model.discretisation.mirrored * work
+        charging = model.capacitance(point.state) * point.rate / (2 * voltage)
+        return float(growth * voltage + charging)  # d(C U)/ds along the branch
 
     def tension(point: PathPoint) -> float:
         return float(node_fields(model, point.state).stress_2.min())
@@ -258,23 +230,10 @@ def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], flo
     return {"limit": rate, "tension lost": tension, "breakdown": strength}
 
 
-def measured(case: Case, station: Station, along: Along) -> float:
-    """What grows along the branch, at a station.
-
-    The nominal mass, but the voltage the film itself sees.
-    """
+def _measured(case: Case, station: Station, along: Along) -> float:
+    """What grows along the branch: the nominal mass, but the voltage the film itself sees."""
     if along == "mass":
         idle = case.rig.force(0.0, area(case.specimen.plate.outline))
         return float((station.force_N - idle) / case.rig.gravity)
     return {"voltage": station.voltage_V, "charge": station.charge_C,
             "pressure": station.pressure_Pa}[along]
-
-
-def _charge_rate(model: Model, point: PathPoint) -> float:
-    """d(C U)/ds along the branch."""
-    voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
-    inner, plate = model.by_load(point.state, "voltage")
-    work = float(inner @ point.direction[0] + plate @ point.direction[1])
-    growth = -2 * model.discretisation.mirrored * work
-    charging = model.capacitance(point.state) * point.rate / (2 * voltage)
-    return float(growth * voltage + charging)

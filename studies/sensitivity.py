@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,14 @@ from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import field_at, symbol
 from tympan.geometry.paths import at, numbers, with_change
-from tympan.studies.case import Case, Settings, equilibrate, failure_reason, state_warnings
-from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
+from tympan.studies.case import (
+    Case,
+    CaseRecord,
+    Settings,
+    equilibrate,
+    failure_reason,
+    state_warnings,
+)
 
 #: Units of quantities; a pull-in load is the last three.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
@@ -56,31 +61,16 @@ class Answers:
     by: dict[str, Answer]
 
 
-@dataclass(frozen=True)
-class SensitivityResult:
+@dataclass(frozen=True, kw_only=True)
+class SensitivityResult(CaseRecord):
     """What ``tympan sensitivity --json`` prints."""
 
-    specimen: str
-    mass_kg: float
-    voltage_V: float
+    ending = "-sensitivity"
+    writer = "tympan sensitivity"
+
     status: Status
     quantities: dict[str, Answers] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        record: dict[str, Any] = to_json(self)
-        return record
-
-    def save(self, folder: Path) -> None:
-        """Write ``NAME-sensitivity.json``; NAME is the specimen's."""
-        write_json(folder / f"{self.specimen}-sensitivity.json", self.json())
-
-    @classmethod
-    def load(cls, folder: Path, name: str | None = None) -> SensitivityResult:
-        """What was saved, of the specimen of a ``name`` or of the only one."""
-        file = stored_file(folder, "*-sensitivity.json", name, "tympan sensitivity")
-        return from_json(cls, read_json(file), file)
 
 
 def sensitivity(case: Case, settings: Settings,
@@ -97,27 +87,28 @@ def sensitivity(case: Case, settings: Settings,
     """
     wanted = {name: named_quantity(name) for name in names}
     model, outcome = equilibrate(case, settings)
-    result = SensitivityResult(case.specimen.name, case.mass, case.voltage, outcome.status)
-    left_out = tuple(_immovable(model))
+    result = SensitivityResult(specimen=case.specimen.name, mass_kg=case.mass,
+                               voltage_V=case.voltage, status=outcome.status)
+    critical, load = outcome.critical, outcome.limited
     if outcome.status == "equilibrium":
         by, state = case_parameters(case, model), outcome.state
         slopes = gradient_many(model, outcome, wanted, by)
-        return replace(result, warnings=(*state_warnings(model, state), *left_out), quantities={
-            name: _answers(name, float(quantity.value(model, state)), slopes[name], case,
-                           {key: parameter.value(model, state) for key, parameter in by.items()})
-            for name, quantity in wanted.items()})
-    critical, load = outcome.critical, outcome.limited
-    if critical is None or load is None:
+        values = {name: float(quantity.value(model, state)) for name, quantity in wanted.items()}
+        warnings = state_warnings(model, state)
+    elif critical is None or load is None:
         return replace(result, warnings=(failure_reason(outcome),))
-    by, state = case_parameters(case, model, load), critical.state
-    by_load, value = limit_gradient(model, critical, load, by), state.load(load)
-    if load == "voltage":  # both are of U²
-        value = float(np.sqrt(value))
-        by_load = {name: slope / (2 * value) for name, slope in by_load.items()}
-    name = f"pull_in_{load}"
-    return replace(result, warnings=(failure_reason(outcome), *left_out), quantities={
-        name: _answers(name, value, by_load, case, {
-            key: parameter.value(model, state) for key, parameter in by.items()})})
+    else:
+        by, state = case_parameters(case, model, load), critical.state
+        name, value, warnings = f"pull_in_{load}", state.load(load), [failure_reason(outcome)]
+        slopes = {name: limit_gradient(model, critical, load, by)}
+        if load == "voltage":  # both are of U²
+            value = float(np.sqrt(value))
+            slopes[name] = {key: slope / (2 * value) for key, slope in slopes[name].items()}
+        values = {name: value}
+    numbers = {name: parameter.value(model, state) for name, parameter in by.items()}
+    return replace(result, warnings=(*warnings, *_immovable(model)), quantities={
+        name: _answers(case, value, UNITS.get(name, "SI"), slopes[name], numbers)
+        for name, value in values.items()})
 
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None
@@ -175,11 +166,12 @@ def _immovable(model: Model) -> list[str]:
     return []
 
 
-def _answers(quantity: str, value: float, slopes: dict[str, float], case: Case,
+def _answers(case: Case, value: float, unit: str, slopes: dict[str, float],
              numbers: dict[str, float]) -> Answers:
     by = {}
     for name, slope in slopes.items():
         path, number = tuple(name.split(".")), numbers[name]
-        unit = symbol(field_at(case, path) or field_at(case.specimen, path))
-        by[name] = Answer(number, unit, slope, slope * number / value if number and value else None)
-    return Answers(value, UNITS.get(quantity, "SI"), by)
+        per = symbol(field_at(case, path) or field_at(case.specimen, path))
+        elasticity = slope * number / value if number and value else None
+        by[name] = Answer(number, per, slope, elasticity)
+    return Answers(value, unit, by)

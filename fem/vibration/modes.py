@@ -1,4 +1,4 @@
-"""Small vibrations about an equilibrium: frequencies, growth rates and shapes.
+"""Small vibrations about an equilibrium: frequencies, growth rates, shapes and names.
 
 With x = (free node components, plate freedoms) the kinetic energy is ½ ẋᵀMẋ and the energy's second
 variation ½ xᵀKx, so K φ = ω² M φ. The voltage is held constant: charge flows as the film moves. At
@@ -15,17 +15,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
-from math import inf, isinf
 
 import numpy as np
 import scipy.linalg
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
-from tympan.fem.membrane.state import PlateMotion, State
+from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
 from tympan.geometry.outlines import Outline, moments
@@ -37,23 +37,28 @@ _DENSE = 200
 #: Share of the largest inertia below which a motion of the plate has none.
 _MASSLESS = 1e-13
 
+#: Plate freedoms that may mix, as numbers in FREEDOMS, and their names: together, and one of them
+#: alone.
+_MOTIONS = (((0, 1), "slide", "slide along {}"), ((2,), "heave", "heave"),
+            ((3, 4), "tilt", "tilt about {}"), ((5,), "twist", "twist"))
+_MAINLY = 0.9  #: share from which a name says what a mode is
+_ORDERS = 12  #: angular orders looked for
+_DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
+_LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
+
 
 @dataclass(frozen=True, eq=False)
 class RigidPlate:
     """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
 
     ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
-    and turn with the plate. An infinite mass holds the plate.
+    and turn with the plate.
     """
 
     mass: float
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     arm: tuple[float, float] = (0.0, 0.0)
 
-    @classmethod
-    def held(cls) -> RigidPlate:
-        """A plate that does not move."""
-        return cls(inf)
 
     @classmethod
     def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
@@ -116,20 +121,15 @@ class Modes:
     shares: Array  #: of the plate's freedoms in the kinetic energy, shape (modes, 6)
     unstable: int  #: directions of negative stiffness, also those of a weightless film or left out
 
-    @property
-    def eigenvalues(self) -> Array:
-        """ω² [1/s²], negative for unstable modes."""
-        return np.where(self.growth > 0, -(self.growth**2), (2 * np.pi * self.frequencies_Hz) ** 2)
-
 
 def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) -> Modes:
     """Modes of film and plate about an equilibrium, at constant voltage and gas pressure.
 
-    ``plate`` is the whole plate with its weight; :meth:`RigidPlate.held` gives modes of the film
-    alone. ``count``: the lowest so many frequencies, and of unstable modes at most so many, those
-    of slowest growth; where a film has lost tension the fast ones are as fine as the mesh and mean
-    no more than that it wrinkles. A weightless film (density 0) follows the plate at once; it is
-    condensed out and at most six modes are left.
+    ``plate`` is the whole plate with its weight; a loading with the guide "fixed" gives modes of
+    the film alone. ``count``: the lowest so many frequencies, and of unstable modes at most so
+    many, those of slowest growth; where a film has lost tension the fast ones are as fine as the
+    mesh and mean no more than that it wrinkles. A weightless film (density 0) follows the plate at
+    once; it is condensed out and at most six modes are left.
 
     Raises
     ------
@@ -183,11 +183,7 @@ class _System:
 
     @classmethod
     def of(cls, model: Model, state: State, plate: RigidPlate) -> _System:
-        weight = np.zeros((6, 6))
-        if isinf(plate.mass):
-            model = replace(model, loading=replace(model.loading, guide="fixed"))
-        else:
-            weight = plate.matrix(state.plate) / model.discretisation.mirrored
+        weight = plate.matrix(state.plate) / model.discretisation.mirrored
         freedoms = model.plate_freedoms
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
         return cls(model, model.linearised(state), weight[np.ix_(freedoms, freedoms)],
@@ -281,3 +277,56 @@ def _lowest(stiffness: csc_matrix, mass: csc_matrix, count: int) -> _Spectrum:
     values, vectors = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     order = np.argsort(values)
     return values[order], vectors[:, order], negative
+
+
+def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
+    """A name for each mode; the model is that of the whole film.
+
+    ``heave``, ``tilt about x``, ``slide along y`` or ``twist`` when the plate carries more than
+    half of the kinetic energy, most of it in that freedom. Otherwise ``film``; with ``(m, n)`` for
+    m nodal diameters and n nodal circles between the edges when frame, plate and prestretch are
+    round and nine tenths of the displacement along the load follow such a pattern; and ``film, in
+    plane`` when the film moves across the load.
+    """
+    return tuple(_plate_name(share) or _film_name(model, shape)
+                 for share, shape in zip(modes.shares, modes.shapes, strict=True))
+
+
+def _plate_name(share: Array) -> str:
+    if share.sum() <= 0.5:
+        return ""
+    totals = [share[list(numbers)].sum() for numbers, _, _ in _MOTIONS]
+    numbers, together, alone = _MOTIONS[int(np.argmax(totals))]
+    if max(totals) <= 0.5 * share.sum():
+        return "plate"
+    main = max(numbers, key=lambda number: float(share[number]))
+    return alone.format(FREEDOMS[main][-1]) if share[main] > _MAINLY * max(totals) else together
+
+
+def _film_name(model: Model, shape: Array) -> str:
+    across, along = (shape[:, :2] ** 2).sum(), (shape[:, 2] ** 2).sum()
+    if along < (1 - _MAINLY) * (across + along):
+        return "film, in plane"
+    if along > _MAINLY * (across + along) and model.specimen.axisymmetric:
+        pattern = _pattern(model.discretisation.reference[:, :2], shape[:, 2])
+        if pattern is not None:
+            return "film ({}, {})".format(*pattern)
+    return "film"
+
+
+def _pattern(points: Array, height: Array) -> tuple[int, int] | None:
+    """Nodal diameters and circles of w = P(r) cos mθ + Q(r) sin mθ, or None if that fits badly."""
+    radius, angle = np.hypot(*points.T), np.arctan2(*points.T[::-1])
+    s = 2 * (radius - radius.min()) / np.ptp(radius) - 1
+    radial = chebyshev.chebvander(s, _DEGREE)
+    for order in range(_ORDERS + 1):
+        parts = [radial * np.cos(order * angle)[:, None], radial * np.sin(order * angle)[:, None]]
+        design = np.hstack(parts[: 2 if order else 1])
+        coefficients = np.linalg.lstsq(design, height, rcond=None)[0]
+        if np.sum((height - design @ coefficients) ** 2) < (1 - _MAINLY) * np.sum(height**2):
+            profiles = coefficients.reshape(-1, _DEGREE + 1)
+            leading = profiles.T @ np.linalg.svd(profiles)[0][:, 0]
+            profile = chebyshev.chebval(np.linspace(-1, 1, 400), leading)
+            clear = profile[np.abs(profile) > _LEAST * np.abs(profile).max()]
+            return order, int(np.count_nonzero(np.diff(np.sign(clear))))
+    return None
