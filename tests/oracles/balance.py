@@ -15,7 +15,7 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
-from tympan.fem.equilibrium.tangent import Tangent
+from tympan.fem.equilibrium.newton import Tangent
 from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State

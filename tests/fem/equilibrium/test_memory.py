@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular
-from tympan.fem.equilibrium import tangent
+from tympan.fem.equilibrium import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws import Ogden
 from tympan.fem.linear_solver.direct import factorise
@@ -29,7 +29,7 @@ def alive(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         known.add(factors)
         return factors
 
-    monkeypatch.setattr(tangent, "factorise", counted)
+    monkeypatch.setattr(newton, "factorise", counted)
     return counts
 
 
@@ -51,7 +51,7 @@ def test_large_films_keep_the_factors_of_one_state(alive: list[int],
     expected = path()
     assert max(alive) > 2
     alive.clear()
-    monkeypatch.setattr(tangent, "_LARGE", 0)
+    monkeypatch.setattr(newton, "_LARGE", 0)
     assert path() == expected
     assert max(alive) == 0
 
@@ -63,7 +63,7 @@ def test_what_was_dropped_is_made_anew(alive: list[int], monkeypatch: pytest.Mon
     outcome.solution.release()
     deflection_gradient(film, outcome, ["force"])
     assert len(alive) == made
-    monkeypatch.setattr(tangent, "_LARGE", 0)
+    monkeypatch.setattr(newton, "_LARGE", 0)
     outcome.solution.release()
     assert deflection_gradient(film, outcome, ["force", "frame.radius"]) == before
     assert len(alive) == made + 1
