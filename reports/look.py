@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 
+import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from tympan.geometry.errors import InputError
+from tympan.reports.scales import AxisScale
 from tympan.studies.files import write_atomically
 
 MM = 1 / 25.4  #: inches
@@ -24,7 +29,9 @@ SHORT_TEXT, LONG_TEXT = "#b5400f", "#1b6fa8"  #: those of words about them, dark
 COLOURS = "viridis"  #: of the stress, perceptually uniform
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 _MARKERS = "os^Dv*"  #: as many as colours
-_FORMATS = ("png", "pdf", "svg")
+
+#: Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
+Picture = tuple[NDArray[np.uint8], tuple[float, float, float, float]]
 
 
 @contextmanager
@@ -59,6 +66,49 @@ def place_axes(figure: Figure, left: float, top: float, width: float, height: fl
                             height / down))
 
 
+def place_pair(figure: Figure, left: float, top: float, width: float,
+               heights: tuple[float, float, float]) -> tuple[Axes, Axes]:
+    """Axes above others of the same abscissa [mm]; ``heights`` of the two and the gap between."""
+    above, gap, below = heights
+    pair = (place_axes(figure, left, top, width, above),
+            place_axes(figure, left, top + above + gap, width, below))
+    pair[0].tick_params(labelbottom=False)
+    return pair
+
+
+def centred(widths: Sequence[float], gap: float, left: float = 0.0, right: float = 0.0,
+            ) -> list[float]:
+    """Left edges of columns in the middle of the page, between margins [mm]."""
+    spare = WIDTH - left - right - sum(widths) - gap * (len(widths) - 1)
+    starts = accumulate((width + gap for width in widths[:-1]), initial=left + spare / 2)
+    return list(starts)
+
+
+def show_picture(axes: Axes, picture: Picture, *captions: tuple[str, float, str, float]) -> None:
+    """A picture in axes of the millimetres it shows, and what stands above it.
+
+    ``captions`` are text, distance from the picture [mm], weight and size.
+    """
+    pixels, extent = picture
+    axes.set_axis_off()
+    axes.imshow(pixels, extent=extent, interpolation="hanning", aspect="auto")
+    for text, above, weight, size in captions:
+        axes.annotate(text, (0.5, 1.0), (0, above * MM * 72), xycoords="axes fraction",
+                      textcoords="offset points", ha="center", va="bottom", weight=weight,
+                      fontsize=size)
+
+
+def colour_bar(figure: Figure, left: float, top: float, size: tuple[float, float],
+               scale: AxisScale, colours: str, words: str) -> None:
+    """What the colours of pictures mean, in a bar of a ``size`` [mm]."""
+    bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), colours),
+                          cax=place_axes(figure, left, top, *size), orientation="horizontal",
+                          ticks=scale.ticks)
+    bar.set_ticklabels([scale.text(tick) for tick in scale.ticks])
+    bar.outline.set_linewidth(0.5)
+    bar.set_label(words, labelpad=2)
+
+
 def colour_of(number: int) -> str:
     """Colour of the curve of this number, in turns."""
     return PALETTE[number % len(PALETTE)]
@@ -69,29 +119,18 @@ def marker_of(number: int) -> str:
     return _MARKERS[number % len(_MARKERS)]
 
 
-def faint_grid(axes: Axes) -> None:
-    """Faint lines behind the curves."""
+def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: bool = False,
+             ) -> None:
+    """What goes across and up, a title on the left, and faint lines behind the curves."""
+    axes.set(xlabel=across, ylabel=up)
+    axes.set_title(title, loc="left", weight="bold" if bold else "normal")
     axes.grid(color="#e4e6ea", linewidth=0.5)
     axes.set_axisbelow(True)
 
 
-def check_formats(formats: Sequence[str]) -> None:
-    """Refuse formats that cannot be written."""
-    for kind in formats:
-        if kind not in _FORMATS:
-            raise InputError(f"must be one of {', '.join(_FORMATS)}", key="format", given=kind)
-
-
 def save_figure(folder: Path, name: str, compose: Callable[[], Figure],
                 formats: Sequence[str] = ("png", "svg")) -> list[Path]:
-    """Compose a figure in the one style and write folder/name in each format; answers the files.
-
-    Raises
-    ------
-    InputError
-        When a format cannot be written, before anything is drawn.
-    """
-    check_formats(formats)
+    """Compose a figure in the one style and write folder/name in each format; answers the files."""
     with figure_style():
         figure = compose()
         files = [folder / f"{name}.{kind}" for kind in formats]

@@ -6,7 +6,7 @@ In parallel projection, so that millimetres are the same in all.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from math import ceil, cos, floor, radians, sin, sqrt
 
@@ -18,6 +18,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
 from tympan.geometry.system import MissingLibrary
+from tympan.reports.look import Picture
 from tympan.reports.scales import AxisScale
 from tympan.studies.film_surface import FilmSurface
 
@@ -51,6 +52,12 @@ class View:
         tilt = radians(self.elevation)
         return np.array([0.0, -cos(tilt), sin(tilt)])
 
+    @property
+    def up(self) -> Array:
+        """Unit vector that points upwards in the picture."""
+        tilt = radians(self.elevation)
+        return np.array([0.0, sin(tilt), cos(tilt)])
+
     def place(self, points: Array, turned: bool) -> Array:
         """Points [mm] with their long axis across the picture and the load downwards."""
         x, y, z = points.T
@@ -59,35 +66,16 @@ class View:
 
     def project(self, placed: Array) -> Array:
         """Across and up in the picture [mm], shape (n, 2)."""
-        tilt = radians(self.elevation)
-        return np.column_stack([placed[:, 0], placed[:, 1] * sin(tilt) + placed[:, 2] * cos(tilt)])
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """Pixels, shape (rows, columns, 3), and the (left, right, bottom, top) they cover [mm].
-
-    In the plane of the picture, the frame's centre 0.
-    """
-
-    pixels: NDArray[np.uint8]
-    extent: tuple[float, float, float, float]
+        _, back, depth = self.up
+        return np.column_stack([placed[:, 0], placed[:, 1] * back + placed[:, 2] * depth])
 
 
 def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> Picture:
     """The deformed film in colours of ``values`` at its points, the plate at its depth, and lines.
 
-    Parameters
-    ----------
-    values
-        On the view's scale, shape (points,).
-    turned
-        Whether y is across the picture.
-
-    Raises
-    ------
-    MissingLibrary
-        When there is no OpenGL to draw with.
+    ``values`` are on the view's scale, shape (points,); ``turned``: whether y is across the
+    picture. A :class:`~tympan.geometry.system.MissingLibrary` says that there is no OpenGL to draw
+    with. The frame's centre is 0 in the picture's plane.
     """
     surface = placed_surface(film, values, view, turned)
     extent, size = picture_frame(view.project(np.asarray(surface.points)), view.resolution)
@@ -98,10 +86,12 @@ def film_picture(film: FilmSurface, values: Array, view: View, turned: bool) -> 
         _add_hatches(plotter, surface, view)
         _add_lines(plotter, surface, view)
         for rim in film_rims(surface)[1:]:
-            _add_plate(plotter, rim, view)
+            corners = rim[:-1] if np.allclose(rim[0], rim[-1]) else rim
+            face = pv.PolyData(corners, np.array([len(corners), *range(len(corners))]))
+            plotter.add_mesh(face.triangulate(), color="#d5d7da", lighting=False)
         _aim(plotter, extent, view)
         pixels = plotter.screenshot(return_img=True)
-    return Picture(np.ascontiguousarray(pixels[..., :3]), extent)
+    return np.ascontiguousarray(pixels[..., :3]), extent
 
 
 def placed_surface(film: FilmSurface, values: Array, view: View, turned: bool) -> pv.PolyData:
@@ -110,26 +100,19 @@ def placed_surface(film: FilmSurface, values: Array, view: View, turned: bool) -
     faces = np.column_stack([np.full(len(film.triangles), 3), film.triangles]).ravel()
     surface = pv.PolyData(points, faces)
     surface["value"] = values
-    for name, zone in _zones(film).items():
-        surface[name] = zone
+    if "tension" in film.values:
+        # Positive where the film has lost tension, 0 at the zone's edge: the state says on which
+        # side of it a point lies, the stress how far from it.
+        stresses = film.values["stress_2"], film.values["stress_1"]
+        for state, (name, stress) in enumerate(zip(_LOOSE, stresses, strict=True), start=1):
+            inside = np.where(film.values["tension"] >= state, 1, -1)
+            surface[name] = inside * np.abs(stress / 1e3)
     for name, coordinate in zip(_MOUNTED, view.place(mounted, turned).T[:2], strict=True):
         surface[name] = coordinate
     # Shared edges are computed from both sides and differ by rounding only.
     joined = surface.clean(tolerance=1e-7 * float(np.ptp(points, axis=0).max()), absolute=True)
     joined.points = view.place(np.asarray(joined.points), turned)
     return joined
-
-
-def _zones(film: FilmSurface) -> dict[str, Array]:
-    """Where the film has lost tension: positive inside, 0 at a zone's edge; none without stress.
-
-    The state says on which side of an edge a point lies, the stress how far from it.
-    """
-    if "tension" not in film.values:
-        return {}
-    stresses = film.values["stress_2"], film.values["stress_1"]
-    return {name: np.where(film.values["tension"] >= state, 1, -1) * np.abs(stress / 1e3)
-            for state, (name, stress) in enumerate(zip(_LOOSE, stresses, strict=True), start=1)}
 
 
 def film_rims(surface: pv.PolyData) -> list[Array]:
@@ -139,7 +122,8 @@ def film_rims(surface: pv.PolyData) -> list[Array]:
                                           clear_data=True)
     strips = edges.strip(join=True, max_length=100_000)
     loops = [np.asarray(strips.points)[cell.point_ids] for cell in strips.cell]
-    return sorted(loops, key=_length, reverse=True)
+    lengths = [float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()) for loop in loops]
+    return [loops[number] for number in np.argsort(lengths)[::-1]]
 
 
 def picture_frame(projected: Array, resolution: float, margin: float = 0.01,
@@ -199,24 +183,15 @@ def _add_line(plotter: pv.Plotter, line: pv.PolyData, colour: str, width: float,
         plotter.add_mesh(shifted, color=colour, line_width=width, opacity=opacity, lighting=False)
 
 
-def _add_plate(plotter: pv.Plotter, rim: Array, view: View) -> None:
-    """A flat grey face within the rim."""
-    corners = rim[:-1] if np.allclose(rim[0], rim[-1]) else rim
-    face = pv.PolyData(corners,
-                       np.concatenate([[len(corners)], np.arange(len(corners))])).triangulate()
-    plotter.add_mesh(face, color="#d5d7da", lighting=False)
-
-
 def _aim(plotter: pv.Plotter, extent: tuple[float, float, float, float], view: View) -> None:
     west, east, bottom, top = extent
-    tilt, far = radians(view.elevation), 10 * max(east - west, top - bottom)
-    up = np.array([0.0, sin(tilt), cos(tilt)])
-    centre = np.array([(west + east) / 2, 0, 0]) + (bottom + top) / 2 * up
+    far = 10 * max(east - west, top - bottom)
+    centre = np.array([(west + east) / 2, 0, 0]) + (bottom + top) / 2 * view.up
     camera = plotter.camera
     camera.parallel_projection = True
     camera.focal_point = tuple(centre)
-    camera.position = tuple(centre + far * np.array([0.0, -cos(tilt), sin(tilt)]))
-    camera.up = tuple(up)
+    camera.position = tuple(centre + far * view.towards)
+    camera.up = tuple(view.up)
     camera.parallel_scale = (top - bottom) / 2
     camera.clipping_range = (far / 10, 2 * far)
 
@@ -224,16 +199,18 @@ def _aim(plotter: pv.Plotter, extent: tuple[float, float, float, float], view: V
 @contextmanager
 def _plotter(size: tuple[int, int]) -> Iterator[pv.Plotter]:
     """An off-screen plotter on white, closed in the end."""
-    with _quiet():
+    # VTK reports every kind of window it tries before one that works; only the last matters.
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    try:
         _check_opengl()
-        plotter = pv.Plotter(off_screen=True, window_size=list(size),
-                             theme=pv.themes.DocumentTheme())
-        try:
+        with closing(pv.Plotter(off_screen=True, window_size=list(size),
+                                theme=pv.themes.DocumentTheme())) as plotter:
             plotter.set_background("white")
             plotter.enable_anti_aliasing("msaa", multi_samples=8)
             yield plotter
-        finally:
-            plotter.close()
+    finally:
+        vtkLogger.SetStderrVerbosity(verbosity)
 
 
 def _check_opengl() -> None:
@@ -247,18 +224,3 @@ def _check_opengl() -> None:
         raise MissingLibrary("cannot draw the membranes: VTK finds no OpenGL; install the Debian "
                              "packages libegl1, libgl1 and libgl1-mesa-dri (or your system's "
                              "counterparts)")
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """VTK reports every kind of window it tries before one that works; only the last matters."""
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(before)
-
-
-def _length(loop: Array) -> float:
-    return float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum())

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 
-from tympan.reports.diagnosis import residuals
-from tympan.reports.diagnosis.residuals import Residuals
+from tympan.reports.diagnosis.residuals import draw_residuals
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import load_diagnosis
@@ -32,12 +31,7 @@ def build_diagnosis_page(folder: Path) -> Path:
     """
     content, columns = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
-    columns = {name: values[lengths] for name, values in columns.items()}
-    table = Residuals(columns["specimen"], columns["mass_g"], columns["voltage_kV"],
-                      1e6 * (columns["read"] - columns["baseline"]),
-                      1e6 * (columns["read"] - columns["extended"]),
-                      1e6 * columns["sigma"])
-    residuals.draw_residuals(table, folder)
+    draw_residuals({name: values[lengths] for name, values in columns.items()}, folder)
     file = folder / "diagnosis.html"
     write_text(file, render_diagnosis(content, embedded_picture(folder / "residuals.svg")))
     return file

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,65 +13,46 @@ from numpy.typing import NDArray
 
 from tympan.reports import look as style
 
-Array = NDArray[np.float64]
-
 _TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
 _LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
 
 
-@dataclass(frozen=True, eq=False)
-class Residuals:
-    """Readings less what a model says [µm], shape (rows,) each.
-
-    ``noise`` is the standard deviation of each reading [µm].
-    """
-
-    specimen: NDArray[np.str_]
-    mass: Array
-    voltage: Array
-    before: Array
-    after: Array
-    noise: Array
-
-    @property
-    def specimens(self) -> list[str]:
-        """Names in the order of the readings."""
-        return list(dict.fromkeys(self.specimen.tolist()))
+def draw_residuals(readings: Mapping[str, NDArray[Any]], folder: Path) -> list[Path]:
+    """Draw folder/residuals.svg of columns of readings.csv, lengths in m; answers the files."""
+    return style.save_figure(folder, "residuals", lambda: _compose(readings), ("svg",))
 
 
-def draw_residuals(residuals: Residuals, folder: Path) -> list[Path]:
-    """Draw folder/residuals.svg; answers the files."""
-    return style.save_figure(folder, "residuals", lambda: _compose(residuals), ("svg",))
-
-
-def _compose(residuals: Residuals) -> Figure:
+def _compose(readings: Mapping[str, NDArray[Any]]) -> Figure:
     """All panels with one scale."""
-    names = residuals.specimens
+    names = list(dict.fromkeys(readings["specimen"].tolist()))
+    before, after = (1e6 * (readings["read"] - readings[model])
+                     for model in ("baseline", "extended"))
     height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
     figure = style.new_figure(height)
     width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
-    changed = not np.array_equal(residuals.before, residuals.after)
-    reach = 1.15 * max(float(np.abs(residuals.before).max()), 2.5 * float(residuals.noise.max()))
+    changed = not np.array_equal(before, after)
+    noise = float((1e6 * readings["sigma"]).max())
+    reach = 1.15 * max(float(np.abs(before).max()), 2.5 * noise)
+    titles = "nominal model, stiffness and permittivity fitted", "extended model"
     for row, name in enumerate(names):
-        for column, (words, values) in enumerate((("nominal model", residuals.before),
-                                                  ("extended model", residuals.after))):
+        for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
             axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
                                     _TITLE + row * (_PANEL + _GAP), width, _PANEL)
-            _panel(axes, residuals, name, values if column == 0 or changed else None)
+            _panel(axes, readings, name, values if column == 0 or changed else None)
             axes.set_ylim(-reach, reach)
-            title = f"{words}, stiffness and permittivity fitted" if column == 0 else words
             axes.set_title(title if row == 0 else "", loc="left", weight="bold")
-            axes.set_ylabel(f"{name}\nread − model (µm)" if column == 0 else "")
+            axes.set(ylabel=f"{name}\nread − model (µm)" if column == 0 else "",
+                     xlabel="voltage (kV)" if row == len(names) - 1 else "")
             axes.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
-            axes.set_xlabel("voltage (kV)" if row == len(names) - 1 else "")
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=6)
     return figure
 
 
-def _panel(axes: Axes, residuals: Residuals, name: str, values: Array | None) -> None:
-    of_specimen = residuals.specimen == name
-    voltage, noise = residuals.voltage[of_specimen], residuals.noise[of_specimen]
+def _panel(axes: Axes, readings: Mapping[str, NDArray[Any]], name: str,
+           values: NDArray[np.float64] | None) -> None:
+    of_specimen = readings["specimen"] == name
+    voltage, noise = readings["voltage_kV"][of_specimen], 1e6 * readings["sigma"][of_specimen]
     order = np.argsort(voltage)
     edges, band = voltage[order], noise[order]
     if np.ptp(voltage) == 0:
@@ -82,8 +64,8 @@ def _panel(axes: Axes, residuals: Residuals, name: str, values: Array | None) ->
         axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
                   color="#5a6475")
         return
-    for number, mass in enumerate(np.unique(residuals.mass).tolist()):
-        rows = of_specimen & (residuals.mass == mass)
-        axes.plot(residuals.voltage[rows], values[rows], style.marker_of(number),
+    for number, mass in enumerate(np.unique(readings["mass_g"]).tolist()):
+        rows = of_specimen & (readings["mass_g"] == mass)
+        axes.plot(readings["voltage_kV"][rows], values[rows], style.marker_of(number),
                   color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
                   label=f"{mass:.4g} g")

@@ -31,15 +31,14 @@ def _compose(result: MaterialFitResult) -> Figure:
     width = (style.WIDTH - _LEFT - _RIGHT - 2 * _GAP) / 3
     for number, mode in enumerate(MODES):
         axes = style.place_axes(figure, _LEFT + number * (width + _GAP), _TITLE, width, _PANEL)
-        _panel(axes, result, mode)
-        axes.set_ylabel("nominal stress (kPa)" if number == 0 else "")
+        _panel(axes, result, mode, "nominal stress (kPa)" if number == 0 else "")
         handles, words = axes.get_legend_handles_labels()
         entries |= dict(zip(words, handles, strict=True))
     figure.legend(entries.values(), entries.keys(), loc="lower center", ncols=5)
     return figure
 
 
-def _panel(axes: Axes, result: MaterialFitResult, mode: str) -> None:
+def _panel(axes: Axes, result: MaterialFitResult, mode: str, up: str) -> None:
     coupons = result.coupons[result.coupons.mode == mode]
     for index, name in enumerate(dict.fromkeys(coupons.specimen)):
         read = coupons[coupons.specimen == name]
@@ -53,10 +52,8 @@ def _panel(axes: Axes, result: MaterialFitResult, mode: str) -> None:
     highest = max((float(coupons.stress.max()) / 1e3 if tested else 0.0), tops[0])
     lowest = min(0.0, float(coupons.stress.min()) / 1e3) if tested else 0.0
     axes.set_ylim(1.1 * lowest - 0.02 * highest, 1.25 * highest)
-    axes.set_title(mode.replace("_", " ") + ("" if tested else ", not tested"), weight="bold",
-                   loc="left")
-    axes.set_xlabel("stretch")
-    style.faint_grid(axes)
+    title = mode.replace("_", " ") + ("" if tested else ", not tested")
+    style.describe(axes, "stretch", up, title, bold=True)
 
 
 def _curve(axes: Axes, result: MaterialFitResult, law: str, mode: str, colour: str,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,28 +23,19 @@ _SYMBOLS = {"relative_permittivity": "ε$_r$", "alpha_1": "α₁", "beta_1": "β
             "eta_1": "η₁", "eta_2": "η₂"}
 _PANEL, _CELL, _BAR, _SHORTEST, _LETTER, _NARROWEST = 38.0, 11.0, 20.0, 6.0, 1.3, 75.0
 _COLUMNS = 3
+_UP = "displacement (mm)", "fit − read (µm)"
 
 
 def draw_identified(result: IdentifyResult, folder: Path) -> list[Path]:
     """Draw the fits, profiles and correlations of an identification; answers the files."""
     files = []
-    for name, draw, suffix in (("static", draw_static, ""), ("dynamic", draw_dynamic, "-dynamic")):
+    for name, compose, suffix in (("static", _static, ""), ("dynamic", _dynamic, "-dynamic")):
         if name in result.fits:
             fit = result.fits[name]
-            files += draw(fit, folder)
+            files += style.save_figure(folder, name, partial(compose, fit))
             files += draw_profiles(fit.determined, folder, f"profiles{suffix}")
             files += draw_correlations(fit.determined, folder, f"correlations{suffix}")
     return files
-
-
-def draw_static(fit: Fitted, folder: Path) -> list[Path]:
-    """Draw folder/static, a column for each mass: readings and fit above, residuals below."""
-    return style.save_figure(folder, "static", lambda: _static(fit))
-
-
-def draw_dynamic(fit: Fitted, folder: Path) -> list[Path]:
-    """Draw folder/dynamic, a row for each mass: readings, fit, residuals, and their beginning."""
-    return style.save_figure(folder, "dynamic", lambda: _dynamic(fit))
 
 
 def draw_profiles(judgement: Identifiability, folder: Path, name: str = "profiles") -> list[Path]:
@@ -71,14 +63,14 @@ def _symbol(name: str) -> str:
 
 
 def _static(fit: Fitted) -> Figure:
+    """A column for each mass: readings and fit above, residuals below."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
     figure = style.new_figure(_TITLE + _RESPONSE + _GAP + _VOLTAGE + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
     for column, mass in enumerate(masses):
-        start = _LEFT + column * (width + _LEFT)
-        above = style.place_axes(figure, start, _TITLE, width, _RESPONSE)
-        below = style.place_axes(figure, start, _TITLE + _RESPONSE + _GAP, width, _VOLTAGE)
+        above, below = style.place_pair(figure, _LEFT + column * (width + _LEFT), _TITLE, width,
+                                        (_RESPONSE, _GAP, _VOLTAGE))
         for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
             name = part["specimen"].iloc[0]
             colour = style.colour_of(names.index(name))
@@ -88,43 +80,32 @@ def _static(fit: Fitted) -> Figure:
             above.plot(1e-3 * volts, 1e3 * fitted, color=colour, linewidth=0.8)
             below.plot(1e-3 * volts, 1e6 * (fitted - read), "o-", color=colour, markersize=2,
                        linewidth=0.5)
-        above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
         above.legend(loc="upper left")
-        above.tick_params(labelbottom=False)
-        below.set_xlabel("voltage (kV)")
-        if column == 0:
-            above.set_ylabel("displacement (mm)")
-            below.set_ylabel("fit − read (µm)")
-        for axes in (above, below):
-            style.faint_grid(axes)
+        up, error = _UP if column == 0 else ("", "")
+        style.describe(above, "", up, f"{1e3 * mass:g} g", bold=True)
+        style.describe(below, "voltage (kV)", error)
     return figure
 
 
 def _dynamic(fit: Fitted) -> Figure:
+    """A row for each mass: readings, fit and residuals, and on the right their beginning."""
     masses = sorted(fit.readings["mass"].unique())
     names = fit.readings["specimen"].unique().tolist()
     height = _WHOLE + _GAP + _LEFTOVER
     figure = style.new_figure(len(masses) * (_TITLE + height + _AXIS))
     width = style.WIDTH / 2 - _LEFT - _RIGHT
     for row, mass in enumerate(masses):
-        top = _TITLE + row * (_TITLE + height + _AXIS)
-        columns = [(style.place_axes(figure, start, top, width, _WHOLE),
-                    style.place_axes(figure, start, top + _WHOLE + _GAP, width, _LEFTOVER))
-                   for start in (_LEFT, style.WIDTH / 2 + _LEFT)]
-        for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
-            colour = style.colour_of(names.index(part["specimen"].iloc[0]))
-            for (above, below), end in zip(columns, (np.inf, _BEGINNING * (fit.radian or np.inf)),
-                                           strict=True):
-                _response(above, below, part, end, colour)
-        for above, below in columns:
-            above.tick_params(labelbottom=False)
-            below.set_xlabel("time since the voltage changed (s)")
-            for axes in (above, below):
-                style.faint_grid(axes)
-        columns[0][0].set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
-        columns[1][0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))
-        columns[0][0].set_ylabel("displacement (mm)")
-        columns[0][1].set_ylabel("fit − read (µm)")
+        for column, end in enumerate((np.inf, _BEGINNING * (fit.radian or np.inf))):
+            above, below = style.place_pair(
+                figure, _LEFT + column * style.WIDTH / 2, _TITLE + row * (_TITLE + height + _AXIS),
+                width, (_WHOLE, _GAP, _LEFTOVER))
+            for part in (part for part in fit.runs if part["mass"].iloc[0] == mass):
+                _response(above, below, part, end, style.colour_of(
+                    names.index(part["specimen"].iloc[0])))
+            title, (up, error) = (f"{1e3 * mass:g} g", _UP) if column == 0 else ("", ("", ""))
+            style.describe(above, "", up, title, bold=True)
+            style.describe(below, "time since the voltage changed (s)", error)
+        above.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))
     return figure
 
 
@@ -153,7 +134,7 @@ def _profiles(judgement: Identifiability) -> Figure:
     for number, (constant, profile) in enumerate(drawn):
         row, column = divmod(number, _COLUMNS)
         axes = style.place_axes(figure, _LEFT + column * (_LEFT + width + _RIGHT),
-                           _TOP + row * (_TOP + _PANEL + _BOTTOM), width, _PANEL)
+                                _TOP + row * (_TOP + _PANEL + _BOTTOM), width, _PANEL)
         colour = style.PALETTE[0] if constant.low is not None else style.PALETTE[1]
         axes.plot(profile.values, np.abs(profile.rise), "o-", color=colour, markersize=2.5,
                   linewidth=0.8)
@@ -168,11 +149,10 @@ def _profiles(judgement: Identifiability) -> Figure:
         axes.set_xlim(low - edge, high + edge)
         axes.set_ylim(0, 1.5 * judgement.quantile)
         axes.set_title(_symbol(constant.name), loc="left", weight="bold")
-        axes.set_xlabel("" if constant.unit == "1" else f"({constant.unit})")
+        axes.set(xlabel="" if constant.unit == "1" else f"({constant.unit})",
+                 ylabel="√(χ² − χ²min)" if column == 0 else "")
         axes.ticklabel_format(axis="x", useOffset=False, scilimits=(-3, 5))
         axes.locator_params(axis="x", nbins=4)
-        if column == 0:
-            axes.set_ylabel("√(χ² − χ²min)")
     return figure
 
 
@@ -196,8 +176,6 @@ def _correlations(judgement: Identifiability) -> Figure:
             label.set_color("black" if determined else "#8a8f98")
     figure.text(2 / wide, 1 - 2 / high, "correlations; in grey what is not determined",
                 weight="bold", va="top")
-    for side in axes.spines.values():
-        side.set_visible(False)
-    bar = style.place_axes(figure, margin + size + 4, _TOP, 3, size)
-    figure.colorbar(picture, cax=bar)
+    axes.spines[:].set_visible(False)
+    figure.colorbar(picture, cax=style.place_axes(figure, margin + size + 4, _TOP, 3, size))
     return figure

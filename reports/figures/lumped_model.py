@@ -31,21 +31,16 @@ def _compose(statics: pd.DataFrame) -> Figure:
     figure = style.new_figure(_TITLE + _ABOVE + _GAP + _BELOW + _AXIS)
     width = (style.WIDTH - _RIGHT) / len(masses) - _LEFT
     for column, mass in enumerate(masses):
-        start = _LEFT + column * (width + _LEFT)
-        above = style.place_axes(figure, start, _TITLE, width, _ABOVE)
-        below = style.place_axes(figure, start, _TITLE + _ABOVE + _GAP, width, _BELOW)
+        above, below = style.place_pair(figure, _LEFT + column * (width + _LEFT), _TITLE, width,
+                                        (_ABOVE, _GAP, _BELOW))
         for number, name in enumerate(names):
             loads = statics[(statics["specimen"] == name) & (statics["mass"] == mass)]
             _draw(loads, name, number, len(names), above, below)
         columns.append((above, below))
-        above.set_title(f"{1e3 * mass:g} g", weight="bold", loc="left")
-        above.tick_params(labelbottom=False)
-        below.set_xlabel("voltage (kV)")
-        for axes in (above, below):
-            style.faint_grid(axes)
+        up, error = ("deflection (mm)", "lumped/field − 1 (%)") if column == 0 else ("", "")
+        style.describe(above, "", up, f"{1e3 * mass:g} g", bold=True)
+        style.describe(below, "voltage (kV)", error)
         if column == 0:
-            above.set_ylabel("deflection (mm)")
-            below.set_ylabel("lumped/field − 1 (%)")
             above.legend(loc="upper left", ncols=2)
     _key(columns[-1][len(columns) == 1])
     for row in zip(*columns, strict=True):

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
 from tympan.reports.scales import AxisScale, bar_length, rows_of
-from tympan.reports.scene import Picture, View, film_picture
+from tympan.reports.scene import View, film_picture
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.modes import Mode, ModesResult
 
@@ -25,13 +22,7 @@ _COLOURS, _INK, _AXES = "RdBu_r", "#303030", "#808080"
 
 
 def draw_modes(result: ModesResult, folder: Path) -> list[Path]:
-    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if any.
-
-    Raises
-    ------
-    MissingLibrary
-        When this computer cannot draw in three dimensions.
-    """
+    """Draw the first modes as folder/NAME-modes.png and .svg; answers the files, if any."""
     if not result.modes:
         return []
     frame = result.semi_axes_m
@@ -69,36 +60,22 @@ def swung_films(result: ModesResult) -> list[FilmSurface]:
     return films
 
 
-def _compose(pictures: Sequence[Picture], modes: Sequence[Mode], rows: Sequence[range],
+def _compose(pictures: Sequence[style.Picture], modes: Sequence[Mode], rows: Sequence[range],
              width: float) -> Figure:
-    west, east, bottom, top = (pick(item.extent[side] for item in pictures)
-                                for side, pick in enumerate((min, max, min, max)))
+    west, east, bottom, top = (pick(extent[side] for _, extent in pictures)
+                               for side, pick in enumerate((min, max, min, max)))
     height = width * (top - bottom) / (east - west)
     figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):
-        spare = style.WIDTH - len(row) * width - (len(row) - 1) * _GAP
-        for column, index in enumerate(row):
-            place = spare / 2 + column * (width + _GAP), _TITLE + number * (_TITLE + height)
-            axes = style.place_axes(figure, *place, width, height)
-            _show(axes, pictures[index], f"{index + 1}  {modes[index].name}", modes[index].speed)
+        for left, index in zip(style.centred([width] * len(row), _GAP), row, strict=True):
+            axes = style.place_axes(figure, left, _TITLE + number * (_TITLE + height), width,
+                                    height)
+            style.show_picture(axes, pictures[index],
+                               (f"{index + 1}  {modes[index].name}", 3.8, "bold", 7.5),
+                               (modes[index].speed, 0.4, "normal", 7.5))
             axes.set(xlim=(west, east), ylim=(bottom, top))
-    _colour_bar(figure, len(rows) * (_TITLE + height) + 2.0)
+    style.colour_bar(figure, (style.WIDTH - 70) / 2, len(rows) * (_TITLE + height) + 2, (70, 2.4),
+                     AxisScale(-1, 1, (-1, 0, 1)), _COLOURS,
+                     "motion along the load over the mode's largest motion; the size of the swing "
+                     "is arbitrary")
     return figure
-
-
-def _show(axes: Axes, image: Picture, name: str, speed: str) -> None:
-    axes.set_axis_off()
-    axes.imshow(image.pixels, extent=image.extent, interpolation="hanning", aspect="auto")
-    for text, above, weight in ((name, 3.8, "bold"), (speed, 0.4, "normal")):
-        axes.annotate(text, (0.5, 1.0), (0, above * style.MM * 72), xycoords="axes fraction",
-                      textcoords="offset points", ha="center", va="bottom", weight=weight)
-
-
-def _colour_bar(figure: Figure, top: float) -> None:
-    wide = 70.0
-    cax = style.place_axes(figure, (style.WIDTH - wide) / 2, top, wide, 2.4)
-    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), _COLOURS), cax=cax,
-                          orientation="horizontal", ticks=(-1, 0, 1))
-    bar.outline.set_linewidth(0.5)
-    bar.set_label("motion along the load over the mode's largest motion; the size of the swing is "
-                  "arbitrary", labelpad=2)

@@ -45,8 +45,7 @@ def _outlines(axes: Axes, result: OptimiseResult, held: str) -> None:
     _curves(axes, result, held, trials[-1], color=style.PALETTE[0], linewidth=1.6)
     _curves(axes, result, "", 0, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("y [mm]")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
     axes.set_title(f"Equal frame {held}: from light to dark;\n"
                    f"reference {result.record['reference']['specimen']} dashed", loc="left")
 
@@ -82,9 +81,8 @@ def _limits(axes: Axes, result: OptimiseResult, optimum: Mapping[str, Any]) -> N
         axes.plot(trials["trial"], used, "o-", color=colour, markersize=2.5,
                   label=name.replace("_", " "))
     axes.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
-    axes.set_xlabel("trial")
+    axes.set(xlabel="trial", ylim=(0.0, 1.08))
     axes.set_title("Share of each limit used", loc="left")
-    axes.set_ylim(0.0, 1.08)
     if limits:
         axes.legend(loc="lower left", fontsize=5.5, labelspacing=0.15, handlelength=1.2)
 

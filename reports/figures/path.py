@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.path import Along, Event, PathResult, Station
+from tympan.studies.path import Along, PathResult, Station
 
 _WIDTH, _HEIGHT, _LEFT, _TOP, _GAP = 72.0, 62.0, 14.0, 8.0, 20.0  # [mm]
-_STABLE, _UNSTABLE = style.PALETTE[0], style.PALETTE[1]
 _MARKS = {"limit": ("o", "limit point"), "tension lost": ("s", "tension lost from here"),
           "breakdown": ("X", "field reaches the film's strength")}
-_NAMES: dict[Along, tuple[str, str, float]] = {
+Scaled = tuple[str, str, float]  #: a quantity's words, its name in a station, and 1 / its unit
+_NAMES: dict[Along, Scaled] = {
     "voltage": ("film voltage (kV)", "voltage_V", 1e-3), "charge": ("charge (µC)", "charge_C", 1e6),
     "mass": ("load (N)", "force_N", 1.0), "pressure": ("gas pressure (Pa)", "pressure_Pa", 1.0)}
 
@@ -30,9 +30,8 @@ def _compose(result: PathResult) -> Figure:
     panels = 2 if result.along in ("voltage", "charge") else 1
     figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
     first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
-    _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3))
-    first.set_title(f"{result.specimen}, from {result.mass_kg * 1e3:g} g and "
-                    f"{result.voltage_V / 1e3:g} kV", loc="left", weight="bold")
+    _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3),
+           f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV")
     first.legend(loc="best")
     if panels == 2:
         second = style.place_axes(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
@@ -40,42 +39,29 @@ def _compose(result: PathResult) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, result: PathResult, across: tuple[str, str, float],
-           up: tuple[str, str, float]) -> None:
-    x, y = (_values(result.stations, *quantity[1:]) for quantity in (across, up))
+def _panel(axes: Axes, result: PathResult, across: Scaled, up: Scaled, title: str = "") -> None:
+    def places(stations: Sequence[Station]) -> list[np.ndarray]:
+        return [factor * np.array([getattr(station, name) for station in stations])
+                for _, name, factor in (across, up)]
+
+    x, y = places(result.stations)
     stable = np.array([station.stable for station in result.stations])
     tense = np.array([station.tense for station in result.stations])
     axes.plot(x[~tense], y[~tense], color="#c9ccd1", linewidth=5.0, solid_capstyle="round",
               zorder=1, label="part of the film without tension")
-    for kind, colour, line, label in ((stable, _STABLE, "-", "stable"),
-                                      (~stable, _UNSTABLE, "--", "unstable")):
-        _pieces(axes, x, y, kind, colour, line, label)
+    for kind, colour, line, label in ((stable, style.PALETTE[0], "-", "stable"),
+                                      (~stable, style.PALETTE[1], "--", "unstable")):
+        # Each stretch of the curve that is of a kind is drawn on to the next point.
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
+        for number, (start, end) in enumerate(edges.reshape(-1, 2)):
+            piece = slice(start, min(end + 1, len(x)))
+            axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2,
+                      label=label if number == 0 else None)
     for event in result.events:
-        _mark(axes, event, across, up)
-    axes.set_xlabel(across[0])
-    axes.set_ylabel(up[0])
-    style.faint_grid(axes)
-
-
-def _pieces(axes: Axes, x: np.ndarray, y: np.ndarray, kind: np.ndarray, colour: str, line: str,
-            label: str) -> None:
-    """The stretches of the curve that are of a kind, each drawn on to the next point."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], kind.astype(int), [0]])))
-    for number, (start, end) in enumerate(edges.reshape(-1, 2)):
-        piece = slice(start, min(end + 1, len(x)))
-        axes.plot(x[piece], y[piece], color=colour, linestyle=line, zorder=2,
-                  label=label if number == 0 else None)
-
-
-def _mark(axes: Axes, event: Event, across: tuple[str, str, float],
-          up: tuple[str, str, float]) -> None:
-    marker, label = _MARKS[event.what]
-    x, y = (float(_values([event.station], *quantity[1:])[0]) for quantity in (across, up))
-    shown_labels = axes.get_legend_handles_labels()[1]
-    words = f"{label}: {event.value_text}"
-    axes.plot(x, y, marker, color="#303030", markersize=4.5, markerfacecolor="white", zorder=4,
-              linestyle="none", label=None if words in shown_labels else words)
-
-
-def _values(stations: Sequence[Station], name: str, factor: float) -> np.ndarray:
-    return factor * np.array([getattr(station, name) for station in stations])
+        marker, label = _MARKS[event.what]
+        words = f"{label}: {event.value_text}"
+        shown = axes.get_legend_handles_labels()[1]
+        axes.plot(*places([event.station]), marker, color="#303030", markersize=4.5,
+                  markerfacecolor="white", zorder=4, linestyle="none",
+                  label=None if words in shown else words)
+    style.describe(axes, across[0], up[0], title, bold=True)

@@ -27,27 +27,23 @@ def draw_simulated(result: SimulationResult, folder: Path) -> list[Path]:
 
 def _responses(responses: Sequence[SampledResponse]) -> Figure:
     figure = style.new_figure(_TITLE + _VOLTAGE + _GAP + _RESPONSE + _AXIS)
-    width = style.WIDTH - _LEFT - _RIGHT
-    above = style.place_axes(figure, _LEFT, _TITLE, width, _VOLTAGE)
-    below = style.place_axes(figure, _LEFT, _TITLE + _VOLTAGE + _GAP, width, _RESPONSE)
+    above, below = style.place_pair(figure, _LEFT, _TITLE, style.WIDTH - _LEFT - _RIGHT,
+                                    (_VOLTAGE, _GAP, _RESPONSE))
     for number, item in enumerate(responses):
         count = len(item.samples)
         thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
-        time, voltage, reading = item.samples[
-            ["t", "voltage", "displacement"]].to_numpy()[thin].T
+        samples = item.samples[["t", "voltage", "displacement"]]
+        time, voltage, reading = samples.to_numpy()[thin].T
         below.plot(time, 1e3 * reading, color=style.colour_of(number), linewidth=0.8,
                    label=_label(item))
         if number == 0:
             voltage = np.append(item.numbers["linear"]["voltage_V"], voltage)
             above.plot(np.append(0.0, time), 1e-3 * voltage, color="black", linewidth=0.8)
-    above.set_ylabel("voltage (kV)")
-    below.set_ylabel("displacement (mm)")
-    below.set_xlabel("time (s)")
     below.legend(loc="best")
-    above.tick_params(labelbottom=False)
+    style.describe(above, "", "voltage (kV)")
+    style.describe(below, "time (s)", "displacement (mm)")
     for axes in (above, below):
         axes.set_xlim(0, max(item.samples["t"].iloc[-1] for item in responses))
-        style.faint_grid(axes)
     return figure
 
 
@@ -61,13 +57,11 @@ def _loops(responses: Sequence[SampledResponse]) -> Figure:
     for number, (item, loop) in enumerate(loops):
         row, column = divmod(number, columns)
         axes = style.place_axes(figure, _LEFT + column * style.WIDTH / columns,
-                           _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
+                                _TITLE + row * (_TITLE + _RESPONSE + _AXIS), width, _RESPONSE)
         axes.plot(1e-3 * loop["voltage"], 1e3 * loop["deflection"],
                   color=style.colour_of(number), linewidth=0.8)
-        axes.set_title(_label(item), loc="left")
-        axes.set_xlabel("voltage (kV)")
-        axes.set_ylabel("displacement (mm)" if column == 0 else "")
-        style.faint_grid(axes)
+        style.describe(axes, "voltage (kV)", "displacement (mm)" if column == 0 else "",
+                       _label(item))
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,26 +32,27 @@ def curve_label(name: str, curve: VoltageCurve) -> str:
 
 
 def compose_curves(run: StudyView) -> Figure:
-    """One panel per mass, all with the same axes."""
-    loads = sorted({curve.mass for specimen in run.specimens for curve in specimen.curves})
-    rows = rows_of(len(loads), most=2)
+    """One panel per mass, all with the same limits: from no deflection, with room for a legend."""
+    curves = [curve for specimen in run.specimens for curve in specimen.curves]
+    deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()),
+                  default=0.0) or 1.0
+    highest = max(float(curve.voltage.max()) for curve in curves) or 1.0
+    masses = sorted({curve.mass for curve in curves})
+    rows = rows_of(len(masses), most=2)
     width = (style.WIDTH - _LEFT - _RIGHT - _GAP) / 2 if len(rows[0]) > 1 else 110.0
-    spare = style.WIDTH - _LEFT - _RIGHT - len(rows[0]) * width - (len(rows[0]) - 1) * _GAP
-    figure = style.new_figure(len(rows) * (_TITLE + _PANEL + _AXIS))
-    panels = []
+    lefts = style.centred([width] * len(rows[0]), _GAP, _LEFT, _RIGHT)
+    height = _TITLE + _PANEL + _AXIS
+    figure = style.new_figure(len(rows) * height)
     for number, row in enumerate(rows):
         for column, index in enumerate(row):
-            axes = style.place_axes(figure, _LEFT + spare / 2 + column * (width + _GAP),
-                               number * (_TITLE + _PANEL + _AXIS) + _TITLE, width, _PANEL)
-            _panel(axes, run, loads[index])
+            axes = style.place_axes(figure, lefts[column], number * height + _TITLE, width, _PANEL)
+            _panel(axes, run, masses[index], "deflection (mm)" if column == 0 else "")
             axes.tick_params(labelleft=column == 0)
-            axes.set_ylabel("deflection (mm)" if column == 0 else "")
-            panels.append(axes)
-    _share(panels, run)
+            axes.set(xlim=(-0.02 * highest, 1.03 * highest), ylim=(0, 1.12 * deepest))
     return figure
 
 
-def _panel(axes: Axes, run: StudyView, mass: float) -> None:
+def _panel(axes: Axes, run: StudyView, mass: float, up: str) -> None:
     for index, specimen in enumerate(run.specimens):
         for curve in (item for item in specimen.curves if item.mass == mass):
             colour, marker = style.colour_of(index), style.marker_of(index)
@@ -62,29 +62,12 @@ def _panel(axes: Axes, run: StudyView, mass: float) -> None:
             axes.plot(curve.voltage[curve.loose], curve.deflection[curve.loose], marker=marker,
                       markersize=3.2, color=colour, markerfacecolor="white", linestyle="none",
                       zorder=5)
-            _mark_pull_in(axes, curve, colour)
-    axes.set_title(f"{mass:g} g", weight="bold", loc="left")
-    axes.set_xlabel("voltage (kV)")
+            if curve.pull_in is not None and not np.isnan(curve.pull_in[0]):
+                # A cross at the last equilibrium; beyond, along the dots, there is no rest.
+                below, _ = curve.pull_in
+                last = curve.deflection[curve.voltage == below][-1]
+                axes.plot(below, last, "x", color=colour, markersize=8, markeredgewidth=1.6,
+                          zorder=4)
+                axes.vlines(below, last, last + 1e6, color=colour, linestyle=":", linewidth=1.0)
     axes.legend(loc="upper left")
-
-
-def _mark_pull_in(axes: Axes, curve: VoltageCurve, colour: str) -> None:
-    """A cross at the last equilibrium and a dotted line up: beyond, the film finds no rest."""
-    if curve.pull_in is None or np.isnan(curve.pull_in[0]):
-        return
-    below, _ = curve.pull_in
-    last = curve.deflection[curve.voltage == below][-1]
-    axes.plot(below, last, "x", color=colour, markersize=8, markeredgewidth=1.6, zorder=4)
-    axes.vlines(below, last, last + 1e6, color=colour, linestyle=":", linewidth=1.0)
-
-
-def _share(panels: Sequence[Axes], run: StudyView) -> None:
-    """The same limits in all panels, from no deflection and with room for the legend."""
-    curves = [curve for specimen in run.specimens for curve in specimen.curves]
-    deepest = max((float(np.nanmax(curve.deflection)) for curve in curves if curve.found.any()),
-                  default=0.0) or 1.0
-    highest = max(float(curve.voltage.max()) for curve in curves) or 1.0
-    for axes in panels:
-        axes.set_xlim(-0.02 * highest, 1.03 * highest)
-        axes.set_ylim(0, 1.12 * deepest)
-        style.faint_grid(axes)
+    style.describe(axes, "voltage (kV)", up, f"{mass:g} g", bold=True)

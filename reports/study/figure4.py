@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -23,7 +20,7 @@ from tympan.reports.scales import (
     round_scale,
     rows_of,
 )
-from tympan.reports.scene import Picture, View, film_picture
+from tympan.reports.scene import View, film_picture
 from tympan.reports.study.view import SpecimenView, StudyView
 from tympan.reports.template import digits
 
@@ -48,23 +45,15 @@ class Layout:
     view: View
 
 
-def draw_figure4(run: StudyView, folder: Path,
-                 formats: Sequence[str] = ("png", "pdf", "svg")) -> list[Path]:
-    """Draw folder/fig4.png, .pdf and .svg; answers the files.
-
-    Raises
-    ------
-    MissingLibrary
-        When this computer cannot draw in three dimensions.
-    """
-    style.check_formats(formats)
+def draw_figure4(run: StudyView, folder: Path) -> list[Path]:
+    """Draw folder/fig4.png, .pdf and .svg; answers the files."""
     design = lay_out(run.specimens, run.stress_range)
     pictures = [specimen_picture(specimen, design.view) for specimen in run.specimens]
     return style.save_figure(folder, "fig4", lambda: compose_figure4(run, design, pictures),
-                             formats)
+                             ("png", "pdf", "svg"))
 
 
-def specimen_picture(specimen: SpecimenView, view: View) -> Picture:
+def specimen_picture(specimen: SpecimenView, view: View) -> style.Picture:
     """The film in colours of its largest true stress, the long axis across."""
     return film_picture(specimen.film, specimen.stress, view,
                         specimen.semi_axes[1] > specimen.semi_axes[0])
@@ -78,24 +67,35 @@ def lay_out(specimens: Sequence[SpecimenView], stress: tuple[float, float]) -> L
     paper = paper_scale(films, style.WIDTH - _LEFT - _RIGHT, _GAP, _LEAST, _MOST)
     columns = tuple(tuple(column_widths(row, paper, _LEAST)) for row in films)
     flat = (width for row in columns for width in row)
-    reach = max(_farthest(item) / width for item, width in zip(specimens, flat, strict=True))
+    reach = max(float(side.distance[-1]) / width
+                for item, width in zip(specimens, flat, strict=True)
+                for line in (item.along_x, item.along_y) for side in line.sides)
     # Twice the pixels of the print: the average of four makes smooth edges.
     view = View(2 * style.DPI * style.MM * paper, 2 * style.DPI * 0.7 / 72, style.COLOURS,
                 round_scale(*stress), bar_length(max(widths)) / 2, style.SHORT, style.LONG)
     return Layout(tuple(rows), columns, paper, 1.03 * reach, view)
 
 
-def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[Picture]) -> Figure:
+def compose_figure4(run: StudyView, design: Layout, pictures: Sequence[style.Picture]) -> Figure:
     """Put pictures, colour bar and curves on one page."""
-    heights = [max(_height(pictures[index]) for index in row) * design.paper for row in design.rows]
+    extents = [extent for _, extent in pictures]
+    heights = [max(extents[index][3] - extents[index][2] for index in row) * design.paper
+               for row in design.rows]
     figure = style.new_figure(sum(heights) + len(heights) * (_TITLE + _PANEL + _AXIS) + _BAR
-                        + (len(heights) - 1) * _SPACE)
+                              + (len(heights) - 1) * _SPACE)
     top = 0.0
     for row, columns, height in zip(design.rows, design.columns, heights, strict=True):
-        lefts = _lefts(columns)
+        lefts = style.centred(columns, _GAP, _LEFT, _RIGHT)
         for start, width, index in zip(lefts, columns, row, strict=True):
             axes = style.place_axes(figure, start, top + _TITLE, width, height)
-            _show(axes, pictures[index], run.specimens[index], design.paper, (width, height))
+            specimen = run.specimens[index]
+            style.show_picture(
+                axes, pictures[index], (specimen.name, 4.2, "bold", 8.5),
+                (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
+            *_, bottom, upper = pictures[index][1]
+            middle, half = (bottom + upper) / 2, height / design.paper / 2
+            axes.set(xlim=(-width / design.paper / 2, width / design.paper / 2),
+                     ylim=(middle - half, middle + half))
         top += _TITLE + height
         if row[0] == 0:
             _explain(figure, run, design, top)
@@ -140,29 +140,6 @@ def _spread(positions: Sequence[float], least: float) -> list[float]:
     return [middle + up * least / 2, middle - up * least / 2]
 
 
-def _lefts(columns: Sequence[float]) -> list[float]:
-    """Left edges of a row's columns, the row in the middle of the page [mm]."""
-    spare = style.WIDTH - _LEFT - _RIGHT - sum(columns) - _GAP * (len(columns) - 1)
-    starts = np.cumsum([0.0, *(width + _GAP for width in columns[:-1])])
-    return [_LEFT + spare / 2 + float(start) for start in starts]
-
-
-def _show(axes: Axes, image: Picture, specimen: SpecimenView, paper: float,
-          size: tuple[float, float]) -> None:
-    """One membrane in axes of millimetres of film; ``size`` of the axes on paper [mm]."""
-    half, height = size[0] / paper / 2, size[1] / paper
-    middle = (image.extent[2] + image.extent[3]) / 2
-    axes.set_axis_off()
-    axes.imshow(image.pixels, extent=image.extent, interpolation="hanning", aspect="auto")
-    axes.set(xlim=(-half, half), ylim=(middle - height / 2, middle + height / 2))
-    lines = ((specimen.name, 4.2, "bold", 8.5),
-             (f"deflection {digits(specimen.deflection)} mm", 0.6, "normal", 7.5))
-    for text, above, weight, points in lines:
-        axes.annotate(text, (0.5, 1.0), (0, above * style.MM * 72), xycoords="axes fraction",
-                      textcoords="offset points", ha="center", va="bottom", weight=weight,
-                      fontsize=points)
-
-
 def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None:
     """The row between pictures and curves: scale bar, colour bar, load and what the lines are."""
     view, length = design.view, 2 * design.view.net
@@ -173,15 +150,8 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
     _write(figure, _LEFT, top + 5.5,
            f"{length:g} mm, left to right\nnet: {view.net:g} mm of flat film\n"
            "deflection true to scale")
-    wide = 70.0
-    middle = (style.WIDTH + _LEFT - _RIGHT - wide) / 2
-    colours = ScalarMappable(Normalize(view.scale.low, view.scale.high), view.colours)
-    shown = figure.colorbar(colours, cax=style.place_axes(figure, middle, top + 3.0, wide, 2.6),
-                            orientation="horizontal",
-                            ticks=view.scale.ticks)
-    shown.set_ticklabels([view.scale.text(tick) for tick in view.scale.ticks])
-    shown.outline.set_linewidth(0.5)
-    shown.set_label(stress_label(view.scale), labelpad=2)
+    style.colour_bar(figure, (style.WIDTH + _LEFT - _RIGHT - 70) / 2, top + 3, (70, 2.6),
+                     view.scale, view.colours, stress_label(view.scale))
     right = style.WIDTH - _RIGHT - 32.0
     _write(figure, right, top + 2.6, f"load {run.mass:g} g, {run.voltage:g} kV")
     names = next((item.axes for item in run.specimens if not item.round), run.specimens[0].axes)
@@ -193,16 +163,11 @@ def _explain(figure: Figure, run: StudyView, design: Layout, top: float) -> None
         sample.plot([0, 1], [0, 0], dashes, color=colour, clip_on=False)
         _write(figure, right + 9.5, down, f"{name} axis", va="center")
     if any(item.loose for item in run.specimens):
-        _explain_hatches(figure, right, top + 14.1)
-
-
-def _explain_hatches(figure: Figure, left: float, top: float) -> None:
-    """What a hatched zone is."""
-    sample = style.place_axes(figure, left, top, 8.0, 2.8)
-    sample.set_axis_off()
-    sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black", hatch="//////",
-                               linewidth=0.6))
-    _write(figure, left + 9.5, top + 1.4, "tension lost", va="center")
+        sample = style.place_axes(figure, right, top + 14.1, 8.0, 2.8)
+        sample.set_axis_off()
+        sample.add_patch(Rectangle((0, 0), 1, 1, facecolor="white", edgecolor="black",
+                                   hatch="//////", linewidth=0.6))
+        _write(figure, right + 9.5, top + 15.5, "tension lost", va="center")
 
 
 def stress_label(scale: AxisScale) -> str:
@@ -233,12 +198,3 @@ def _write(figure: Figure, left: float, top: float, text: str, **how: Any) -> No
     """Text at a place measured from the page's top left corner [mm]."""
     across, down = figure.get_size_inches() / style.MM
     figure.text(left / across, 1 - top / down, text, **{"va": "top", "linespacing": 1.35, **how})
-
-
-def _height(image: Picture) -> float:
-    return image.extent[3] - image.extent[2]
-
-
-def _farthest(specimen: SpecimenView) -> float:
-    return max(float(side.distance[-1]) for line in (specimen.along_x, specimen.along_y)
-               for side in line.sides)

@@ -22,18 +22,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class AxisLine:
-    """Along one line of the film: ``distance``, ``deflection`` [mm], largest true stress [kPa]."""
+    """Along one line of the film: ``distance`` [mm], largest true stress [kPa]."""
 
     distance: Array
-    deflection: Array
     stress: Array
 
     def side(self, sign: int) -> AxisLine:
         """The half at positive or negative distance, as distance from the plate's edge outwards."""
         outward = self.distance * sign
         order = np.flatnonzero(outward > 0)[np.argsort(outward[outward > 0], kind="stable")]
-        return AxisLine(outward[order] - outward[order].min(initial=np.inf), self.deflection[order],
-                    self.stress[order])
+        return AxisLine(outward[order] - outward[order].min(initial=np.inf), self.stress[order])
 
     @property
     def sides(self) -> tuple[AxisLine, ...]:
@@ -107,7 +105,6 @@ class SpecimenView:
     film: FilmSurface
     along_x: AxisLine
     along_y: AxisLine
-    around_plate: AxisLine
     curves: tuple[VoltageCurve, ...]
 
     @property
@@ -170,13 +167,7 @@ class StudyView:
 
 
 def view_study(stored: StudyResult, folder: Path) -> StudyView:
-    """A stored study in the units of the pictures; ``folder`` is what messages name.
-
-    Raises
-    ------
-    InputError
-        When what a picture needs is missing.
-    """
+    """A stored study in the units of the pictures; ``folder`` is what messages name."""
     return StudyView(
         stored.name, stored.version, stored.finished, stored.mass_kg * 1e3, stored.voltage_V / 1e3,
         tuple(_specimen(specimen, folder) for specimen in stored.specimens), stored.alphas,
@@ -194,20 +185,18 @@ def _specimen(stored: SpecimenResult, folder: Path) -> SpecimenView:
         raise InputError(f"has no {missing[0]}: run the study again",
                          file=folder / "fields" / f"{stored.name}.vtu")
     a, b = stored.semi_axes_m
-    along_x, along_y, around_plate = (_line(stored, folder, line) for line in ("x", "y", "plate"))
     return SpecimenView(stored.name, (a * 1e3, b * 1e3), stored.material, stored.source, result,
-                        result.deflection_m * 1e3, film, along_x, along_y, around_plate,
-                        tuple(_curves(stored)))
+                        result.deflection_m * 1e3, film, _line(stored, folder, "x"),
+                        _line(stored, folder, "y"), tuple(_curves(stored)))
 
 
 def _line(stored: SpecimenResult, folder: Path, name: str) -> AxisLine:
     rows = stored.lines["line"] == name
-    distance, deflection, stress = (stored.lines[key][rows]
-                                    for key in ("distance", "deflection", "stress_1"))
-    if not rows.any() or (name != "plate" and not distance.min() < 0 < distance.max()):
+    distance, stress = stored.lines["distance"][rows], stored.lines["stress_1"][rows]
+    if not rows.any() or not distance.min() < 0 < distance.max():
         raise InputError(f"must have rows of the line {name!r} on both sides of the plate",
                          file=folder / "lines" / f"{stored.name}.csv", key="line")
-    return AxisLine(distance * 1e3, deflection * 1e3, stress / 1e3)
+    return AxisLine(distance * 1e3, stress / 1e3)
 
 
 def _curves(stored: SpecimenResult) -> Iterator[VoltageCurve]:

@@ -260,4 +260,4 @@ def test_report_says_what_it_rebuilds(tmp_path, capsys) -> None:
     message = capsys.readouterr().err
     assert message.startswith(f"tympan: {tmp_path}: holds none of study.json, ")
     assert message.count("\n") == 1
-    assert all(f"tympan {kind.command}" in message for kind in KINDS)
+    assert all(f"tympan {command}" in message for command in KINDS)

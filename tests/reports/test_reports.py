@@ -123,7 +123,7 @@ def test_vector_figures_keep_text_and_curves_as_such(report: Path) -> None:
 
 def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
     curves.draw_curves(view_study(StudyResult.load(copy), copy), copy)
-    figure4.draw_figure4(view_study(StudyResult.load(copy), copy), copy, ("pdf",))
+    figure4.draw_figure4(view_study(StudyResult.load(copy), copy), copy)
     for name in ("curves.svg", "fig4.pdf"):
         assert copy.joinpath(name).read_bytes() == report.with_name(name).read_bytes()
 
@@ -131,12 +131,11 @@ def test_figures_repeat_byte_by_byte(report: Path, copy: Path) -> None:
 def test_membranes_have_one_scale_and_their_true_width(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
     for specimen in stored.specimens:
-        picture = figure4.specimen_picture(specimen, view)
-        left, right, bottom, top = picture.extent
-        height, width, _ = picture.pixels.shape
+        pixels, (left, right, bottom, top) = figure4.specimen_picture(specimen, view)
+        height, width, _ = pixels.shape
         assert width / (right - left) == pytest.approx(view.resolution, rel=1e-12)
         assert height / (top - bottom) == pytest.approx(view.resolution, rel=1e-12)
-        drawn = np.flatnonzero((picture.pixels < 250).any((0, 2)))
+        drawn = np.flatnonzero((pixels < 250).any((0, 2)))
         # The outline adds half its width on either side.
         wide = (np.ptp(drawn) + 1 - view.line) / view.resolution
         assert wide == pytest.approx(2 * max(specimen.semi_axes), abs=3 / view.resolution)
@@ -162,7 +161,7 @@ def test_colours_are_exactly_those_of_the_bar(stored: StudyView, share: float) -
     stress = view.scale.low + share * (view.scale.high - view.scale.low)
     values = {**specimen.film.values, "stress_1": np.full_like(specimen.stress, 1e3 * stress)}
     uniform = replace(specimen, film=replace(specimen.film, values=values))
-    pixels = figure4.specimen_picture(uniform, view).pixels.reshape(-1, 3)
+    pixels = figure4.specimen_picture(uniform, view)[0].reshape(-1, 3)
     colours, counts = np.unique(pixels, axis=0, return_counts=True)
     film = next(colour for colour in colours[np.argsort(-counts)] if colour.min() < 250)
     assert film == pytest.approx(255 * np.array(colormaps[style.COLOURS](share)[:3]), abs=1.5)
@@ -186,7 +185,7 @@ def loosened(run: StudyView, state: int) -> StudyView:
 
 def test_zones_without_tension_are_hatched(stored: StudyView) -> None:
     view = figure4.lay_out(stored.specimens, stored.stress_range).view
-    plain, wrinkled, slack = (figure4.specimen_picture(run.specimens[0], view).pixels.astype(int)
+    plain, wrinkled, slack = (figure4.specimen_picture(run.specimens[0], view)[0].astype(int)
                               for run in (stored, loosened(stored, 1), loosened(stored, 2)))
     middle = plain.shape[1] // 2
     edge = int(3 * view.line)
@@ -316,15 +315,16 @@ def test_short_axis_is_told_by_the_frame(stored: StudyView) -> None:
     assert len(figure4.end_values(circle, scales)) == 1
 
 
-def test_field_lines_and_result_agree(stored: StudyView) -> None:
-    for specimen in stored.specimens:
+def test_field_lines_and_result_agree(stored: StudyView, study_folder: Path) -> None:
+    lines = [specimen.lines for specimen in StudyResult.load(study_folder).specimens]
+    for specimen, line in zip(stored.specimens, lines, strict=True):
         assert specimen.result.max_true_stress_Pa is not None
         highest = float(specimen.stress.max())
         assert highest == pytest.approx(specimen.result.max_true_stress_Pa / 1e3, rel=1e-3)
-        for line in (specimen.along_x, specimen.along_y, specimen.around_plate):
-            assert specimen.stress.min() * (1 - 1e-3) <= line.stress.min()
-            assert line.stress.max() <= highest * (1 + 1e-3)
-        assert specimen.around_plate.deflection == pytest.approx(specimen.deflection, rel=1e-9)
+        assert specimen.stress.min() * (1 - 1e-3) <= line["stress_1"].min() / 1e3
+        assert line["stress_1"].max() / 1e3 <= highest * (1 + 1e-3)
+        around_plate = 1e3 * line["deflection"][line["line"] == "plate"]
+        assert around_plate == pytest.approx(specimen.deflection, rel=1e-9)
         deepest = 1e3 * specimen.film.points[:, 2].max()
         assert deepest == pytest.approx(specimen.deflection, rel=1e-9)
 
@@ -337,7 +337,7 @@ def test_larger_long_axis_is_told(stored: StudyView) -> None:
 
 def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
     distance = np.array([-30.0, -10.0, 10.0, 20.0])
-    line = AxisLine(distance, 0 * distance, np.array([1.0, 3.0, 4.0, 2.0]))
+    line = AxisLine(distance, np.array([1.0, 3.0, 4.0, 2.0]))
     right, left = line.sides
     assert right.distance.tolist() == [0, 10]
     assert left.stress.tolist() == [3, 1]
@@ -432,9 +432,3 @@ def test_wrong_value_is_named(copy: Path, name: str, old: str, new: str, key: st
         view_study(StudyResult.load(copy), copy)
     assert caught.value.file == file
     assert key in str(caught.value)
-
-
-def test_unknown_format_is_refused(study_folder: Path) -> None:
-    study = view_study(StudyResult.load(study_folder), study_folder)
-    with pytest.raises(InputError, match="png, pdf, svg"):
-        figure4.draw_figure4(study, study_folder, ("gif",))
