@@ -29,11 +29,9 @@ from tympan.fem.results.fields import (
     Fields,
     LostTension,
     cell_fields,
-    cell_fields_of,
+    film_integrals,
     lost_tension,
-    lost_tension_of,
 )
-from tympan.fem.results.film_integrals import film_integrals
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
@@ -290,10 +288,11 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
     """What a :class:`CaseResult` says of each equilibrium alone."""
     if not states:
         return
-    sums = film_integrals(model, states)
-    fields_of = cell_fields_of(model, states, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
-    lost_of = lost_tension_of(model, states)
-    for number, (state, fields, slack) in enumerate(zip(states, fields_of, lost_of, strict=True)):
+    points = ELEMENTS[model.discretisation.mesh.order].doflocs.T
+    for state, fields, slack, *integrals in zip(
+            states, cell_fields(model, states, points), lost_tension(model, states),
+            *film_integrals(model, states), strict=True):
+        reaction, capacitance, energy = map(float, integrals)
         breakdown = {}
         if fields.breakdown_share.any():  # there is a field, and a strength law
             weakest = int(np.argmax(fields.breakdown_share))
@@ -302,8 +301,8 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
                          "breakdown_y_m": float(fields.position[weakest, 1])}
         yield {
             "deflection_m": state.plate.deflection,
-            "reaction_N": float(sums.reaction[number]),
-            "capacitance_F": float(sums.capacitance[number]),
+            "reaction_N": reaction,
+            "capacitance_F": capacitance,
             "max_stretch": float(fields.stretch_1.max()),
             "max_true_stress_Pa": float(fields.stress_1.max()),
             "max_field_V_per_m": float(fields.electric_field.max()),
@@ -311,18 +310,19 @@ def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, 
             "slack_area_m2": slack.wrinkled + slack.slack,
             "slack_share": slack.share,
             "tilt_rad": state.plate.tilt,
-            "energy_J": float(sums.energy[number]),
+            "energy_J": energy,
             "warnings": tuple(field_warnings(fields, slack, model.specimen.membrane.material))}
 
 
 def node_fields(model: Model, state: State) -> Fields:
     """Fields at the nodes of every element of the model's mesh."""
-    return cell_fields(model, state, ELEMENTS[model.discretisation.mesh.order].doflocs.T)
+    [fields] = cell_fields(model, [state], ELEMENTS[model.discretisation.mesh.order].doflocs.T)
+    return fields
 
 
 def state_warnings(model: Model, state: State) -> list[str]:
     """What a reader of a state must know before trusting it."""
-    return field_warnings(node_fields(model, state), lost_tension(model, state),
+    return field_warnings(node_fields(model, state), lost_tension(model, [state])[0],
                           model.specimen.membrane.material)
 
 

@@ -90,7 +90,7 @@ def film_surface(model: Model, state: State, parts: int = 6, **nodal: Array) -> 
     """
     model, state = whole(model, state)
     points, triangles = cut_triangles(model, parts)
-    fields = cell_fields(model, state, points)
+    [fields] = cell_fields(model, [state], points)
     values = {name: np.ascontiguousarray(getattr(fields, name)) for name in STORED}
     values |= {name: interpolated(model, vector, points) for name, vector in nodal.items()}
     return FilmSurface(fields.position + fields.displacement, triangles, values)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import Fields, edge_fields, whole
+from tympan.fem.results.fields import Fields, edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
@@ -263,17 +263,15 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
 
 def plate_profile(model: Model, state: State) -> Fields:
     """Fields around the plate's edge, ordered by angle around its centre."""
-    full, unfolded = whole(model, state)
-    fields = edge_fields(full, unfolded, "plate").fields
-    arm = fields.position - full.centre
+    fields, _ = edge_fields(model, state, "plate")
+    arm = fields.position - model.centre
     return fields[np.argsort(np.arctan2(arm[:, 1], arm[:, 0]), kind="stable")]
 
 
 def axis_profile(model: Model, state: State, axis: str) -> Fields:
     """Fields along the axis "x" or "y" through the plate's centre, from end to end."""
-    full, unfolded = whole(model, state)
     boundary, coordinate = _AXES[axis]
-    fields = edge_fields(full, unfolded, boundary).fields
+    fields, _ = edge_fields(model, state, boundary)
     return fields[np.argsort(fields.position[:, coordinate], kind="stable")]
 
 

@@ -1,7 +1,7 @@
 """Derivatives of the residual at a state: by motions, and, along fixed ones, by what it depends on.
 
 Motions meet the film once. They stretch it by δλ₁ and δλ₂ at every quadrature point, so that a
-number of the film costs no more than the materials it changes: their W₁δλ₁ + W₂δλ₂. A change of
+number of the film costs no more than its materials' W₁δλ₁ + W₂δλ₂. A change of
 shape moves the nodes in the plane by V at constant displacements. The work then changes as if the
 film moved by V, and because its virgin state changes at fixed positions: by ∫ T·∇V, with T = (S·δE)
 I − δ(C S) for the stored energy (Eshelby's energy-momentum tensor, *J. Elasticity* 5, 1975, along
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
-from tympan.fem.film.density import Part, plane_stress, virtual_work
+from tympan.fem.film.density import plane_stress, virtual_work
 from tympan.fem.membrane.enclosed_volume import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
@@ -142,21 +142,20 @@ class ResidualDerivative:
             return result
         thickness = film.thickness / film.area_prestretch
         unchanged = self.at.model.density(self.at.state.voltage_squared).parts
-        for name, part in model.density(state.voltage_squared).parts.items():
-            mine = unchanged.get(name)
-            if mine is None or (part.key, part.prestretch) != (mine.key, mine.prestretch):
-                result = result + np.imag(thickness * self._virtual_work(part))
+        for part in model.density(state.voltage_squared).parts:
+            if part not in unchanged:
+                result = result + np.imag(thickness * self._virtual_work(*part))
             elif np.imag(thickness):
-                result = result + np.imag(thickness) * self._virtual_work(mine)
+                result = result + np.imag(thickness) * self._virtual_work(*part)
         return result
 
-    def _virtual_work(self, part: Part) -> Any:
+    def _virtual_work(self, material: Any, prestretch: tuple[Any, Any]) -> Any:
         """∫ W₁δλ₁ + W₂δλ₂ over the mounted film for each motion [N]."""
-        if part.prestretch == self.at.model.specimen.membrane.prestretch:
-            return self._stretching(part.material)
+        if prestretch == self.at.model.specimen.membrane.prestretch:
+            return self._stretching(material)
         # Where stretches are all but equal, directions have no derivative by another prestretch;
         # the stress has.
-        stress = plane_stress((part.material,), self.at.c, part.prestretch, tangent=False).stress
+        stress = plane_stress(material, self.at.c, prestretch, tangent=False).stress
         weights = self.at.model.discretisation.weights[..., None]
         return np.tensordot(self._strains, stress * weights, axes=3)
 

@@ -80,8 +80,9 @@ class Discretisation:
     def _geometry(self) -> tuple[Array, Array]:
         """Gradients and weights; our own of complex nodes, which scikit-fem does not map."""
         if np.iscomplexobj(self.reference):
-            nodes = self.reference[self.connectivity, :2]
-            return isoparametric(self.mesh, self.basis.X, self.basis.W, nodes)
+            gradients, areas = isoparametric(self.mesh.order, self.basis.X,
+                                             self.reference[self.connectivity, :2])
+            return gradients, areas * self.basis.W
         gradients = np.stack([shape[0].grad for shape in self.basis.basis])
         return np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)), np.asarray(self.basis.dx)
 

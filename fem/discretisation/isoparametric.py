@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
+from tympan.geometry.mesh import ELEMENTS
 
 Array = NDArray[Any]
 
@@ -18,32 +18,19 @@ def tabulated(order: int, points: Array) -> tuple[Array, Array]:
     return _tabulated(order, np.ascontiguousarray(points, dtype=float).tobytes())
 
 
-def isoparametric(mesh: CurvedTriangles, points: Array, weights: Array,
-                  nodes: Array) -> tuple[Array, Array]:
-    """Gradients of the shape functions and areas at quadrature points; nodes may be complex.
+def isoparametric(order: int, points: Array, nodes: Array) -> tuple[Array, Array]:
+    """Shape functions' gradients (elements, points, local, 2) [1/m] and |det ∂X/∂ξ| at points.
 
-    Parameters
-    ----------
-    points, weights
-        Quadrature on the reference triangle, shapes (2, points) and (points,).
-    nodes
-        Of the elements, shape (elements, local, 2) [m].
-
-    Returns
-    -------
-    gradients
-        Shape (elements, points, local, 2) [1/m].
-    weights
-        Shape (elements, points) [m²].
+    ``points`` of the reference triangle, shape (2, points); ``nodes`` of the elements, (elements,
+    local, 2) [m], may be complex.
     """
-    slopes = tabulated(mesh.order, points)[1]
+    slopes = tabulated(order, points)[1]
     jacobian = np.matmul(nodes.swapaxes(1, 2)[:, None], slopes)
     (a, b), (c, d) = np.moveaxis(jacobian, (2, 3), (0, 1))
     determinant = a * d - b * c
     inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)],
                        axis=-2) / determinant[..., None, None]
-    gradients = np.matmul(slopes, inverse)
-    return gradients, determinant * np.sign(determinant.real) * weights
+    return np.matmul(slopes, inverse), determinant * np.sign(determinant.real)
 
 
 @lru_cache(maxsize=64)

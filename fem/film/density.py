@@ -1,22 +1,20 @@
 """Energy density of the film by its in-plane deformation, with first and second derivatives.
 
-Everything here is per virgin volume and for arrays of quadrature points. Deformation enters as the
-Voigt triple c = (C₁₁, C₂₂, C₁₂) of C = FᵀF; the results are the second Piola–Kirchhoff stress S =
-2∂ψ/∂C as (S₁₁, S₂₂, S₁₂) and its tangent D = ∂S/∂E in Voigt form with engineering shear, E = (C −
-I)/2.
+Per virgin volume, for arrays of quadrature points, of the Voigt triple c = (C₁₁, C₂₂, C₁₂) of C =
+FᵀF: the second Piola–Kirchhoff stress S = 2∂ψ/∂C as (S₁₁, S₂₂, S₁₂) and its tangent D = ∂S/∂E in
+Voigt form with engineering shear, E = (C − I)/2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.film.laws import Ogden
-from tympan.fem.film.tension_field import Coat, TensionField, total
+from tympan.fem.film.tension_field import Coat, TensionField
 from tympan.geometry.specimen import Specimen
 
 #: Below this relative distance of the squared stretches the divided difference of the stress
@@ -31,43 +29,34 @@ _RESIDUAL = 1e-3
 
 @dataclass(frozen=True)
 class Maxwell:
-    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other.
+    """Electrostatic energy −½ c (λ₁λ₂)^p, a "material" like any other, where ``covered`` is 1.
 
     With c = ε₀ ε_r J_pⁿ (U/T)² and p = 2 − n this is the ideal dielectric (n = 0) or one
     whose permittivity falls as (J/J_p)^(−n).
     """
 
-    coefficient: float | NDArray[np.float64]
+    coefficient: Any
     power: float
+    covered: Any = field(default=1.0, compare=False)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """ψ and ψ₁, ψ₂, ψ₁₁, ψ₁₂, ψ₂₂."""
         p = self.power
-        w = -0.5 * self.coefficient * (l1 * l2) ** p
+        w = -0.5 * (self.coefficient * self.covered) * (l1 * l2) ** p
         bend = p * (p - 1) * w
         return w, p * w / l1, p * w / l2, bend / l1**2, p * p * w / (l1 * l2), bend / l2**2
-
-    def at(self, shape: tuple[int, ...], points: NDArray[np.bool_]) -> Maxwell:
-        """The same for some of the points."""
-        return replace(self, coefficient=np.broadcast_to(self.coefficient, shape)[points])
 
 
 @dataclass(frozen=True)
 class Density:
-    """What one material, or several that share the virgin state, store at a deformation."""
+    """What a material stores at a deformation; no tangent where it was not asked for."""
 
     energy: Any
     stress: Any
-    tangent: Any  #: None where it was not asked for
+    tangent: Any
 
 
-@dataclass(frozen=True)
-class Part:
-    """A material, its stretches from the virgin state to the mounted film, what it depends on."""
-
-    material: Any
-    prestretch: tuple[Any, Any]
-    key: Any
+#: A material and its stretches from the virgin state to the mounted film.
+Part = tuple[Any, tuple[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -87,51 +76,40 @@ class FilmDensity:
     @property
     def maxwell(self) -> Maxwell:
         """The electrostatic part."""
-        return maxwell(self.specimen, self.voltage_squared * self.covered)
+        return maxwell(self.specimen, self.voltage_squared, self.covered)
 
     @property
-    def material(self) -> Any:
-        """All that shares the film's principal axes, as one material."""
-        film = self.specimen.membrane
-        materials = tuple(part.material for part in self._simple.values()
-                          if part.prestretch == film.prestretch)
-        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
-        return TensionField(materials, _RESIDUAL * modulus if self.wrinkles else -np.inf)
+    def parts(self) -> list[Part]:
+        """What adds up to the film; the first part is all that shares its principal axes.
 
-    @property
-    def parts(self) -> dict[str, Part]:
-        """Materials that add up to the film, by name; wrinkling joins all on the film's axes."""
-        if not self.wrinkles:
-            return self._simple
-        film = self.specimen.membrane
-        key = film, self.specimen.electrode.stiffness, self.voltage_squared
-        apart = {name: part for name, part in self._simple.items()
-                 if part.prestretch != film.prestretch}
-        return {"film": Part(self.material, film.prestretch, key), **apart}
-
-    @property
-    def _simple(self) -> dict[str, Part]:
+        Parts are equal that add the same, wherever they are.
+        """
         film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
-        electric = maxwell(self.specimen, self.voltage_squared)
-        result = {"elastic": Part(film.material, film.prestretch, film.material),
-                  "electric": Part(self.maxwell, film.prestretch, electric)}
+        joined, apart = [film.material, self.maxwell], []
         if grease:
-            # Stress-free at a state that is stretched unequally, it has principal axes of its own.
-            first, second = film.prestretch
-            scale, prestretch = (first, film.prestretch) if first == second else (1.0, (1.0, 1.0))
-            coat = Coat(Ogden((grease,), (2.0,)), self.covered, scale)
-            result["grease"] = Part(coat, prestretch, grease)
-        return result
+            law, (first, second) = Ogden((grease,), (2.0,)), film.prestretch
+            if first == second:
+                joined += [Coat(law, self.covered, first)]
+            else:  # stress-free at a state stretched unequally, it has axes of its own
+                apart = [(Coat(law, self.covered), (1.0, 1.0))]
+        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
+        residual = _RESIDUAL * modulus if self.wrinkles else -np.inf
+        return [(TensionField(tuple(joined), residual), film.prestretch), *apart]
+
+    @property
+    def material(self) -> TensionField:
+        """All that shares the film's principal axes, as one material."""
+        material: TensionField = self.parts[0][0]
+        return material
 
     def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
         """Density, stress and tangent at C of the mounted film."""
-        film, grease = self.specimen.membrane, self._simple.get("grease")
-        result = plane_stress((self.material,), c, film.prestretch, tangent=tangent)
-        if grease is None or grease.prestretch == film.prestretch:
-            return result
-        coat = plane_stress((grease.material,), c, grease.prestretch, tangent=tangent)
-        return Density(result.energy + coat.energy, result.stress + coat.stress,
-                       result.tangent + coat.tangent if tangent else None)
+        result, *others = (plane_stress(material, c, prestretch, tangent=tangent)
+                           for material, prestretch in self.parts)
+        for part in others:
+            result = Density(result.energy + part.energy, result.stress + part.stress,
+                             result.tangent + part.tangent if tangent else None)
+        return result
 
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches, wrinkles included, and in how many directions it is tense."""
@@ -142,14 +120,14 @@ class FilmDensity:
         return *natural, tense
 
 
-def maxwell(specimen: Specimen, voltage_squared: Any) -> Maxwell:
+def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Maxwell:
     """The electrostatic energy of the film at U² (scalar or per point) [V²]."""
     from scipy.constants import epsilon_0
 
     film = specimen.membrane
     n = film.permittivity_exponent
     unit = epsilon_0 * film.relative_permittivity * film.area_prestretch**n / film.thickness**2
-    return Maxwell(unit * voltage_squared, 2 - n)
+    return Maxwell(unit * voltage_squared, 2 - n, covered)
 
 
 def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
@@ -159,9 +137,9 @@ def principal_stretches(c: tuple[Any, Any, Any], prestretch: tuple[float, float]
     return np.sqrt(mean + radius), np.sqrt(mean - radius)
 
 
-def plane_stress(materials: tuple[Any, ...], c: tuple[Any, Any, Any],
-                 prestretch: tuple[float, float], *, tangent: bool = True) -> Density:
-    """Sum of isotropic energies W(λ₁, λ₂) and its derivatives by C of the mounted film.
+def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float, float], *,
+                 tangent: bool = True) -> Density:
+    """An isotropic energy W(λ₁, λ₂) and its derivatives by C of the mounted film.
 
     The principal stretches belong to Λ C Λ, Λ = diag(prestretch). In terms of the Mohr circle of
     ΛCΛ, with mean m, half difference d, shear s and radius b = √(d² + s²), W depends on (m, b) and
@@ -170,7 +148,7 @@ def plane_stress(materials: tuple[Any, ...], c: tuple[Any, Any, Any],
     mean, half, shear, radius = _circle(c, prestretch)
     x1, x2 = mean + radius, mean - radius
     l1, l2 = np.sqrt(x1), np.sqrt(x2)
-    w, w1, w2, w11, w12, w22 = total(materials, l1, l2)
+    w, w1, w2, w11, w12, w22 = material.derivatives(l1, l2)
     g1, g2 = w1 / (2 * l1), w2 / (2 * l2)
     g11, g22 = (w11 - w1 / l1) / (4 * x1), (w22 - w2 / l2) / (4 * x2)
     g12 = w12 / (4 * l1 * l2)
@@ -198,11 +176,10 @@ def plane_stress(materials: tuple[Any, ...], c: tuple[Any, Any, Any],
 
 def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
                  prestretch: tuple[Any, Any], weights: Any) -> Callable[[Any], Any]:
-    """Of a material, the weighted sums of W₁δλ₁ + W₂δλ₂ over the points for k changes, (k,).
+    """Of a material, the weighted sums of W₁δλ₁ + W₂δλ₂ over the points for k changes of C, (k,).
 
-    At C of the mounted film, shape s, with k changes of it, (k, *s), ``weights`` of shape s. Where
-    the stretches are equal, their difference has no derivative; a stress that is equal too does not
-    ask.
+    C of the mounted film and ``weights`` have shape s, the changes (k, *s). Where the stretches are
+    equal, their difference has no derivative; a stress that is equal too does not ask.
     """
     centre, half, shear, radius = _circle(c, prestretch)
     mean, by_half, by_shear, _ = _circle(changes, prestretch)
@@ -219,7 +196,7 @@ def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],
 
 
 def _circle(c: tuple[Any, Any, Any], prestretch: tuple[float, float]) -> tuple[Any, Any, Any, Any]:
-    """Mean, half difference, shear and radius of the Mohr circle of ΛCΛ."""
+    # Mean, half difference, shear and radius of the Mohr circle of ΛCΛ.
     c11, c22 = c[0] * prestretch[0] ** 2, c[1] * prestretch[1] ** 2
     shear = c[2] * prestretch[0] * prestretch[1]
     mean, half = (c11 + c22) / 2, (c11 - c22) / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -24,8 +24,7 @@ class Tension(IntEnum):
     SLACK = 2  #: in none
 
 
-def tension_state(stress_1: Array, stress_2: Array, tense: Array
-                  ) -> NDArray[np.int64]:
+def tension_state(stress_1: Array, stress_2: Array, tense: Array) -> NDArray[np.int64]:
     """Of :class:`Tension`, from the larger and the smaller principal true stress [Pa], shape (n,).
 
     ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
@@ -48,19 +47,14 @@ class Coat:
     """
 
     material: Any
-    weight: Any
+    weight: Any = field(compare=False)
     scale: float = 1.0
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """The share's W and its derivatives by the film's stretches."""
         s, share = self.scale, self.weight
         w, w1, w2, w11, w12, w22 = self.material.derivatives(l1 / s, l2 / s)
         return (share * w, share * (w1 / s), share * (w2 / s),
                 share * (w11 / s**2), share * (w12 / s**2), share * (w22 / s**2))
-
-    def at(self, shape: tuple[int, ...], points: Array) -> Coat:
-        """The coat at some of the points."""
-        return replace(self, weight=np.broadcast_to(self.weight, shape)[points])
 
 
 @dataclass(frozen=True)
@@ -83,14 +77,12 @@ class TensionField:
     residual: Any
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
-        """W and W₁, W₂, W₁₁, W₁₂, W₂₂ of the envelope."""
         plain = total(self.materials, l1, l2)
         loose = self._loose(plain, l2)
         if not loose.any():
             return plain
-        shape = loose.shape
         kind = np.result_type(*plain, l1, l2, self.residual, float)
-        values = [np.array(np.broadcast_to(value, shape), dtype=kind) for value in plain]
+        values = [np.array(np.broadcast_to(value, loose.shape), dtype=kind) for value in plain]
         for value, relaxed in zip(values, self._relaxed(l1, l2, loose), strict=True):
             value[loose] = relaxed
         return tuple(value[()] for value in values)
@@ -101,8 +93,9 @@ class TensionField:
         if not loose.any():
             return l1, l2
         first, second = (np.array(np.broadcast_to(value, loose.shape)) for value in (l1, l2))
-        for value, taken in zip((first, second), self._taken(l1, l2, loose), strict=True):
-            value[loose] = np.where(np.isnan(taken), value[loose], taken)
+        taken = self._taken(*self._at(l1, l2, loose))
+        for value, stretch in zip((first, second), taken, strict=True):
+            value[loose] = np.where(np.isnan(stretch), value[loose], stretch)
         return first[()], second[()]
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
@@ -110,9 +103,20 @@ class TensionField:
         least = np.real(self.residual) * np.real(l2)
         return np.asarray(~(np.real(plain[2]) >= least) & np.isfinite(least))
 
-    def _taken(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Natural stretches of the loose points, nan where the film has none."""
-        materials, a, b = self._at(l1, l2, loose)
+    def _at(self, l1: Any, l2: Any, points: NDArray[np.bool_]
+            ) -> tuple[tuple[Any, ...], Array, Array]:
+        """Materials and stretches at some points; arrays of a material are fields over all."""
+        def chosen(value: Any) -> Array:
+            return np.asarray(np.broadcast_to(value, points.shape)[points])
+
+        materials = (replace(material, **{name: chosen(value) for name, value
+                                          in vars(material).items()
+                                          if isinstance(value, np.ndarray)})
+                     for material in self.materials)
+        return tuple(materials), chosen(l1), chosen(l2)
+
+    def _taken(self, materials: tuple[Any, ...], a: Array, b: Array) -> tuple[Array, Array]:
+        """Natural stretches of loose points, nan where the film has none."""
         k = self.residual
 
         def across(s: Any) -> tuple[Any, Any]:
@@ -134,35 +138,23 @@ class TensionField:
         return np.where(slack, apart, a), np.where(slack, apart, width)
 
     def _relaxed(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, ...]:
+        """W and its derivatives at loose points, from those at their natural stretches."""
         materials, a, b = self._at(l1, l2, loose)
-        k = self.residual
-        first, second = self._taken(l1, l2, loose)
+        k, (first, second) = self.residual, self._taken(materials, a, b)
         with np.errstate(invalid="ignore"):
-            return _envelope(total(materials, first, second), k, (a, b), (first, second))
-
-    def _at(self, l1: Any, l2: Any, loose: NDArray[np.bool_]
-            ) -> tuple[tuple[Any, ...], Array, Array]:
-        shape = loose.shape
-        materials = tuple(m.at(shape, loose) if hasattr(m, "at") else m for m in self.materials)
-        return materials, np.broadcast_to(l1, shape)[loose], np.broadcast_to(l2, shape)[loose]
+            w, w1, _, w11, w12, w22 = total(materials, first, second)
+            slack = np.real(first) > np.real(a)
+            exists = np.where(np.isnan(second), np.nan, 1.0)
+            energy = w + k / 2 * (a * a + b * b - first * first - second * second)
+            w1 = np.where(slack, k * a, w1) * exists
+            w11 = np.where(slack, k, w11 - w12 * w12 / (w22 - k)) * exists
+            return energy, w1, k * b * exists, w11, 0 * exists, k * exists
 
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     """Sum of the materials' W and derivatives."""
     values = (material.derivatives(l1, l2) for material in materials)
     return tuple(sum(parts) for parts in zip(*values, strict=True))
-
-
-def _envelope(at: tuple[Any, ...], k: Any, seen: tuple[Array, Array],
-              taken: tuple[Array, Array]) -> tuple[Array, ...]:
-    """W and derivatives at the stretches seen, from those at the stretches taken."""
-    (a, b), (first, second) = seen, taken
-    w, w1, _, w11, w12, w22 = at
-    slack = np.real(first) > np.real(a)
-    exists = np.where(np.isnan(second), np.nan, 1.0)
-    energy = w + k / 2 * (a * a + b * b - first * first - second * second)
-    along = np.where(slack, k * a, w1), np.where(slack, k, w11 - w12 * w12 / (w22 - k))
-    return energy, along[0] * exists, k * b * exists, along[1] * exists, 0 * exists, k * exists
 
 
 def _root(function: Any, low: Array, high: Array) -> Array:

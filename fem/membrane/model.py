@@ -211,7 +211,7 @@ class Model:
                                            state.voltage_squared))
         f = self.discretisation.deformation(state.positions)
         electric = self.density(1.0).maxwell
-        stress = plane_stress((electric,), cauchy_green(f), self.specimen.membrane.prestretch,
+        stress = plane_stress(electric, cauchy_green(f), self.specimen.membrane.prestretch,
                               tangent=False).stress
         return self._nodal(f, stress)
 

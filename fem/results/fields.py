@@ -1,12 +1,12 @@
-"""Recovered fields: displacement, stretches, true stress, thickness and electric field.
+"""Results of solved films: fields at points, and integrals over the film.
 
-Values are those of the element they are asked in; nothing is averaged, so jumps between neighbours
+Fields are those of the element they are asked in; nothing is averaged, so jumps between neighbours
 show the discretisation error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.complex_step import STEP
+from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.discretisation.isoparametric import tabulated
+from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.model import Model, cauchy_green
@@ -27,10 +29,8 @@ Array = NDArray[Any]
 
 _RIMS = ("plate", "frame")
 
-#: Reference coordinates of a triangle's edges at s in [0, 1], in scikit-fem's edge order 01, 12,
-#: 02.
-_EDGES: tuple[Callable[[Array], tuple[Array, Array]], ...] = (
-    lambda s: (s, 0 * s), lambda s: (1 - s, s), lambda s: (0 * s, s))
+#: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
+_EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,60 +81,51 @@ def whole(model: Model, state: State) -> tuple[Model, State]:
     return film, replace(state, positions=positions)
 
 
-def cell_fields(model: Model, state: State, points: Array) -> Fields:
-    """Fields at the same reference points, shape (2, k), of every element; element-major."""
-    return cell_fields_of(model, [state], points)[0]
+def cell_fields(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
+    """Fields of each state at the same reference points, (2, k), of every element; element-major.
 
-
-def cell_fields_of(model: Model, states: Sequence[State], points: Array) -> list[Fields]:
-    """The same at several states of one model, which are computed together."""
+    States are computed together.
+    """
     elements = len(model.discretisation.connectivity)
     joined = _fields(model, states, np.arange(elements), points)
     count = elements * points.shape[1]
     return [joined[number * count : (number + 1) * count] for number in range(len(states))]
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeFields:
-    """Fields along a named boundary: ``fields`` at k points of each of m edges, edge-major.
-
-    ``weights`` are quadrature weights times mounted arc length [m], shape (m k,).
-    """
-
-    fields: Fields
-    weights: Array
-
-
 def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
-                quadrature: bool = False) -> EdgeFields:
-    """Fields along the edges of a named boundary of the mesh.
+                quadrature: bool = False) -> tuple[Fields, Array]:
+    """Fields at some points of every edge of a boundary of the whole film; their weights [m].
 
-    At Gauss points for integrals (``quadrature``), otherwise at equally spaced points with both
-    ends, for pictures. On the edges of plate and frame ``plate_traction`` is that on the edge
-    itself; elsewhere on a cut across the line to the plate's centre.
+    Edge-major; weights are quadrature weights times mounted arc length: at Gauss points for
+    integrals (``quadrature``), otherwise at equally spaced points with both ends, for pictures. On
+    the edges of plate and frame ``plate_traction`` is that on the edge itself; elsewhere on a cut
+    across the line to the plate's centre.
     """
     if quadrature:
         gauss, weight = np.polynomial.legendre.leggauss(points)
         s, weight = (gauss + 1) / 2, weight / 2
     else:
         s, weight = np.linspace(0, 1, points), np.full(points, 1 / points)
-    mesh = model.discretisation.mesh
+    model, state = whole(model, state)
+    discretisation, mesh = model.discretisation, model.discretisation.mesh
     boundaries = mesh.boundaries or {}
     if name not in boundaries:
         raise ValueError(f"the mesh has no boundary {name!r}: it has {sorted(boundaries)}")
     parts, weights = [], []
-    for local, edge in enumerate(_EDGES):
+    for local, (start, along) in enumerate(np.array(_EDGES, float)):
         cells = np.flatnonzero(np.isin(mesh.t2f[local], boundaries[name]))
         # An inner edge belongs to two elements: take it from the one scikit-fem lists first.
         cells = cells[mesh.f2t[0][mesh.t2f[local][cells]] == cells]
         if len(cells):
-            tangent = _edge_tangent(model, cells, local, s)
-            parts.append(_fields(model, [state], cells, np.array(edge(s)),
-                                 tangent if name in _RIMS else None))
+            edge = start[:, None] + s * along[:, None]
+            slopes = tabulated(mesh.order, edge)[1] @ along
+            nodes = discretisation.reference[discretisation.connectivity[cells], :2]
+            tangent = np.matmul(slopes, nodes)
+            parts.append(_fields(model, [state], cells, edge, tangent if name in _RIMS else None))
             weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts])
                       for item in fields(Fields)))
-    return EdgeFields(joined, np.concatenate(weights))
+    return joined, np.concatenate(weights)
 
 
 @dataclass(frozen=True)
@@ -146,24 +137,42 @@ class LostTension:
     share: float  #: of the film's mounted area, both together
 
 
-def lost_tension(model: Model, state: State, parts: int = 8) -> LostTension:
-    """Where the film has lost tension, at the middles of ``parts``² triangles in every element."""
-    return lost_tension_of(model, [state], parts)[0]
+def lost_tension(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
+    """Where the film of each state has lost tension.
 
-
-def lost_tension_of(model: Model, states: Sequence[State], parts: int = 8) -> list[LostTension]:
-    """The same at several states of one model, which are computed together."""
+    At the middles of ``parts``² triangles in every element; states are computed together.
+    """
     mesh = model.discretisation
-    slopes = tabulated(mesh.mesh.order, _middles(parts))[1]
-    cells = np.arange(len(mesh.connectivity))
-    areas = np.abs(np.linalg.det(jacobian(model, cells, slopes))) * (0.5 / parts**2)
-    result = []
-    for tension in _tension(model, states, slopes):
+    gradients, stretched = isoparametric(mesh.mesh.order, _middles(parts),
+                                         mesh.reference[mesh.connectivity, :2])
+    areas, result = stretched * (0.5 / parts**2), []
+    for tension in _tension(model, states, gradients):
         wrinkled, slack = (float(areas[tension == kind].sum())
                            for kind in (Tension.WRINKLED, Tension.SLACK))
         result.append(LostTension(wrinkled * mesh.mirrored, slack * mesh.mirrored,
                                   (wrinkled + slack) / float(areas.sum())))
     return result
+
+
+def film_integrals(model: Model, states: Sequence[State]) -> tuple[Array, Array, Array]:
+    """Reaction [N], capacitance [F] and energy [J] of the whole film, each of shape (states,).
+
+    As :meth:`Model.reaction`, :meth:`Model.capacitance` and :meth:`Model.energy`, of all states
+    together from one evaluation of the film's density, at U² with an imaginary step. The reaction
+    is the work of the stresses when the plate's edge is lifted by one, nothing else moving.
+    """
+    mesh = model.discretisation
+    f = mesh.deformation(np.stack([state.positions for state in states]))
+    squared = np.array([state.voltage_squared for state in states])[:, None, None]
+    density = model.density(squared + 1j * STEP)(cauchy_green(f), tangent=False)
+    energy = (density.energy * model.volumes).sum(axis=(1, 2)) * mesh.mirrored
+    stress = density.stress.real * model.volumes[..., None]
+    edge = np.zeros(len(mesh.reference))
+    edge[mesh.plate_nodes] = 1.0
+    lift = np.matmul(mesh.gradients.swapaxes(-1, -2),
+                     edge[mesh.connectivity][:, None, :, None])[..., 0]
+    work = np.einsum("sepi,sepij,epj->s", f[..., 2, :], stress[..., [[0, 2], [2, 1]]], lift)
+    return work * mesh.mirrored, -2 * energy.imag / STEP, energy.real
 
 
 @lru_cache
@@ -172,11 +181,10 @@ def _middles(parts: int) -> Array:
                      for i in range(parts) for j in range(parts + 1 - t - i)]).T
 
 
-def _tension(model: Model, states: Sequence[State], slopes: Array) -> Array:
+def _tension(model: Model, states: Sequence[State], gradients: Array) -> Array:
     """Tension states, shape (states, cells, points); stresses as the eigenvalues of S C."""
-    cells = np.arange(len(model.discretisation.connectivity))
-    c = cauchy_green(_deformation(model, states, cells, slopes))
-    density = model.density(_voltages(states))
+    c = cauchy_green(_deformation(states, model.discretisation.connectivity, gradients))
+    density = model.density(np.array([state.voltage_squared for state in states])[:, None, None])
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
     product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
@@ -184,23 +192,10 @@ def _tension(model: Model, states: Sequence[State], slopes: Array) -> Array:
     return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
 
 
-def _voltages(states: Sequence[State]) -> Array:
-    return np.array([state.voltage_squared for state in states])[:, None, None]
-
-
-def _deformation(model: Model, states: Sequence[State], cells: Array, slopes: Array) -> Array:
+def _deformation(states: Sequence[State], nodes: Array, gradients: Array) -> Array:
     """F, shape (states, cells, points, 3, 2)."""
-    positions = np.stack([state.positions for state in states])
-    local = positions[:, model.discretisation.connectivity[cells]].swapaxes(-1, -2)
-    gradients = np.matmul(slopes, np.linalg.inv(jacobian(model, cells, slopes)))
+    local = np.stack([state.positions[nodes] for state in states]).swapaxes(-1, -2)
     return np.asarray(np.matmul(local[:, :, None], gradients))
-
-
-def jacobian(model: Model, cells: Array, slopes: Array) -> Array:
-    """∂X/∂ξ of the mounted film [m], shape (cells, points, 2, 2)."""
-    mesh = model.discretisation
-    places = mesh.reference[mesh.connectivity[cells], :2].transpose(0, 2, 1)
-    return np.asarray(np.matmul(places[:, None], slopes))
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
@@ -218,12 +213,13 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     """
     film, mesh = model.specimen.membrane, model.discretisation
     nodes = mesh.connectivity[cells]
-    shapes, slopes = tabulated(mesh.mesh.order, points)
+    shapes = tabulated(mesh.mesh.order, points)[0]
+    gradients = isoparametric(mesh.mesh.order, points, mesh.reference[nodes, :2])[0]
     here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
     reference = np.tile(here, (len(states), 1))
     current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3)
                               for state in states])
-    f = _deformation(model, states, cells, slopes).reshape(-1, 3, 2)
+    f = _deformation(states, nodes, gradients).reshape(-1, 3, 2)
     covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 
@@ -235,10 +231,8 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
     s11, s22, s12 = _cauchy(f, stress, -inward)
     mean, radius = (s11 + s22) / 2, np.hypot((s11 - s22) / 2, s12)
-    piola = np.stack([f[:, :, 0] * stress[:, None, 0] + f[:, :, 1] * stress[:, None, 2],
-                      f[:, :, 0] * stress[:, None, 2] + f[:, :, 1] * stress[:, None, 1]], axis=-1)
     cut = inward if along is None else _normal(along.reshape(-1, 2), inward)
-    traction = np.einsum("nik,nk->ni", piola, cut) * (film.thickness / film.area_prestretch)
+    traction = np.einsum("kni,nk->ni", first_piola(f, stress), cut)
     w1 = density.maxwell.derivatives(l1, l2)[1]
     thickness = film.thickness / (l1 * l2)
     return Fields(
@@ -247,8 +241,8 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
         electric_field=covered * np.sqrt(np.maximum(voltage_squared, 0.0)) / thickness,
         breakdown_strength=strength(film, l1, l2, thickness), maxwell_stress=-l1 * w1,
         stress_1=mean + radius, stress_2=mean - radius, stress_radial=s11,
-        stress_circumferential=s22,
-        stress_shear=s12, plate_traction=traction,
+        stress_circumferential=s22, stress_shear=s12,
+        plate_traction=traction * (film.thickness / film.area_prestretch),
         tension=tension_state(mean + radius, mean - radius, tense))
 
 
@@ -272,10 +266,3 @@ def _normal(along: Array, towards: Array) -> Array:
     normal = np.column_stack([along[:, 1], -along[:, 0]])
     normal = normal / np.linalg.norm(along, axis=1, keepdims=True)
     return np.asarray(normal * np.sign((normal * towards).sum(axis=1, keepdims=True)))
-
-
-def _edge_tangent(model: Model, cells: Array, local: int, s: Array) -> Array:
-    """dX/ds along an edge of the mounted film [m], shape (cells, points, 2)."""
-    slopes = tabulated(model.discretisation.mesh.order, np.array(_EDGES[local](s)))[1]
-    along = np.array(_EDGES[local](np.ones(1))) - np.array(_EDGES[local](np.zeros(1)))
-    return np.asarray(np.matmul(jacobian(model, cells, slopes), along)[..., 0])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
-from tympan.fem.results.fields import edge_fields, whole
+from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
@@ -102,12 +102,11 @@ def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array
     parts = 1 + int(part_of.max())
     if parts == 1:
         return np.ones(1)
-    full, unfolded = whole(model, state)
-    edge = edge_fields(full, unfolded, "plate", 24, quadrature=True)
-    arm = edge.fields.position - full.centre
+    fields, weights = edge_fields(model, state, "plate", 24, quadrature=True)
+    arm = fields.position - model.centre
     angle = np.arctan2(arm[:, 1], arm[:, 0]) % (2 * np.pi)
     order = np.argsort(angle)
-    force = (edge.fields.plate_traction[:, 2] * edge.weights)[order]
+    force = (fields.plate_traction[:, 2] * weights)[order]
     # Midpoint rule of the cumulative force, so that a part may end between two points of an edge.
     cumulative, total = np.cumsum(force) - force / 2, force.sum()
     angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])

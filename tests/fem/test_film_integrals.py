@@ -17,11 +17,9 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import (
     Fields,
     cell_fields,
-    cell_fields_of,
+    film_integrals,
     lost_tension,
-    lost_tension_of,
 )
-from tympan.fem.results.film_integrals import film_integrals
 from tympan.geometry.mesh import ELEMENTS
 from tympan.geometry.specimen import Electrode
 from tympan.studies.case import Case, Settings, build_model, equilibrate, solve, summaries
@@ -46,26 +44,25 @@ def several(request) -> tuple[Model, list[State]]:
 
 def test_totals_are_those_of_the_forces_and_the_energy(several) -> None:
     made, states = several
-    found = film_integrals(made, states)
-    for number, state in enumerate(states):
-        assert found.reaction[number] == pytest.approx(made.reaction(state), rel=1e-11)
-        assert found.capacitance[number] == pytest.approx(made.capacitance(state), rel=1e-12)
+    sums = zip(*film_integrals(made, states), strict=True)
+    for state, (reaction, capacitance, energy) in zip(states, sums, strict=True):
+        assert reaction == pytest.approx(made.reaction(state), rel=1e-11)
+        assert capacitance == pytest.approx(made.capacitance(state), rel=1e-12)
         part = float(made.energy(state.positions, state.voltage_squared))
-        energy = part * made.discretisation.mirrored
-        assert found.energy[number] == pytest.approx(energy, rel=1e-12)
+        assert energy == pytest.approx(part * made.discretisation.mirrored, rel=1e-12)
 
 
 def test_fields_and_lost_tension_are_those_of_each_state(several) -> None:
     made, states = several
     points = ELEMENTS[made.discretisation.mesh.order].doflocs.T
-    for state, together in zip(states, cell_fields_of(made, states, points), strict=True):
-        alone = cell_fields(made, state, points)
+    for state, together in zip(states, cell_fields(made, states, points), strict=True):
+        [alone] = cell_fields(made, [state], points)
         for item in fields(Fields):
             one, other = getattr(together, item.name), getattr(alone, item.name)
             scale = np.abs(other[np.isfinite(other)]).max(initial=0.0)
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13 * scale)
-    for state, together in zip(states, lost_tension_of(made, states), strict=True):
-        assert together == lost_tension(made, state)
+    for state, together in zip(states, lost_tension(made, states), strict=True):
+        assert [together] == lost_tension(made, [state])
 
 
 def test_lost_tension_is_what_the_fields_say(several) -> None:
@@ -73,8 +70,8 @@ def test_lost_tension_is_what_the_fields_say(several) -> None:
     made, states = several
     x, y = np.array([((3 * i + t) / 12, (3 * j + t) / 12) for t in (1, 2)
                      for i in range(4) for j in range(5 - t - i)]).T
-    for state, found in zip(states, lost_tension_of(made, states, parts=4), strict=True):
-        tension = cell_fields(made, state, np.array([x, y])).tension
+    for state, found in zip(states, lost_tension(made, states, parts=4), strict=True):
+        tension = cell_fields(made, [state], np.array([x, y]))[0].tension
         counted = np.mean(tension != Tension.TAUT)
         assert (found.share > 0) == (counted > 0) == (made.wrinkles and state in states[:3])
         assert (found.share == pytest.approx(1)) == (counted == 1)

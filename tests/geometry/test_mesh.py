@@ -80,7 +80,7 @@ def test_no_band_folds_its_elements(frame: float, plate: float) -> None:
     specimen = replace(circular(), electrode=Electrode(frame * 1e-3, plate * 1e-3))
     model = build_model(specimen, Settings())
     assert folded(model.discretisation.mesh) == 0
-    stretch = cell_fields(model, model.mounted(), ELEMENTS[4].doflocs.T).stretch_1
+    stretch = cell_fields(model, [model.mounted()], ELEMENTS[4].doflocs.T)[0].stretch_1
     assert np.allclose(stretch, 5**0.5, rtol=1e-12)
 
 

@@ -61,7 +61,7 @@ def test_laws_by_hand() -> None:
 def test_margin_of_the_flat_film_is_that_of_a_plate_capacitor() -> None:
     specimen = circular(strength=PowerStrength(30e6, 0.8, 0.3, 5e-4))
     made = model(specimen)
-    fields = cell_fields(made, made.mounted(4000.0**2), ELEMENTS[4].doflocs.T)
+    [fields] = cell_fields(made, [made.mounted(4000.0**2)], ELEMENTS[4].doflocs.T)
     field, strength = 4000.0 / 0.2e-3, 30e6 * ROOT5**0.8 * (0.2 / 0.5) ** -0.3
     assert np.allclose(fields.breakdown_share, field / strength, rtol=1e-12)
 

@@ -62,11 +62,11 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(law, c) -> None:
     """S = ∂ψ/∂E and D = ∂S/∂E in Voigt form: C₁₁ = 2E₁₁ + 1, C₁₂ = γ; also at and near equal
     stretches."""
     prestretch = (ROOT5, ROOT5)
-    density = plane_stress((law,), c, prestretch)
+    density = plane_stress(law, c, prestretch)
     scale = np.abs(density.tangent).max()
     for k, weight in enumerate((2.0, 2.0, 1.0)):
         moved = [value + 1j * STEP * weight * (index == k) for index, value in enumerate(c)]
-        by_step = plane_stress((law,), tuple(np.complex128(value) for value in moved), prestretch,
+        by_step = plane_stress(law, tuple(np.complex128(value) for value in moved), prestretch,
                                tangent=False)
         if np.hypot((c[0] - c[1]) / 2, c[2]) > 0:
             assert by_step.energy.imag / STEP == pytest.approx(density.stress[k], rel=1e-11,
@@ -83,7 +83,7 @@ def test_power_is_the_stress_times_the_change_of_strain(law, c) -> None:
     points = tuple(np.full(1, value) for value in c)
     work = virtual_work(points, tuple(np.full((1, 1), value) for value in change), prestretch,
                         np.full(1, 2.0))
-    density = plane_stress((law,), points, prestretch)
+    density = plane_stress(law, points, prestretch)
     expected = 2 * (density.stress[0] @ (change / [2, 2, 1]))
     assert work(law) == pytest.approx(expected, rel=1e-11,
                                       abs=1e-13 * np.abs(density.tangent).max())
@@ -91,10 +91,10 @@ def test_power_is_the_stress_times_the_change_of_strain(law, c) -> None:
 
 @pytest.mark.parametrize("law", MATERIALS_TO_TEST.values(), ids=MATERIALS_TO_TEST)
 def test_tangent_at_exactly_equal_stretches_is_the_limit(law) -> None:
-    here = plane_stress((law,), (1.0, 1.0, 0.0), (ROOT5, ROOT5)).tangent
-    near = plane_stress((law,), (1.0 + 1e-4, 1.0 - 1e-4, 0.0), (ROOT5, ROOT5)).tangent
+    here = plane_stress(law, (1.0, 1.0, 0.0), (ROOT5, ROOT5)).tangent
+    near = plane_stress(law, (1.0 + 1e-4, 1.0 - 1e-4, 0.0), (ROOT5, ROOT5)).tangent
     assert np.allclose(here, near, rtol=0, atol=1e-3 * np.abs(here).max())
-    centred = plane_stress((law,), (1.0 + 1e-3, 1.0 - 1e-3, 0.0), (ROOT5, ROOT5)).stress
+    centred = plane_stress(law, (1.0 + 1e-3, 1.0 - 1e-3, 0.0), (ROOT5, ROOT5)).stress
     # Central difference of the stress in the direction that splits the stretches: E₁₁ = −E₂₂ =
     # 5e-4.
     assert (centred[0] - centred[1]) / 1e-3 == pytest.approx(here[0, 0] - here[0, 1], rel=1e-4)
@@ -103,7 +103,7 @@ def test_tangent_at_exactly_equal_stretches_is_the_limit(law) -> None:
 @pytest.mark.parametrize("law", MATERIALS_TO_TEST.values(), ids=MATERIALS_TO_TEST)
 def test_stress_is_continuous_where_the_divided_difference_takes_over(law) -> None:
     split = np.linspace(0.8e-5, 1.2e-5, 41)
-    stress = plane_stress((law,), (1 + split, 1 - split, 0 * split), (ROOT5, ROOT5),
+    stress = plane_stress(law, (1 + split, 1 - split, 0 * split), (ROOT5, ROOT5),
                           tangent=False).stress
     bend = np.diff(stress[:, 0], 2)
     assert np.abs(bend).max() < 1e-13 * np.abs(stress).max() + 1e-12
@@ -119,8 +119,8 @@ def test_isotropy_under_equal_prestretch(angle: float, a: float, b: float) -> No
     law = MATERIALS_TO_TEST["Ogden 3 terms"]
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     turned = turn @ np.diag([a * a, b * b]) @ turn.T
-    straight = plane_stress((law,), (a * a, b * b, 0.0), (2.0, 2.0), tangent=False)
-    density = plane_stress((law,), (turned[0, 0], turned[1, 1], turned[0, 1]), (2.0, 2.0),
+    straight = plane_stress(law, (a * a, b * b, 0.0), (2.0, 2.0), tangent=False)
+    density = plane_stress(law, (turned[0, 0], turned[1, 1], turned[0, 1]), (2.0, 2.0),
                            tangent=False)
     s11, s22, s12 = density.stress
     assert density.energy == pytest.approx(straight.energy, rel=1e-12)
