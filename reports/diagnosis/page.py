@@ -22,13 +22,7 @@ Content = Mapping[str, Any]
 CLEARLY = 3.0
 
 def build_diagnosis_page(folder: Path) -> Path:
-    """Write folder/diagnosis.html from what a diagnosis stored there; answers that file.
-
-    Raises
-    ------
-    InputError
-        When diagnosis.json or readings.csv is missing or damaged.
-    """
+    """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
     content, columns = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
     draw_residuals({name: values[lengths] for name, values in columns.items()}, folder)

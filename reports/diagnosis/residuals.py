@@ -52,7 +52,7 @@ def _compose(readings: Mapping[str, NDArray[Any]]) -> Figure:
 def _panel(axes: Axes, readings: Mapping[str, NDArray[Any]], name: str,
            values: NDArray[np.float64] | None) -> None:
     of_specimen = readings["specimen"] == name
-    voltage, noise = readings["voltage_kV"][of_specimen], 1e6 * readings["sigma"][of_specimen]
+    voltage, noise = readings["voltage"][of_specimen] / 1e3, 1e6 * readings["sigma"][of_specimen]
     order = np.argsort(voltage)
     edges, band = voltage[order], noise[order]
     if np.ptp(voltage) == 0:
@@ -64,8 +64,8 @@ def _panel(axes: Axes, readings: Mapping[str, NDArray[Any]], name: str,
         axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
                   color="#5a6475")
         return
-    for number, mass in enumerate(np.unique(readings["mass_g"]).tolist()):
-        rows = of_specimen & (readings["mass_g"] == mass)
-        axes.plot(readings["voltage_kV"][rows], values[rows], style.marker_of(number),
+    for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
+        rows = of_specimen & (readings["mass"] == mass)
+        axes.plot(readings["voltage"][rows] / 1e3, values[rows], style.marker_of(number),
                   color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
-                  label=f"{mass:.4g} g")
+                  label=f"{1e3 * mass:.4g} g")

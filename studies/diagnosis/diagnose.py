@@ -1,21 +1,39 @@
-"""A dataset diagnosed: what its readings say is wrong, what it may be, and what to do about it."""
+"""A dataset diagnosed, or what its readings can tell before they are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
-from tympan.studies.diagnosis.calibration import calibrated, law_error, with_effects
+from tympan.studies.diagnosis.calibration import (
+    calibrated,
+    largest_voltage_squared,
+    law_error,
+    nominal_laws,
+    with_effects,
+)
+from tympan.studies.diagnosis.inference.identifiability import (
+    classes_of,
+    detectable_effects,
+    signatures,
+)
 from tympan.studies.diagnosis.inference.verdict import judge
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
+from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis, cause_names
+from tympan.studies.effects import Setup
 
 #: Factors on the widths of the priors for which the verdict is found again.
 SWEEP = (0.5, 2.0)
+
+#: How often, and each time by what factor, the reach of the laws of planned readings may grow.
+_ROUNDS, _GROWTH = 5, 1.5
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
@@ -56,3 +74,45 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     if judged.chosen is not None:
         error = max(error, law_error(simulation, judged.chosen, table))
     return Diagnosis.of(dataset, readings, simulation, judged, error, tuple(swept), seed)
+
+
+def plan_readings(dataset: Dataset, workers: int = 1,
+                  progress: Callable[[int, int], None] = lambda done, all_of_them: None
+                  ) -> dict[str, Any]:
+    """What a dataset's readings can tell, whatever was or will be read, as a JSON object.
+
+    Their values are not looked at. An :class:`InputError` where a planned state has no equilibrium.
+    """
+    readings = prepared_readings(dataset)
+    table = _predicted(readings.setup, readings.table)
+    nominal, fit = calibrated(readings.setup, table)
+    signs = signatures(with_effects(nominal, progress, workers), table, fit.unknowns,
+                       readings.causes)
+    invisible, classes = classes_of(signs)
+    return {
+        "dataset": dataset.name,
+        "readings": len(table),
+        "noise_um": 1e6 * float(np.sqrt(np.mean(table.sigma[table.lengths] ** 2))),
+        "noise_from": readings.noise_from,
+        "not_visible": sorted({str(cause) for cause in invisible}),
+        "indistinguishable": [[str(cause) for cause in group] for group in classes],
+        "effects": [effect.json() for effect in detectable_effects(signs)],
+    }
+
+
+def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
+    heave = np.array([0.2 * specimen.gap for specimen in setup.specimens])
+    highest = np.array([0.8 * specimen.gap for specimen in setup.specimens])
+    voltage_squared = np.array([1.3 * largest_voltage_squared(setup, table, number) + 1e4
+                                for number in range(len(setup.specimens))])
+    for _ in range(_ROUNDS):
+        simulation = Simulation(setup, nominal_laws(setup, heave, voltage_squared))
+        values = simulation.predict((), np.zeros(2), table)
+        if np.isfinite(values).all():
+            return table.with_values(values)
+        heave = np.minimum(_GROWTH * heave, highest)
+    row = int(np.flatnonzero(~np.isfinite(values))[0])
+    raise InputError("the nominal model has no equilibrium there: plan a lower voltage or mass",
+                     key="readings",
+                     given=f"{setup.specimens[int(table.specimen[row])].name}, "
+                           f"{1e3 * table.mass[row]:.4g} g, {1e-3 * table.voltage[row]:.4g} kV")

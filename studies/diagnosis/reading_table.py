@@ -39,16 +39,12 @@ class States:
 
     @classmethod
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
-           voltage: Sequence[float] | Array,
-           elapsed: Array | None = None, direction: Array | None = None,
-           heave: Array | None = None) -> States:
-        """With nothing known of time and direction unless given, and the plate free."""
-        numbers = np.asarray(specimen, dtype=np.int64)
-        none = np.zeros(len(numbers))
-        return cls(numbers, np.asarray(mass, float), np.asarray(voltage, float),
-                   none if elapsed is None else elapsed,
-                   none if direction is None else direction,
-                   none + np.nan if heave is None else heave)
+           voltage: Sequence[float] | Array, elapsed: Array | float = 0.0,
+           direction: Array | float = 0.0) -> States:
+        """States with the plate free."""
+        parts = (mass, voltage, elapsed, direction, np.nan)
+        return cls(np.asarray(specimen, dtype=np.int64),
+                   *(np.full(len(specimen), part, float) for part in parts))
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -146,11 +142,12 @@ class ReadingTable:
             for name in self.__dataclass_fields__ if name != "states"))
 
 
-def rows(states: States, kind: Kind, sigma: float | Array,
-         value: Array | None = None) -> ReadingTable:
+def rows(states: States, kind: Kind, sigma: float | Array, value: float | Array = 0.0,
+         order: float | Array = np.nan, run: str | NDArray[np.str_] = "", file: str = "",
+         line: int | Numbers = 0) -> ReadingTable:
     """One row of a kind for each state."""
     count = len(states)
-    none = np.full(count, "")
-    return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1),
-                        np.zeros(count) if value is None else value, np.full(count, sigma, float),
-                        np.full(count, np.nan), none, none, np.zeros(count, dtype=np.int64))
+    values, sigmas, orders = (np.full(count, part, float) for part in (value, sigma, order))
+    return ReadingTable(states, np.full(count, kind), np.arange(count), np.full(count, -1), values,
+                        sigmas, orders, np.full(count, run), np.full(count, file),
+                        np.full(count, line))

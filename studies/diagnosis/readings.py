@@ -47,8 +47,12 @@ class PreparedReadings:
     table: ReadingTable
     stated: float
     noise_from: str
-    assumed: bool
     remarks: tuple[str, ...] = ()
+
+    @property
+    def assumed(self) -> bool:
+        """Whether nothing says how large the noise is."""
+        return self.noise_from == "assumed"
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -69,81 +73,69 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     InputError
         When there are too few to conclude anything from, or a column is off by a unit.
     """
-    used = {name for table in (dataset.static, dataset.ranges) if table is not None
-            for name in table.specimen.tolist()}
+    static, ranges = dataset.static, dataset.ranges
+    sheets = [sheet for sheet in (static, ranges) if sheet is not None]
+    used = {name for sheet in sheets for name in sheet.specimen.tolist()}
     setup = Setup(tuple(specimen for specimen in dataset.specimens if specimen.name in used),
                   dataset.rig)
-    count = sum(len(table) for table in (dataset.static, dataset.ranges) if table is not None)
+    count = sum(map(len, sheets))
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
     for slip in slips_of_unit(dataset):
         raise InputError(slip, key=dataset.name)
     numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}
-    parts = []
-    if dataset.static is not None:
-        parts += _static(dataset.static, numbers, reading_sigma(dataset))
-    if dataset.ranges is not None:
-        parts.append(_ranges(dataset.ranges, numbers))
-    return _with_noise(dataset, setup, reduce(ReadingTable.joined, parts))
-
-
-def _with_noise(dataset: Dataset, setup: Setup, table: ReadingTable) -> PreparedReadings:
-    """A noise for every row, and how well it is known."""
+    remarks, parts = [], []
+    if static is not None:
+        parts += _static(static, numbers, reading_sigma(dataset))
+        if "tilt" in channels(static):
+            remarks.append("tilt readings are not used")
+    if ranges is not None:
+        parts.append(_ranges(ranges, numbers))
+    table = reduce(ReadingTable.joined, parts)
+    planned = bool(np.isnan(table.value).any())
     unknown = np.isnan(table.sigma)
-    repeats = repeat_noise(dataset) if np.isfinite(table.value).all() else None
-    remarks = []
-    if dataset.static is not None and "tilt" in channels(dataset.static):
-        remarks.append("tilt readings are not used")
-    assumed = bool(unknown.any())
-    if assumed and np.isnan(table.value).any():
-        raise InputError("is needed to plan: the standard deviation of one reading", key="noise",
-                         given=None)
-    if assumed:
+    if unknown.any():
+        if planned:
+            raise InputError("is needed to plan: the standard deviation of one reading",
+                             key="noise", given=None)
         size = ASSUMED * np.sqrt(np.mean(table.value[unknown] ** 2))
         table = table.with_sigma(np.where(unknown, size, table.sigma))
-    words = ("assumed" if assumed else "stated" if dataset.noise is not None or repeats is None
-             else "from repeats")
-    stated = 0.0 if words == "from repeats" or (assumed and len(table) > 4 * FEWEST) else STATED
+        enough = len(table) > 4 * FEWEST
+        noise_from = "from the scatter about smooth curves" if enough else "assumed"
+    else:
+        repeated = dataset.noise is None and not planned and repeat_noise(dataset) is not None
+        noise_from = "from repeats" if repeated else "stated"
+    stated = STATED if noise_from in ("stated", "assumed") else 0.0
     if len(table) > MANY:
-        before = len(table)
-        table = averaged(table)
+        before, table = len(table), averaged(table)
         remarks.append(f"{before} readings were averaged to {len(table)} of nearly the same state")
-    if words == "assumed" and stated == 0:
-        words = "from the scatter about smooth curves"
-    return PreparedReadings(setup, table, stated, words, words == "assumed", tuple(remarks))
+    return PreparedReadings(setup, table, stated, noise_from, tuple(remarks))
 
 
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
     """One row for each displacement, and for each reading of a further channel."""
-    direction = np.where(readings.direction == "up", 1.0,
-                         np.where(readings.direction == "down", -1.0, 0.0))
+    direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
                        readings.voltage, np.nan_to_num(readings.elapsed), direction)
-
-    def located(table: ReadingTable) -> ReadingTable:
-        return replace(table, order=readings.order, run=readings.run,
-                       file=np.full(len(readings), "static.csv"), line=readings.line)
-
-    tables = [located(rows(states, "displacement", sigma, readings.displacement))]
+    origin = readings.order, readings.run, "static.csv", readings.line
+    tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage")
     for kind in kinds:
-        values = getattr(readings, kind)
+        values = readings[kind]
         if (seen := np.isfinite(values)).any():
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
-            tables.append(located(rows(states, kind, noise, values))[seen])
+            tables.append(rows(states, kind, noise, values, *origin)[seen])
     return tables
 
 
 def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
     """One row for each range, of two states."""
-    count = len(ranges)
     specimen = [numbers[name] for name in ranges.specimen.tolist()]
-    states = States.of(specimen, ranges.mass, ranges.voltage_max).joined(
-        States.of(specimen, ranges.mass, ranges.voltage_min))
-    return ReadingTable(states, np.full(count, "range"), np.arange(count), count + np.arange(count),
-                        ranges.range, ranges.sigma, np.full(count, np.nan), np.full(count, ""),
-                        np.full(count, "range.csv"), ranges.line)
+    highest, lowest = (States.of(specimen, ranges.mass, voltage)
+                       for voltage in (ranges.voltage_max, ranges.voltage_min))
+    table = rows(highest, "range", ranges.sigma, ranges.range, file="range.csv", line=ranges.line)
+    return replace(table, states=highest.joined(lowest), since=len(ranges) + table.state)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:

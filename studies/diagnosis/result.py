@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +11,8 @@ from numpy.typing import NDArray
 
 from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
-from tympan.geometry.units import quantity
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.gain import GainReport, gain_of
@@ -34,19 +32,30 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.text import AGAIN, limitations, where
 from tympan.studies.effects import Setup
-from tympan.studies.files import write_csv, write_json, write_text
+from tympan.studies.files import read_json, write_json, write_text
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
 
+#: The columns of readings.csv: what was read, and what both models say [SI].
+COLUMNS: tuple[Column, ...] = (
+    Column.labels("file", required=False), Column("line"), Column.labels("kind"),
+    Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"), Column("elapsed", "s"),
+    *(Column(name, required=False, absent="nan")
+      for name in ("order", "read", "sigma", "baseline", "extended")))
+
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
+#: Patterns that noise shows less often than this are told too.
+_CLEAR = 1e-3
+#: Scatter about smooth curves over the stated noise from which it is worth a word.
+_ROUGH = 1.4
 
-_HEADER = ("file", "line", "kind", "specimen", "mass_g", "voltage_kV", "elapsed_s", "order", "read",
-           "sigma", "baseline", "extended")
-_WORDS = ("file", "kind", "specimen")
+#: The next experiment where no effect explains a misfit.
+AGAIN = ("mount the specimens again and repeat the readings, up and down: see whether the misfit "
+         "is there again, and how large the noise is, before looking for an effect nobody has "
+         "thought of")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +110,12 @@ class Diagnosis:
 
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
-        judged, posterior = self.judgement, self.judgement.posterior
+        judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
         # Whether the verdict or the named causes change with the priors' widths.
         moves = any(verdict != (judged.verdict, cause_names(judged.named))
                     for verdict in self.swept)
+        factors = {name: np.exp(interval(judged.nominal, number)).tolist()
+                   for number, name in enumerate(("stiffness_factor", "permittivity_factor"))}
         return {
             "dataset": self.dataset.name,
             "verdict": self.verdict,
@@ -122,21 +133,28 @@ class Diagnosis:
                           "parameters": _parameters(effect.fit, effect.cause),
                           "prior_widths": effect.widths, "plausible": effect.plausible,
                           "at_limit": effect.bounded} for effect in self.single_effects],
-            "after": self._after(),
-            "baseline": {name: dict(zip(("value", "low", "high"),
-                                        np.exp(interval(judged.nominal, number)).tolist(),
-                                        strict=True))
-                         for number, name in enumerate(("stiffness_factor",
-                                                        "permittivity_factor"))},
+            "after": chosen and {"rmse_um": _rmse_um(chosen.residual, judged.table),
+                                 "p_value": judged.after and judged.after.p_value,
+                                 "effects": [str(cause) for cause in chosen.hypothesis]},
+            "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
+                         for name, values in factors.items()},
             "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
             "knowable": [effect.json() for effect in self.detectable],
-            "warnings": limitations(self.dataset, self.readings, judged, self.model_error, moves),
+            "warnings": self._limitations(moves),
         }
 
     def save(self, folder: Path) -> None:
         """Write the readings, the extended model and, last, diagnosis.json to a folder."""
-        write_csv(folder / "readings.csv", _HEADER, self._rows())
+        table, nominal = self.judgement.table, self.judgement.nominal
+        specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
+        write_sheet(folder / "readings.csv", COLUMNS, {
+            "file": table.file, "line": table.line, "kind": table.kind,
+            "specimen": specimens[table.specimen], "mass": table.mass, "voltage": table.voltage,
+            "elapsed": table.states.elapsed[table.state], "order": table.order,
+            "read": table.value, "sigma": table.sigma,
+            "baseline": table.value - nominal.residual * table.sigma,
+            "extended": table.value - (self.chosen or nominal).residual * table.sigma})
         setup = self.extended
         if setup is not None:
             write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
@@ -173,21 +191,12 @@ class Diagnosis:
             "noise_from": self.readings.noise_from,
             "noise_over_stated": judged.test.noise,
             "p_value": judged.test.p_value,
-            "where": (where(judged) if self.verdict != "nothing"
+            "where": (_where(judged) if self.verdict != "nothing"
                       else "nowhere: what is left is noise"),
             "ratios": ratios(table, predicted, names),
             "patterns": [{"what": words_of(name), "p_value": p} for name, p in p_values
                          if name in judged.patterns],
         }
-
-    def _after(self) -> Json | None:
-        """What the extended model leaves."""
-        if self.chosen is None:
-            return None
-        test = self.judgement.after
-        return {"rmse_um": _rmse_um(self.chosen.residual, self.judgement.table),
-                "p_value": None if test is None else test.p_value,
-                "effects": [str(cause) for cause in self.chosen.hypothesis]}
 
     def _next_experiment(self) -> Json | None:
         """The best experiment; None where nothing is to be told apart."""
@@ -202,44 +211,48 @@ class Diagnosis:
         return {"what": self.advice, "separates": best["separates"],
                 "expected_chi_squared": best["expected_chi_squared"], "menu": menu}
 
-    def _rows(self) -> Iterator[tuple[object, ...]]:
-        """The readings in SI, with what both models say."""
-        table, nominal = self.judgement.table, self.judgement.nominal
-        specimens = np.array([specimen.name for specimen in self.simulation.setup.specimens])
-        columns = (table.file, table.line, table.kind, specimens[table.specimen],
-                   table.mass / quantity("1 g", "mass"),
-                   table.voltage / quantity("1 kV", "voltage"),
-                   table.states.elapsed[table.state], table.order, table.value, table.sigma,
-                   table.value - nominal.residual * table.sigma,
-                   table.value - (self.chosen or nominal).residual * table.sigma)
-        return zip(*(column.tolist() for column in columns), strict=True)
+    def _limitations(self, moves: bool) -> list[str]:
+        """What limits the conclusions; ``moves``: whether the verdict does so with the priors."""
+        words = [*dataset_warnings(self.dataset), *self.readings.remarks]
+        noise, scatter = float(np.median(self.judgement.table.sigma)), self.judgement.test.noise
+        if self.readings.assumed:
+            words.append("the noise is not known but assumed, so no cause is named")
+        if self.model_error > 0.5 * noise:
+            words.append(f"the reduced model is off by up to {1e6 * self.model_error:.2g} um, "
+                         f"which is not small beside the noise of {1e6 * noise:.2g} um")
+        if scatter > _ROUGH and self.readings.stated:
+            words.append(f"the readings scatter {scatter:.2g} times as much about smooth curves as "
+                         "stated: the noise is understated, or something jumps, such as a plate "
+                         "that rubs")
+        if moves:
+            words.append("the verdict depends on how wide the effects' priors are taken (half or "
+                         "twice as wide)")
+        return words
 
 
 def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]]]:
-    """What :meth:`Diagnosis.save` wrote: the JSON object, and the columns of readings.csv by name.
-
-    Columns have shape (rows,), lengths in m: numbers but for file, kind and specimen.
-
-    Raises
-    ------
-    InputError
-        When diagnosis.json or readings.csv is missing or damaged.
-    """
-    try:
-        content = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-        with (folder / "readings.csv").open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-        columns = {name: np.array([row[name] if name in _WORDS else float(row[name])
-                                   for row in rows]) for name in _HEADER}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"cannot be read: {error}; run tympan diagnose again",
-                         file=folder) from None
-    return content, columns
+    """What :meth:`Diagnosis.save` wrote: the JSON object, and the columns of readings.csv [SI]."""
+    return read_json(folder / "diagnosis.json"), read_own_sheet(folder / "readings.csv", COLUMNS)
 
 
 def cause_names(causes: tuple[Cause, ...]) -> tuple[str, ...]:
     """Causes as words, in order."""
     return tuple(sorted(map(str, causes)))
+
+
+def _where(judged: Judgement) -> str:
+    """Where the misfit is: the strongest pattern, and the strongest of another kind.
+
+    Of patterns that are about as strong the one is taken that says more: of a specimen before of
+    all readings.
+    """
+    strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items()
+                if name in judged.patterns and name != "ramps"}
+    vague = {"level": 1e4, "fitted value": 1e3, "voltage": 10.0}
+    order = sorted(strength, key=lambda name: strength[name] * vague.get(name, 1.0))
+    others = [name for name in order[1:] if strength[name] < _CLEAR and name not in vague
+              and name.split()[0] != order[0].split()[0]]
+    return "; ".join(words_of(name) for name in order[:1] + others[:1])
 
 
 def _rmse_um(residual: Array, table: ReadingTable) -> float:
@@ -248,10 +261,7 @@ def _rmse_um(residual: Array, table: ReadingTable) -> float:
 
 
 def _parameters(fit: Fit, cause: Cause) -> Json:
-    """The parameters of a cause at a fit, in the units to show, with 95 % limits.
-
-    None stands for what is infinite.
-    """
+    """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
     parameters: Json = {}
     first = sizes_of(fit.hypothesis, cause).start
     for number, parameter in enumerate(cause.effect.parameters, first):

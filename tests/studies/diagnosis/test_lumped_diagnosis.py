@@ -98,7 +98,7 @@ def simulation_of(setup: Setup, table: ReadingTable) -> Simulation:
 def judged(setup: Setup, table: ReadingTable, seed: int) -> Judgement:
     """By all causes there are."""
     table = noisy(table, seed)
-    causes = PreparedReadings(setup, table, 0.0, "", assumed=False).causes
+    causes = PreparedReadings(setup, table, 0.0, "").causes
     assert CONE in causes
     return judge(simulation_of(setup, table), table, causes, seed=seed)
 
