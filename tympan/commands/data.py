@@ -32,8 +32,7 @@ def data(options: argparse.Namespace) -> None:
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
-    from tympan.studies.diagnosis.diagnose import diagnose
-    from tympan.studies.diagnosis.diagnose import plan_readings
+    from tympan.studies.diagnosis.diagnose import diagnose, plan_readings
     from tympan.studies.files import write_json
 
     dataset = read_dataset(options.dataset, options.plan)
