@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -34,11 +34,10 @@ from tympan.fem.results.fields import (
 )
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
+from tympan.geometry.fields import Key, takes_units
 from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
-from tympan.geometry.units import quantity
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
 
@@ -60,60 +59,38 @@ class Settings:
     symmetry: bool = True
 
 
-@dataclass(frozen=True, init=False)
+@takes_units
+@dataclass(frozen=True)
 class Case:
     """A specimen on a rig under a nominal ``mass`` [kg] and ``voltage`` [V].
 
     It is read ``elapsed`` [s] after the run began; ``direction`` is 1 where the voltage was reached
-    from below, -1 from above, 0 where that is not known.
+    from below, -1 from above, 0 where that is not known. Texts carry their unit.
     """
 
     specimen: Specimen
+    _: KW_ONLY
     mass: Annotated[float, Key("nominal load on the plate", "mass")]
-    voltage: Annotated[float, Key("nominal voltage", "voltage")]
-    rig: Rig
-    elapsed: Annotated[float, Key("time since the run began", "time")]
-    direction: float
+    voltage: Annotated[float, Key("nominal voltage", "voltage")] = 0.0
+    rig: Rig = Rig()
+    elapsed: Annotated[float, Key("time since the run began", "time")] = 0.0
+    direction: float = 0.0
 
-    def __init__(self, specimen: Specimen, *, mass: float | str, voltage: float | str = 0.0,
-                 rig: Rig = Rig(), elapsed: float | str = 0.0, direction: float = 0.0) -> None:
-        """Numbers are in SI; texts carry their unit.
+    if TYPE_CHECKING:
+        def __init__(self, specimen: Specimen, *, mass: float | str, voltage: float | str = 0.0,
+                     rig: Rig = Rig(), elapsed: float | str = 0.0,
+                     direction: float = 0.0) -> None: ...
 
-        Raises
-        ------
-        InputError
-            For negative loads, texts that are no quantity, and directions that are none.
-        """
-        values = {"specimen": specimen, "mass": in_si(mass, "mass"),
-                  "voltage": in_si(voltage, "voltage"), "rig": rig,
-                  "elapsed": in_si(elapsed, "time", "elapsed"), "direction": direction}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+    def __post_init__(self) -> None:
         checked_load(self.mass, self.voltage)
-        if direction not in DIRECTIONS.values():
+        if self.direction not in DIRECTIONS.values():
             raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
-                             given=direction)
+                             given=self.direction)
 
     @property
     def film_voltage(self) -> float:
         """What the film responds to [V]."""
         return self.rig.film_voltage(self.voltage, self.direction)
-
-
-def in_si(value: float | str, dimension: str, key: str = "") -> float:
-    """A number as it is, a text with its unit in SI; ``key`` is what a message calls it.
-
-    Examples
-    --------
-    >>> in_si("17.9 g", "mass"), in_si(0.0179, "mass")
-    (0.0179, 0.0179)
-    """
-    if not isinstance(value, str):
-        return value
-    try:
-        return quantity(value, dimension)
-    except InputError as error:
-        raise error.located(key=key or dimension) from None
 
 
 @dataclass(frozen=True, kw_only=True)
