@@ -87,17 +87,12 @@ class Branch:
         point.solution.release()
         return self._solved(guess, arc_length(point.state, point.direction, step))
 
-    def limit(self, before: PathPoint, after: PathPoint) -> PathPoint | None:
-        """The limit point of the load between two points; its direction is the critical mode."""
-        return self.where(before, after, lambda point: point.rate)
-
-    def reach(self, before: PathPoint, after: PathPoint, value: float) -> PathPoint | None:
-        """The point between two others at which the followed load has a value."""
-        return self.where(before, after, lambda point: point.state.load(self.load) - value)
-
     def where(self, before: PathPoint, after: PathPoint,
               value: Callable[[PathPoint], float]) -> PathPoint | None:
-        """The point between two others where a function vanishes; None without change of sign."""
+        """The point between two others where a function vanishes; None without change of sign.
+
+        Where that is the rate, the point is a limit and its direction the critical mode.
+        """
         motion = difference(self.model, after.state, before.state)
         end = product(self.model, before.direction, motion)
         points: dict[float, PathPoint] = {0.0: before}

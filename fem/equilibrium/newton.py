@@ -212,11 +212,6 @@ class Tangent:
         return np.asarray((schur + schur.T) / 2)
 
     @property
-    def plate_stable(self) -> bool:
-        """Whether that stiffness is positive definite."""
-        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
-
-    @property
     def stable(self) -> bool:
         """Whether film and plate return when pushed.
 
@@ -224,7 +219,9 @@ class Tangent:
         without tension such a film wrinkles, whatever the plate does. Motions that cannot wrinkle
         are asked altogether.
         """
-        return self.plate_stable if self.subspace is FULL else self.negative == 0
+        if self.subspace is not FULL:
+            return self.negative == 0
+        return bool((np.linalg.eigvalsh(self.plate_stiffness) > 0).all())
 
     @cached_property
     def wrinkling(self) -> int:

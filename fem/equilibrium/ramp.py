@@ -271,14 +271,15 @@ class Ramp:
             if subspace is FULL and after.solution.wrinkling:
                 break
             if sense * after.rate < 0:
-                critical = branch.limit(before, after)
+                critical = branch.where(before, after, lambda point: point.rate)
                 if critical is None:
                     break
                 if sense * critical.state.load(load) < sense * target:
                     return self._pulled_in(stable, critical)
                 after = critical  # the target is before it, if not before the point after it
             if sense * after.state.load(load) >= sense * target:
-                return self._landed(stable, branch.reach(before, after, target))
+                return self._landed(stable, branch.where(
+                    before, after, lambda point: point.state.load(load) - target))
             # Where the film by itself resists no more, the plate's stiffness passes a pole: its
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:

@@ -65,7 +65,7 @@ def balance(part: Model, state_of_part: State) -> Balance:
     return Balance(float(np.abs(forces[free]).max()) / scale,
                    float(np.abs(force[allowed[:3]]).max(initial=0)) / scale,
                    float(np.abs(moment[allowed[3:]]).max(initial=0)) / scale / model.size,
-                   slope(model, state, forces), tangent.plate_stable, tangent.wrinkling)
+                   slope(model, state, forces), tangent.stable, tangent.wrinkling)
 
 
 def nodal_forces(model: Model, state: State) -> Array:

@@ -35,7 +35,7 @@ def limits(branch: Branch, start: State, count: int) -> list[PathPoint]:
     found = []
     for before, after in pairwise(branch.points(start)):
         if before.rate * after.rate < 0:
-            limit = branch.limit(before, after)
+            limit = branch.where(before, after, lambda point: point.rate)
             assert limit is not None
             found.append(limit)
         if len(found) == count:
@@ -139,7 +139,8 @@ def test_a_branch_comes_back_on_itself() -> None:
             break
     assert all(one.state.voltage_squared > other.state.voltage_squared
                for one, other in pairwise(back))
-    again = branch.reach(back[-2], back[-1], start.voltage_squared)
+    again = branch.where(back[-2], back[-1],
+                         lambda point: point.state.voltage_squared - start.voltage_squared)
     assert np.allclose(again.state.positions, start.positions, atol=1e-7)
     assert again.rate == pytest.approx(-ahead[0].rate, rel=1e-3)
 
@@ -192,7 +193,7 @@ def test_a_magnet_snaps_the_plate_through_and_back() -> None:
     for point in branch.points(start):
         points.append(point)
         if len(points) > 1 and points[-2].rate * point.rate < 0:
-            turns.append(branch.limit(points[-2], point))
+            turns.append(branch.where(points[-2], point, lambda point: point.rate))
         if len(turns) == 2 and point.state.voltage_squared > 5500.0**2:
             break
     up, down = (turn.state for turn in turns)
