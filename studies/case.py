@@ -13,13 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import numpy as np
 
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.equilibrium.ramp import (
-    Outcome,
-    PathSettings,
-    Status,
-    equilibrium,
-    voltage_path,
-)
+from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium, voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.loading import Loading

@@ -94,11 +94,6 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     The mass on the plate, the rig's unaccounted mass included, is that of a uniform plate, except
     for ``point_mass`` [kg] of it, without inertia of its own; their centre of mass is where the rig
     hangs the weight.
-
-    Raises
-    ------
-    InputError
-        When nothing that can move has mass, or the point mass exceeds the mass.
     """
     began = time.perf_counter()
     plate = _plate(case, point_mass)

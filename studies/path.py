@@ -19,14 +19,7 @@ from tympan.fem.membrane.state import Load
 from tympan.fem.results.fields import whole
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
-from tympan.studies.case import (
-    Case,
-    CaseRecord,
-    Settings,
-    equilibrate,
-    failure_reason,
-    node_fields,
-)
+from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason, node_fields
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface
 

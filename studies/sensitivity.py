@@ -75,15 +75,10 @@ class SensitivityResult(CaseRecord):
 
 def sensitivity(case: Case, settings: Settings,
                 names: Sequence[str] = ("heave",)) -> SensitivityResult:
-    """Derivatives of named quantities of a case by all it depends on.
+    """Derivatives of named quantities of a case by all it depends on; past pull-in, of its load.
 
-    Past pull-in, those of the pull-in load.
-
-    Raises
-    ------
-    InputError
-        For names that are no quantities, and for quantities without derivatives, such as the tilt
-        of a level plate.
+    InputError for names that are no quantities, and for quantities without derivatives, such as the
+    tilt of a level plate.
     """
     wanted = {name: named_quantity(name) for name in names}
     model, outcome = equilibrate(case, settings)
@@ -113,10 +108,7 @@ def sensitivity(case: Case, settings: Settings,
 
 def case_parameters(case: Case, model: Model, limited: Load | None = None
                     ) -> dict[str, ModelParameter]:
-    """All a case depends on, by name: specimen, nominal loads and rig.
-
-    Lengths the mesh cannot follow are left out.
-    """
+    """All a case depends on, by name, but for lengths the mesh cannot follow."""
     of_model = parameters(model)
     result = {name: of_model[name] for name in film_names(case.specimen)}
     for name in () if _immovable(model) else shape_names(case.specimen):

@@ -40,13 +40,7 @@ class ModelParameter:
 
 
 def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
-    """The parameters of a model by name, or those named: film, loads, surroundings and shape.
-
-    Raises
-    ------
-    InputError
-        For a name that is no parameter of the model.
-    """
+    """The parameters of a model by name, or those named: film, loads, surroundings and shape."""
     loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
                if isfinite(at(model, name.split(".")))}
     parameters = {name: _number(["specimen", *name.split(".")])
@@ -91,17 +85,7 @@ def _length(path: Sequence[str]) -> ModelParameter:
 
 
 def film_names(specimen: Specimen) -> tuple[str, ...]:
-    """Names of the numbers of film and electrode that move nothing.
-
-    Examples
-    --------
-    >>> from tympan.fem.film.laws import Ogden
-    >>> from tympan.geometry.outlines import Circle
-    >>> from tympan.geometry.specimen import Film, Plate
-    >>> film = Film(1e-3, (2.2, 2.2), Ogden((20e3,), (2.0,)), 4.7)
-    >>> film_names(Specimen("film", Circle(0.045), Plate(Circle(0.01)), film))[1:4]
-    ('membrane.prestretch.0', 'membrane.prestretch.1', 'membrane.material.mu.0')
-    """
+    """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
     # Strength decides nothing but breakdown.
     return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
 

@@ -44,12 +44,8 @@ def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Qu
     """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
     An outcome or a solution brings its factors; a bare state is factorised anew. The names are
-    those of :func:`~tympan.fem.derivatives.parameters.parameters`.
-
-    Raises
-    ------
-    InputError
-        For a name that is no parameter of the model; for quantities that have no derivative.
+    those of :func:`~tympan.fem.derivatives.parameters.parameters`. InputError for any other, and
+    for quantities that have no derivative there.
     """
     return gradient_many(model, equilibrium, {"": quantity}, parameters(model, names))[""]
 
@@ -119,12 +115,8 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
 
     At a limit point the tangent has a null vector φ, the critical mode, so that dλ/dp = −φ·∂R/∂p /
     φ·∂R/∂λ: no solve. The point and its load are such as ``critical`` and ``limited`` of an
-    :class:`~tympan.fem.equilibrium.ramp.Outcome`.
-
-    Raises
-    ------
-    InputError
-        Where the load has no limit: at a bifurcation, or away from the limit point.
+    :class:`~tympan.fem.equilibrium.ramp.Outcome`; InputError where the load has no limit, such as
+    at a bifurcation.
     """
     state, mode = critical.state, critical.direction
     if abs(critical.rate) > _FOLD * abs(state.load(load)):

@@ -31,12 +31,8 @@ Array = NDArray[Any]
 def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> tuple[Model, State]:
     """The same elements with their nodes elsewhere, and the state of the same displacements.
 
-    Parameters
-    ----------
-    specimen
-        The specimen of that shape.
-    motion
-        Of the nodes in the plane (nodes, 2) [m], real or imaginary.
+    ``specimen`` has that shape; ``motion`` of the nodes in the plane, shape (nodes, 2) [m], is real
+    or imaginary.
     """
     moved = replace(model, discretisation=model.discretisation.moved(motion), specimen=specimen)
     displaced = state.positions + np.column_stack([motion, np.zeros(len(motion))])
@@ -47,11 +43,8 @@ def moved_by(model: Model, state: State, specimen: Specimen, motion: Array) -> t
 def velocity(discretisation: Discretisation, specimen: Specimen, path: tuple[str, ...]) -> Array:
     """Motion of the nodes in the plane per unit of the length at a path, shape (nodes, 2).
 
-    Raises
-    ------
-    InputError
-        Where an edge of the electrode runs into another edge, so that nodes would have to slide
-        along it, or where the film's stress is infinite at a sharp corner.
+    InputError where an edge of the electrode runs into another edge, so that nodes would have to
+    slide along it, or where the film's stress is infinite at a sharp corner.
     """
     edges, stepped = _edges(specimen), _edges(with_change(specimen, path, 1j * STEP))
     return _extended(discretisation,

@@ -116,12 +116,8 @@ Factorisation = SuperLUFactors | PardisoFactors
 def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analysis:
     """Analysis for the fastest solver installed.
 
-    Parameters
-    ----------
-    indices, indptr
-        Sparsity in compressed columns, rows ascending, both triangles, the diagonal included.
-    order
-        Unknowns in an order of elimination that fills in little; by default minimum degree.
+    ``indices`` and ``indptr``: sparsity in compressed columns, rows ascending, both triangles, the
+    diagonal included; ``order``: of elimination, one that fills in little, or minimum degree.
     """
     if len(indptr) - 1 >= PARDISO_PAYS and find_spec("pypardiso") is not None:
         return Pardiso(indices, indptr)
@@ -131,10 +127,7 @@ def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analys
 def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisation:
     """Factorise a sparse symmetric matrix, best with the analysis of its sparsity at hand.
 
-    Raises
-    ------
-    RuntimeError
-        If the matrix is singular.
+    A singular matrix is a RuntimeError.
 
     Examples
     --------

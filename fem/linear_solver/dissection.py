@@ -17,20 +17,10 @@ _DIRECTIONS = 8
 def elimination_order(connectivity: Array, points: Array) -> Array:
     """Nodes in an order whose elimination fills in O(n log n) entries, n nodes in a plane.
 
-    The elements are halved again and again; nodes that two halves share are eliminated after both
-    of them.
-
-    Parameters
-    ----------
-    connectivity
-        Nodes of the elements, the three corners first, shape (elements, local).
-    points
-        Plane position of each node, shape (nodes, 2).
-
-    References
-    ----------
-    A. George, "Nested dissection of a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973)
-    345–363.
+    The elements, shape (elements, local) with the three corners first, are halved again and again;
+    nodes that two halves share are eliminated after both of them (A. George, "Nested dissection of
+    a regular finite element mesh", SIAM J. Numer. Anal. 10 (1973) 345–363). ``points`` are the
+    nodes' plane positions, shape (nodes, 2).
 
     Examples
     --------

@@ -59,7 +59,6 @@ class RigidPlate:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     arm: tuple[float, float] = (0.0, 0.0)
 
-
     @classmethod
     def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
                 arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
@@ -68,11 +67,6 @@ class RigidPlate:
         The rest, spread evenly, has the outline's second moments about its centroid, taken about
         the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
         of the weight above the film.
-
-        Raises
-        ------
-        InputError
-            When a mass is negative or the point-like part is larger than the whole.
 
         Examples
         --------
@@ -129,12 +123,8 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     the film alone. ``count``: the lowest so many frequencies, and of unstable modes at most so
     many, those of slowest growth; where a film has lost tension the fast ones are as fine as the
     mesh and mean no more than that it wrinkles. A weightless film (density 0) follows the plate at
-    once; it is condensed out and at most six modes are left.
-
-    Raises
-    ------
-    InputError
-        When neither film nor plate has mass that can move.
+    once; it is condensed out and at most six modes are left. InputError when nothing that can move
+    has mass.
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
@@ -205,10 +195,7 @@ class _System:
 
     def unfolded(self, vector: Array, origin: NDArray[np.int64],
                  signs: Array) -> tuple[Array, Array, Array]:
-        """Displacements of the whole film's nodes and of the plate, normalised to the whole's mass.
-
-        And the shares of the plate's six freedoms in the kinetic energy.
-        """
+        """Motions of film and plate normalised to the whole's mass; the plate's share of energy."""
         mesh, freedoms = self.model.discretisation, list(self.model.plate_freedoms)
         nodal = (self.coordinates @ vector).reshape(-1, 3)[origin]
         factors = np.column_stack([*signs, np.ones(signs.shape[1])])
