@@ -7,20 +7,7 @@ from typing import Self
 
 
 class InputError(ValueError):
-    """Input that cannot be used, said in one line.
-
-    Which file, which key, what was given, what is allowed.
-
-    Parameters
-    ----------
-    allowed
-        The rule the input breaks, as a sentence fragment ("must be a positive length").
-    file
-        The file it stands in, if any.
-    key
-        Dotted path of the key inside the file ("membrane.thickness").
-    given
-        The offending value as the user wrote it.
+    """Input that cannot be used, in one line: file, dotted key, what was given, what is allowed.
 
     Examples
     --------

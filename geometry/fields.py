@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, wraps
+from inspect import signature
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -141,25 +142,16 @@ def takes_units(cls: Any) -> Any:
     :class:`InputError` that names the key.
     """
     of_numbers = cls.__init__
+    arguments = signature(of_numbers)
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
-        if any(map(_as_written, (*values, *named.values()))):
-            names = [item.name for item in dataclass_fields(cls)]
-            declared = {field.name: field for field in fields_of(cls)}
-            values = (*(_in_si(declared.get(name), value)
-                        for name, value in zip(names, values, strict=False)), *values[len(names):])
-            named = {name: _in_si(declared.get(name), value) for name, value in named.items()}
-        of_numbers(self, *values, **named)
+        declared = {field.name: field for field in fields_of(cls)}
+        given = arguments.bind(self, *values, **named).arguments
+        of_numbers(**{name: _in_si(declared.get(name), value) for name, value in given.items()})
 
     cls.__init__ = of_texts
     return cls
-
-
-def _as_written(value: Any) -> bool:
-    if isinstance(value, tuple):
-        return any(map(_as_written, value))
-    return isinstance(value, str | list)
 
 
 def _in_si(field: Field | None, value: Any) -> Any:
@@ -240,15 +232,7 @@ def write(value: Any, plain: bool = False) -> Content:
 
 
 def require(value: Any) -> None:
-    """Refuse numbers beyond their limits; an imaginary step does not count.
-
-    Examples
-    --------
-    >>> from tympan.fem.film.laws import NeoHooke
-    >>> NeoHooke(mu=-1.0)
-    Traceback (most recent call last):
-    tympan.geometry.errors.InputError: mu: given -1.0: must be positive
-    """
+    """Refuse numbers beyond their limits; an imaginary step does not count."""
     for field in fields_of(type(value)):
         holds, words = field.says.rule
         part = getattr(value, field.name)

@@ -57,16 +57,9 @@ class MeshSettings:
                              given=str(self))
 
     def refined(self, factor: float) -> MeshSettings:
-        """Elements smaller by ``factor`` everywhere.
-
-        Examples
-        --------
-        >>> MeshSettings(around_plate=16, growth=0.4, across=0.5).refined(2)
-        MeshSettings(order=4, around_plate=32, growth=0.2, across=0.25)
-        """
-        return MeshSettings(
-            self.order, round(self.around_plate * factor), self.growth / factor,
-            self.across / factor)
+        """Elements smaller by ``factor`` everywhere."""
+        return MeshSettings(self.order, round(self.around_plate * factor), self.growth / factor,
+                            self.across / factor)
 
 
 def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
@@ -108,8 +101,13 @@ def _session() -> Iterator[Any]:
     if gmsh.isInitialized():
         raise RuntimeError("gmsh is already in use in this process; finalize it before meshing "
                            "with tympan")
-    with _signal_kept(signal.SIGPIPE):
-        gmsh.initialize(interruptible=False, readConfigFiles=False)
+    # gmsh's start makes a broken pipe lethal; this restores the handler in any thread.
+    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
+    put.argtypes = (ctypes.c_int, ctypes.c_void_p)
+    get.restype = put.restype = ctypes.c_void_p
+    handler = get(signal.SIGPIPE)
+    gmsh.initialize(interruptible=False, readConfigFiles=False)
+    put(signal.SIGPIPE, handler)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
@@ -118,19 +116,6 @@ def _session() -> Iterator[Any]:
         yield gmsh
     finally:
         gmsh.finalize()
-
-
-@contextmanager
-def _signal_kept(number: int) -> Iterator[None]:
-    """Restore its handler, in any thread: gmsh's start makes a broken pipe lethal."""
-    get, put = ctypes.pythonapi.PyOS_getsig, ctypes.pythonapi.PyOS_setsig
-    put.argtypes = (ctypes.c_int, ctypes.c_void_p)
-    get.restype = put.restype = ctypes.c_void_p
-    handler = get(number)
-    try:
-        yield
-    finally:
-        put(number, handler)
 
 
 def _curve_groups(gmsh: Any, specimen: Specimen) -> Groups:

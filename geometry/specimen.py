@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
@@ -35,11 +35,9 @@ class Unbuildable(InputError):
 
 
 class Material(Protocol):
-    """What a film can be made of.
+    """What a film can be made of; ``law`` is its name in specimen files.
 
     A strain energy W(λ₁, λ₂) per virgin volume, incompressible, λ₃ = 1/(λ₁λ₂).
-
-    ``law`` is the name in specimen files.
     """
 
     law: ClassVar[str]
@@ -76,8 +74,8 @@ class Region:
     def __str__(self) -> str:
         (a, b), (x, y) = (tuple(1e3 * length for length in pair)
                           for pair in (self.outline.semi_axes, self.offset))
-        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, centred at {x:.4g}, {y:.4g} "
-                "mm")
+        return (f"{self.outline.shape}, {2 * a:.4g} by {2 * b:.4g} mm, "
+                f"centred at {x:.4g}, {y:.4g} mm")
 
     def level(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Negative inside the outline, zero on it [m]."""
@@ -106,9 +104,8 @@ class Film:
     """The elastomer film before it is mounted, and how it is mounted."""
 
     thickness: Annotated[float, Key("of the virgin film", "length", _THICKNESS)]
-    prestretch: Annotated[Pair, Key("stretches along x and y from the virgin film to the flat "
-                                    "mounted one",
-                                    rule=_STRETCH)]
+    prestretch: Annotated[Pair, Key(
+        "stretches along x and y from the virgin film to the flat mounted one", rule=_STRETCH)]
     material: Annotated[Material, Key(
         "a law with its constants, or a name of the library; true stress must grow over the "
         "stretches of `range`, 0.5 to 6 unless the law's table says others", kinds=LAWS)]
@@ -116,12 +113,12 @@ class Film:
     permittivity_exponent: Annotated[float, Key(
         "n of the permittivity ε_r (J/J_p)^(-n), J = λ₁λ₂, J_p its mounted value",
         rule=_EXPONENT)] = 0.0
-    density: Annotated[float, Key("mass per volume; 0 is a weightless film", "density",
-                                  _DENSITY)] = 0.0
+    density: Annotated[float, Key(
+        "mass per volume; 0 is a weightless film", "density", _DENSITY)] = 0.0
     strength: Annotated[Strength | None, Key(
         "what the film withstands electrically: a law with its constants, or a name of the "
-        "library; left out, that of the library's "
-        "material", name="breakdown", kinds=STRENGTHS)] = None
+        "library; left out, that of the library's material", name="breakdown",
+        kinds=STRENGTHS)] = None
 
     @property
     def area_prestretch(self) -> float:
@@ -132,19 +129,18 @@ class Film:
 @takes_units
 @dataclass(frozen=True)
 class Electrode:
-    """What conducts on the film: between two uncovered bands, or within an outline.
+    """What conducts on the film: what is between two uncovered bands and within an outline, if any.
 
-    With an ``outline`` only the film within it is covered; it may cross frame and plate, or lie
-    beside the plate.
+    The outline may cross frame and plate, or lie beside the plate.
     """
 
-    margin_frame: Annotated[float, Key("width of the uncovered band along the frame", "length",
-                                       NON_NEGATIVE)] = 0.0
-    margin_plate: Annotated[float, Key("width of the uncovered band along the plate", "length",
-                                       NON_NEGATIVE)] = 0.0
-    stiffness: Annotated[float, Key("neo-Hookean modulus per virgin volume, without stress when "
-                                    "mounted",
-                                    "stress", NON_NEGATIVE)] = 0.0
+    margin_frame: Annotated[float, Key(
+        "width of the uncovered band along the frame", "length", NON_NEGATIVE)] = 0.0
+    margin_plate: Annotated[float, Key(
+        "width of the uncovered band along the plate", "length", NON_NEGATIVE)] = 0.0
+    stiffness: Annotated[float, Key(
+        "neo-Hookean modulus per virgin volume, without stress when mounted", "stress",
+        NON_NEGATIVE)] = 0.0
     outline: Annotated[Region | None, Key("only the film within this outline is covered")] = None
 
     @property
@@ -161,9 +157,8 @@ class Specimen:
     frame: Annotated[Outline, Key("inner edge of the frame, which clamps the film", kinds=OUTLINES)]
     plate: Annotated[Plate, Key("the rigid plate")]
     membrane: Annotated[Film, Key("the film")]
-    electrode: Annotated[Electrode, Key("the electrodes; left out, they cover the whole "
-                                        "film")] = field(
-        default_factory=Electrode)
+    electrode: Annotated[Electrode, Key(
+        "the electrodes; left out, they cover the whole film")] = Electrode()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be built; numbers with an imaginary step are not looked at."""
@@ -180,17 +175,15 @@ class Specimen:
         if self.electrode.outline is not None:
             check_outline(self.electrode.outline.outline, "electrode.outline")
         gap, (x, y) = self._narrowest
+        place = f"{x * 1e3:.4g}, {y * 1e3:.4g} mm"
         if gap <= 0:
-            raise InputError(
-                f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm beyond it at "
-                f"{x * 1e3:.4g}, {y * 1e3:.4g} mm", key="plate",
-                given=f"offset {self.plate.offset} m")
+            raise InputError(f"the plate must lie inside the frame: it reaches {-gap * 1e3:.4g} mm "
+                             f"beyond it at {place}", key="plate",
+                             given=f"offset {self.plate.offset} m")
         if gap < 1e-3 * max(self.frame.semi_axes):
             raise InputError("the plate must leave a gap of at least a thousandth of the frame's "
-                             "half extent",
-                             key="plate",
-                             given=f"a gap of {gap * 1e3:.4g} mm at {x * 1e3:.4g}, {y * 1e3:.4g} "
-                                   "mm")
+                             "half extent", key="plate",
+                             given=f"a gap of {gap * 1e3:.4g} mm at {place}")
         bands = self.electrode.margin_frame + self.electrode.margin_plate
         if bands > 0.98 * gap:
             raise InputError("the margins must leave an electrode: their sum must stay below 98 % "
@@ -209,8 +202,8 @@ class Specimen:
             energy = self.membrane.material.derivatives(*stretch)[0]
         if np.isposinf(np.real(energy)):
             raise InputError(f"must be a stretch the film can reach: {self.membrane.material} "
-                             "locks before it",
-                             key="membrane.prestretch", given=self.membrane.prestretch)
+                             "locks before it", key="membrane.prestretch",
+                             given=self.membrane.prestretch)
 
     @property
     def gap(self) -> float:
@@ -239,8 +232,9 @@ class Specimen:
     @property
     def mirror_planes(self) -> frozenset[str]:
         """Axes whose coordinate may change sign without changing the specimen."""
-        region, planes = self.electrode.outline, self.frame.mirror_planes & self.plate.mirror_planes
-        return planes if region is None else planes & region.mirror_planes
+        parts = (self.frame, self.plate, self.electrode.outline)
+        return frozenset("xy").intersection(*(part.mirror_planes for part in parts
+                                              if part is not None))
 
     def _meets(self, region: Region) -> bool:
         """Whether film lies within: the region's edge is on it, or it holds the film whole."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -86,20 +87,10 @@ def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
 
 
 def quantity(text: object, dimension: str) -> float:
-    """The SI value of a quantity written as number and unit.
+    """The SI value of a quantity written as number and unit, any that pint knows.
 
-    Parameters
-    ----------
-    text
-        Such as ``"4.5 cm"``; any unit pint knows, also compound ones (``"20 g/mm/s^2"`` is a
-        stress).
-    dimension
-        A key of :data:`DIMENSIONS`.
-
-    Raises
-    ------
-    InputError
-        When the unit is missing, unknown or of another dimension, or the number cannot be read.
+    ``dimension`` is a key of :data:`DIMENSIONS`. A unit that is missing, unknown or of another
+    dimension is an :class:`InputError`.
 
     Examples
     --------
@@ -157,10 +148,8 @@ def any_quantity(text: object) -> tuple[float, str] | None:
     ((0.008, 'length'), None)
     """
     for dimension in DIMENSIONS:
-        try:
+        with suppress(InputError):
             return quantity(text, dimension), dimension
-        except InputError:
-            continue
     return None
 
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline
@@ -19,10 +18,8 @@ from tympan.geometry.units import METRE
 try:
     import cadquery as cq
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
-    from OCP.Geom import Geom_BSplineCurve, Geom_Circle, Geom_Ellipse
-    from OCP.gp import gp_Ax2, gp_Pnt
-    from OCP.TColgp import TColgp_Array1OfPnt
-    from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
+    from OCP.Geom import Geom_Circle, Geom_Ellipse
+    from OCP.gp import gp_Ax2
 except ImportError as error:
     if ".so" not in str(error):
         raise
@@ -34,22 +31,10 @@ Pair = tuple[float, float]
 def membrane_faces(specimen: Specimen, planes: frozenset[str]) -> dict[str, list[cq.Face]]:
     """The flat film, ``covered`` and ``bare``, cut along axes through the plate's centre.
 
-    Parameters
-    ----------
-    planes
-        Coordinates about whose zero the film is mirrored: only the part where they are positive is
-        built.
-
-    Returns
-    -------
-    dict of str to list of cq.Face
-        Faces in the plane z = 0 [mm]; neighbours share their common edges in shape, not in
-        topology.
-
-    Raises
-    ------
-    InputError
-        When the electrode's outline leaves slivers or no electrode at all.
+    Faces lie in the plane z = 0 [mm]; neighbours share their common edges in shape, not in
+    topology. ``planes`` are coordinates about whose zero the film is mirrored: only the part where
+    they are positive is built. An electrode's outline that leaves slivers or no electrode at all is
+    an :class:`InputError`.
     """
     x, y = _millimetres(*specimen.plate.offset)
     size = 4 * METRE * max(specimen.frame.semi_axes)
@@ -186,18 +171,11 @@ def _arc(arc: Arc) -> cq.Edge:
 
 
 def _spline(spline: Spline) -> cq.Edge:
-    """The spline as a B-spline, the same curve."""
-    ends = tuple([(1, np.array(slope) * METRE)] for slope in spline.slopes)
-    poles = make_interp_spline(spline.knots, np.array(spline.points) * METRE, k=3, bc_type=ends).c
-    places = TColgp_Array1OfPnt(1, len(poles))
-    for number, (x, y) in enumerate(poles.tolist(), 1):
-        places.SetValue(number, gp_Pnt(x, y, 0.0))
-    knots = TColStd_Array1OfReal(1, len(spline.knots))
-    counts = TColStd_Array1OfInteger(1, len(spline.knots))
-    for number, knot in enumerate(spline.knots, 1):
-        knots.SetValue(number, knot)
-        counts.SetValue(number, 4 if number in (1, len(spline.knots)) else 1)
-    return cq.Edge(BRepBuilderAPI_MakeEdge(Geom_BSplineCurve(places, knots, counts, 3)).Edge())
+    points, slopes = (np.pad(np.array(pairs) * METRE, ((0, 0), (0, 1)))
+                      for pairs in (spline.points, spline.slopes))
+    return cq.Edge.makeSpline([cq.Vector(*point) for point in points],
+                              [cq.Vector(*slope) for slope in slopes],
+                              parameters=spline.knots, scale=False, tol=1e-9)
 
 
 def _millimetres(*metres: float) -> tuple[float, ...]:

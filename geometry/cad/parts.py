@@ -14,7 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
 from tympan.geometry.outlines.drawings import edge_pieces
 from tympan.geometry.outlines.drawn import joined
-from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece
+from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, normals
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import METRE
 
@@ -56,10 +56,7 @@ class PartOptions:
         ahead, behind = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(ahead - points, axis=1))])
         near = np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1]) % len(points)
-        tangent = (ahead - behind)[near]
-        normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.linalg.norm(tangent, axis=1,
-                                                                                   keepdims=True)
-        return np.asarray(points[near] + self.width / 2 * normal)
+        return np.asarray(points[near] + self.width / 2 * normals((ahead - behind)[near]))
 
 
 def ring_part(frame: Outline, options: PartOptions, height: float) -> cq.Solid:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines.curve import Curve, piece_length
 from tympan.geometry.outlines.outline import Outline
-from tympan.geometry.outlines.pieces import Array
+from tympan.geometry.outlines.pieces import Array, cross
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
 #: are refused.
@@ -20,13 +20,10 @@ _POINTS = 6000
 
 
 def check_outline(outline: Any, key: str) -> None:
-    """Refuse what encloses no area that could be made and meshed.
+    """Refuse what encloses no area that could be made and meshed, naming the place [mm].
 
-    Raises
-    ------
-    InputError
-        Naming the place [mm], of an outline that runs clockwise, crosses or touches itself, or has
-        features smaller than a thousandth of its size.
+    That is what runs clockwise, crosses or touches itself, or has features smaller than a
+    thousandth of its size.
     """
     try:
         _check(outline)
@@ -38,13 +35,11 @@ def check_outline(outline: Any, key: str) -> None:
 def _check(outline: Any) -> None:
     curve = outline.curve
     size = float(max(outline.semi_axes))
-    short = [(float(piece_length(piece)), start) for piece, start in zip(curve.pieces, curve.starts,
-                                                                         strict=True)]
-    length, start = min(short, key=lambda item: item[0])
-    if length < SMALLEST * size:
-        raise _error(outline, start,
-                     f"has a piece {length * 1e3:.3g} mm long, less than {SMALLEST:g} of its "
-                     f"larger half extent of {size * 1e3:.4g} mm")
+    lengths = np.array([float(piece_length(piece)) for piece in curve.pieces])
+    if lengths.min() < SMALLEST * size:
+        raise _error(outline, curve.starts[lengths.argmin()],
+                     f"has a piece {lengths.min() * 1e3:.3g} mm long, less than {SMALLEST:g} of "
+                     f"its larger half extent of {size * 1e3:.4g} mm")
     _curvature(outline, curve, size)
     if not outline.simple:
         _crossing(outline, curve, size)
@@ -58,11 +53,11 @@ def _curvature(outline: Outline, curve: Curve, size: float) -> None:
     for piece in curve.pieces:
         value, slope, bend = piece.at(np.linspace(0, 1, 8 * len(piece.breaks)))
         squared = (slope * slope).sum(axis=1)
-        cross = np.abs(slope[:, 0] * bend[:, 1] - slope[:, 1] * bend[:, 0])
-        tight = squared**1.5 < SMALLEST * size * cross
+        turn = np.abs(cross(slope, bend))
+        tight = squared**1.5 < SMALLEST * size * turn
         if tight.any():
             worst = int(tight.argmax())
-            radius = squared[worst] ** 1.5 / cross[worst]
+            radius = squared[worst] ** 1.5 / turn[worst]
             raise _error(outline, value[worst],
                          f"bends with a radius of {radius * 1e3:.3g} mm, less than {SMALLEST:g} of "
                          f"its larger half extent of {size * 1e3:.4g} mm")
@@ -91,19 +86,16 @@ def _crossing(outline: Outline, curve: Curve, size: float) -> None:
 
 def _meeting(points: Array, first: int, second: int) -> Array | None:
     """Where the polyline's sides about two of its points cross, if they do."""
-    count = len(points)
-    for i in range(first - 2, first + 2):
-        for j in range(second - 2, second + 2):
-            p, r = points[i % count], points[(i + 1) % count] - points[i % count]
-            q, s = points[j % count], points[(j + 1) % count] - points[j % count]
-            area = r[0] * s[1] - r[1] * s[0]
-            if area == 0:
-                continue
-            gap = q - p
-            t, u = (gap[0] * s[1] - gap[1] * s[0]) / area, (gap[0] * r[1] - gap[1] * r[0]) / area
-            if 0 <= t <= 1 and 0 <= u <= 1:
-                return np.asarray(p + t * r)
-    return None
+    sides = np.roll(points, -1, axis=0) - points
+    i, j = ((point + np.arange(-2, 2)) % len(points) for point in (first, second))
+    gap, r, s = points[j] - points[i][:, None], sides[i][:, None], sides[j]
+    with np.errstate(divide="ignore", invalid="ignore"):  # of parallel sides
+        t, u = cross(gap, s) / cross(r, s), cross(gap, r) / cross(r, s)
+    meet = np.argwhere((t >= 0) & (t <= 1) & (u >= 0) & (u <= 1))
+    if not len(meet):
+        return None
+    side, other = meet[0]
+    return np.asarray(points[i][side] + t[side, other] * sides[i][side])
 
 
 def _error(outline: Outline, place: Array, words: str) -> InputError:

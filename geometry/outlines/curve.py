@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.outlines.pieces import Array, Piece, Point, subdivided
+from tympan.geometry.outlines.pieces import Array, Piece, Point, cross, normals, subdivided
 
 Foot = tuple[Array, Array]
 
@@ -53,10 +53,10 @@ class Curve:
         """Outward normals, at a corner the sum of both sides', which tells inside from outside."""
         number, t = foot
         count = len(self.pieces)
-        here = _unit_normal(self.at(foot)[1])
+        here = normals(self.at(foot)[1])
         first, last = t < _AT_END, t > 1 - _AT_END
         number = np.where(first, number - 1, np.where(last, number + 1, number)) % count
-        there = _unit_normal(self.at((number, np.where(first, 1.0, np.where(last, 0.0, t))))[1])
+        there = normals(self.at((number, np.where(first, 1.0, np.where(last, 0.0, t))))[1])
         return here + there
 
     def points(self, count: int) -> Array:
@@ -79,11 +79,8 @@ class Curve:
     @cached_property
     def area(self) -> Any:
         """Area inside [m²], negative if the curve runs clockwise."""
-        return self.integral(lambda x, y, dx, dy: (x * dy - y * dx) / 2)
-
-    def integral(self, form: Any) -> Any:
-        """Around the curve, of ``form(x, y, dx, dy)``."""
-        return sum(_integral(piece, form) for piece in self.pieces).item()
+        return sum(_integral(piece, lambda x, y, dx, dy: (x * dy - y * dx) / 2)
+                   for piece in self.pieces).item()
 
     @cached_property
     def box(self) -> tuple[Point, Point]:
@@ -134,8 +131,7 @@ class Curve:
         into = np.vstack([piece.at(np.ones(1))[1] for piece in self.pieces]).real
         out = np.vstack([piece.at(np.zeros(1))[1] for piece in self.pieces]).real
         into = np.roll(into, 1, axis=0)
-        across = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
-        return np.asarray(np.arctan2(across, (into * out).sum(axis=1)))
+        return np.asarray(np.arctan2(cross(into, out), (into * out).sum(axis=1)))
 
 
 def piece_length(piece: Piece) -> Any:
@@ -166,9 +162,3 @@ def _extreme(piece: Piece, axis: int, sign: int) -> Any:
     candidates = np.concatenate([place, t[best : best + 1]])
     values = sign * piece.at(candidates)[0][:, axis]
     return values[int(np.argmax(values.real))].item()
-
-
-def _unit_normal(slope: Array) -> Array:
-    """To the right of the direction of travel."""
-    normal = np.column_stack([slope[:, 1], -slope[:, 0]])
-    return np.asarray(normal / np.linalg.norm(slope, axis=1, keepdims=True))

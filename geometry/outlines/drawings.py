@@ -75,17 +75,15 @@ def _of_entity(entity: Any, unit: float) -> list[Piece]:
 
     if kind == "LINE":
         return [Line(place(dxf.start), place(dxf.end))]
-    if kind == "CIRCLE":
-        return [Arc(place(dxf.center), (unit * dxf.radius,) * 2)]
-    if kind == "ARC":
-        start, end = np.radians(dxf.start_angle), np.radians(dxf.end_angle)
+    if kind in ("ARC", "CIRCLE"):
+        start, end = np.radians((0.0, 360.0) if kind == "CIRCLE"
+                                else (dxf.start_angle, dxf.end_angle))
         sweep = float(np.mod(end - start, 2 * np.pi)) or 2 * np.pi
         return [Arc(place(dxf.center), (unit * dxf.radius,) * 2, float(start), sweep)]
     if kind == "ELLIPSE":
         x, y = unit * dxf.major_axis[0], unit * dxf.major_axis[1]
         major = float(np.hypot(x, y))
-        sweep = dxf.end_param - dxf.start_param
-        sweep = sweep if 0 < sweep <= 2 * np.pi else float(np.mod(sweep, 2 * np.pi)) or 2 * np.pi
+        sweep = float(np.mod(dxf.end_param - dxf.start_param, 2 * np.pi)) or 2 * np.pi
         return [Arc(place(dxf.center), (major, major * dxf.ratio), dxf.start_param, sweep,
                     float(np.arctan2(y, x)))]
     tool = entity.construction_tool()
@@ -131,13 +129,12 @@ def edge_pieces(edge: cq.Edge) -> list[Piece]:
     first, last = curve.FirstParameter(), curve.LastParameter()
     kind = edge.geomType()
     if kind == "LINE":
-        start, end = (curve.Value(parameter) for parameter in (first, last))
-        return [Line((start.X() * _MILLI, start.Y() * _MILLI),
-                     (end.X() * _MILLI, end.Y() * _MILLI))]
+        ends = (curve.Value(parameter) for parameter in (first, last))
+        return [Line(*((end.X() * _MILLI, end.Y() * _MILLI) for end in ends))]
     if kind in ("CIRCLE", "ELLIPSE"):
         conic = curve.Circle() if kind == "CIRCLE" else curve.Ellipse()
-        radii = (conic.Radius(),) * 2 if kind == "CIRCLE" else (conic.MajorRadius(),
-                                                                conic.MinorRadius())
+        radii = ((conic.Radius(),) * 2 if kind == "CIRCLE"
+                 else (conic.MajorRadius(), conic.MinorRadius()))
         up = float(np.sign(conic.Axis().Direction().Z()))
         centre, along = conic.Location(), conic.XAxis().Direction()
         return [Arc((centre.X() * _MILLI, centre.Y() * _MILLI),

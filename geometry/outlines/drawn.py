@@ -13,7 +13,7 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, read
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.outline import OUTLINES, Boxed
-from tympan.geometry.outlines.pieces import PIECES, Arc, Array, Line, Piece, Spline
+from tympan.geometry.outlines.pieces import PIECES, Array, Piece, Spline
 from tympan.geometry.toml_reader import Table
 
 #: How far the end of a piece may miss the start of the next, over the size of the drawing.
@@ -28,12 +28,6 @@ class ClosedSpline(Boxed):
     shape: ClassVar[str] = "spline"
     through: Annotated[tuple[tuple[float, float], ...],
                        Key("points on it, counterclockwise", "length", least=3)]
-
-    @classmethod
-    def example(cls) -> ClosedSpline:
-        """An egg."""
-        return cls(((68e-3, 0.0), (35e-3, 37e-3), (-15e-3, 45e-3), (-52e-3, 0.0), (-15e-3, -45e-3),
-                    (35e-3, -37e-3)))
 
     @property
     def simple(self) -> bool:
@@ -86,15 +80,6 @@ class Drawn(Boxed):
                               f"must be closed: the piece that ends at {x:.4g}, {y:.4g} mm is "
                               f"{miss.max() * 1e3:.3g} mm away from the start of the next")
         return drawn
-
-    @classmethod
-    def example(cls) -> Drawn:
-        """A bullet: a half ellipse, two lines and a spline."""
-        tail = Spline((0.0, 1.0, 2.0), ((-30e-3, 45e-3), (-45e-3, 0.0), (-30e-3, -45e-3)),
-                      ((-30e-3, 0.0), (30e-3, 0.0)))
-        return cls((Arc((20e-3, 0.0), (40e-3, 45e-3), -np.pi / 2, np.pi),
-                    Line((20e-3, 45e-3), (-30e-3, 45e-3)), tail,
-                    Line((-30e-3, -45e-3), (20e-3, -45e-3))))
 
     @property
     def simple(self) -> bool:

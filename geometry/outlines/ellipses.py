@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -24,11 +24,6 @@ class Circle(Symmetric):
 
     shape: ClassVar[str] = "circle"
     radius: Annotated[float, Key("its radius", "length", SIZE)]
-
-    @classmethod
-    def example(cls) -> Circle:
-        """The paper's circle."""
-        return cls(45e-3)
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -52,11 +47,6 @@ class Ellipse(Symmetric):
 
     shape: ClassVar[str] = "ellipse"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
-
-    @classmethod
-    def example(cls) -> Ellipse:
-        """The paper's large ellipse."""
-        return cls((75e-3, 45e-3))
 
     def level(self, x: Array, y: Array) -> Array:
         """First-order distance (level function over its gradient) [m]."""
@@ -83,20 +73,10 @@ class Superellipse(Symmetric):
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
     exponent: Annotated[float, Key("n: 2 is an ellipse", rule=_EXPONENT)]
 
-    @classmethod
-    def example(cls) -> Superellipse:
-        """Between the paper's large ellipse and a rectangle."""
-        return cls((75e-3, 45e-3), 3.0)
-
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
         angles = _angles(float(np.real(self.exponent)))
         return tuple(spline_through(self._quadrant(number), angles) for number in range(4))
-
-    @cached_property
-    def curve(self) -> Curve:
-        """The pieces, centred as they are."""
-        return Curve(self.pieces())
 
     def level(self, x: Array, y: Array) -> Array:
         """Signed distance [m]; the nearest point lies in the quadrant of the place."""

@@ -97,10 +97,8 @@ class Curved(ABC):
     def beside(self, distance: Any) -> Piece:
         def curve(t: Array) -> tuple[Array, Array]:
             value, slope, bend = self.at(t)
-            length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
-            normal = np.column_stack([slope[:, 1], -slope[:, 0]]) / length
-            turn = (slope[:, :1] * bend[:, 1:] - slope[:, 1:] * bend[:, :1]) / length**3
-            return value + distance * normal, slope * (1 + distance * turn)
+            turn = cross(slope, bend) / np.sqrt((slope * slope).sum(axis=1)) ** 3
+            return value + distance * normals(slope), slope * (1 + distance * turn[:, None])
 
         size = float(np.abs(np.diff(self.at(self.breaks)[0], axis=0)).sum())
         return spline_through(curve, graded(curve, self.breaks, size))
@@ -276,9 +274,7 @@ def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: fl
         middle, tangent = curve((low + high) / 2)
         step = (high - low)[:, None]
         guess = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
-        miss = guess - middle
-        across = np.abs(miss[:, 0] * tangent[:, 1] - miss[:, 1] * tangent[:, 0])
-        across /= np.hypot(*tangent.T)
+        across = np.abs(cross(guess - middle, tangent)) / np.hypot(*tangent.T)
         wide = across > _FINE * size
         if not wide.any():
             break
@@ -305,3 +301,14 @@ def direction(x: Any, y: Any) -> Any:
         return float(angle)
     turned = np.real(x) * np.imag(y) - np.real(y) * np.imag(x)
     return angle + 1j * turned / (np.real(x) ** 2 + np.real(y) ** 2)
+
+
+def cross(u: Array, v: Array) -> Array:
+    """The z components of cross products of vectors, shape (…, 2)."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def normals(slope: Array) -> Array:
+    """Unit vectors to the right of the directions of travel, shape (n, 2)."""
+    length = np.sqrt((slope * slope).sum(axis=1, keepdims=True))
+    return np.asarray(np.column_stack([slope[:, 1], -slope[:, 0]]) / length)

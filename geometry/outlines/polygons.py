@@ -27,11 +27,6 @@ class Stadium(Symmetric):
     shape: ClassVar[str] = "stadium"
     semi_axes: Annotated[tuple[float, float], Key("half extents along x and y", "length", SIZE)]
 
-    @classmethod
-    def example(cls) -> Stadium:
-        """As long and wide as the paper's large ellipse."""
-        return cls((75e-3, 45e-3))
-
     def pieces(self) -> tuple[Piece, ...]:
         a, b = self.semi_axes
         quarter = np.pi / 2
@@ -62,11 +57,6 @@ class RoundedRectangle(Symmetric):
                              key="corner_radius",
                              given=f"{np.real(self.corner_radius) * 1e3:.4g} mm")
 
-    @classmethod
-    def example(cls) -> RoundedRectangle:
-        """As long and wide as the paper's large ellipse."""
-        return cls((75e-3, 45e-3), 20e-3)
-
     def pieces(self) -> tuple[Piece, ...]:
         a, b = self.semi_axes
         return _filleted(((a, -b), (a, b), (-a, b), (-a, -b)), self.corner_radius)
@@ -86,11 +76,6 @@ class RegularPolygon(Boxed):
     radius: Annotated[float, Key("of the circle through its corners", "length", SIZE)]
     fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
 
-    @classmethod
-    def example(cls) -> RegularPolygon:
-        """A hexagon 45 mm high from its centre."""
-        return cls(6, 52e-3, 8e-3)
-
     def pieces(self) -> tuple[Piece, ...]:
         angles = 2 * np.pi * np.arange(self.sides) / self.sides
         corners = [(self.radius * float(np.cos(angle)), self.radius * float(np.sin(angle)))
@@ -107,13 +92,6 @@ class Polygon(Boxed):
     vertices: Annotated[tuple[tuple[float, float], ...],
                         Key("its corners, counterclockwise", "length", least=3)]
     fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
-
-    @classmethod
-    def example(cls) -> Polygon:
-        """A blunt arrow head: it has one mirror plane and a re-entrant corner."""
-        return cls(((60e-3, 0.0), (-20e-3, 45e-3), (-60e-3, 38e-3), (-45e-3, 0.0), (-60e-3, -38e-3),
-                    (-20e-3, -45e-3)),
-                   8e-3)
 
     @property
     def simple(self) -> bool:

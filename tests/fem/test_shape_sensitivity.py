@@ -24,13 +24,13 @@ from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import (
     Circle,
-    ClosedSpline,
     Ellipse,
     Outline,
     Rotated,
     RoundedRectangle,
     Stadium,
     Superellipse,
+    examples,
 )
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Electrode, Plate, Region, Specimen
@@ -172,7 +172,7 @@ def test_an_electrode_across_the_frame_is_refused() -> None:
     (Ellipse((75e-3, 45e-3)), Plate(RoundedRectangle((20e-3, 10e-3), 4e-3)),
      "plate.outline.corner_radius"),
     (Superellipse((75e-3, 45e-3), 3.0), Plate(Circle(10e-3)), "frame.exponent"),
-    (ClosedSpline.example(), Plate(Circle(10e-3), (3e-3, 2e-3)), "frame.through.1.1"),
+    (examples()["spline"], Plate(Circle(10e-3), (3e-3, 2e-3)), "frame.through.1.1"),
     (Rotated(Stadium((75e-3, 45e-3)), 0.3), Plate(Ellipse((20e-3, 10e-3))), "frame.rotation")])
 def test_outlines_of_pieces_against_new_meshes(frame: Outline, plate: Plate, name: str) -> None:
     base = replace(circular(), frame=frame, plate=plate)
