@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar
 import pytest
 
 from tests.support.specimens import circular
+from tympan.cli import main
 from tympan.fem.film.laws import LAWS
 from tympan.fem.film.laws.invariants import FirstInvariantLaw
 from tympan.fem.film.library import load_specimen
@@ -189,15 +190,17 @@ def test_lengths_of_an_outline_are_differentiated_right() -> None:
                                                                        rel=1e-6)
 
 
-def test_an_effect_is_applied_and_listed() -> None:
+def test_an_effect_is_applied_and_listed(capsys: pytest.CaptureFixture[str]) -> None:
     setup = EFFECTS["tail"].apply(Setup((film(),), RIG), (2e-3,))
     assert setup.rig == replace(RIG, unaccounted_mass=2e-3)
     with pytest.raises(InputError, match=r"tail\.weight"):
         EFFECTS["tail"].apply(setup, (7e-3,))
     assert listing.listing()["tail"]["parameters"]["weight"]["unit"] == "g"
     assert json.dumps(listing.listing())
-    assert "mass of the tail" in listing.markdown()
-    assert "tail" in listing.text()
+    assert main(["effects", "--markdown"]) == 0
+    assert "mass of the tail" in capsys.readouterr().out
+    assert main(["effects"]) == 0
+    assert "tail" in capsys.readouterr().out
 
 
 def test_documented() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -54,15 +55,14 @@ class Coupons:
         return len(self.stretch)
 
     def __getitem__(self, choice: Any) -> Coupons:
-        """Some of the readings."""
-        return Coupons(**{name: values[choice] for name, values in vars(self).items()})
+        return Coupons(*(getattr(self, item.name)[choice] for item in fields(self)))
 
     @property
     def modes(self) -> tuple[str, ...]:
         """The modes that have readings."""
         return tuple(mode for mode in MODES if mode in self.mode)
 
-    @property
+    @cached_property
     def in_plane(self) -> tuple[Array, Array]:
         """λ₁ along the test and λ₂ across it."""
         powers = np.array([MODES[mode] for mode in self.mode])

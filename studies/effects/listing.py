@@ -1,12 +1,9 @@
-"""All effects with parameters and priors: as data, for a terminal, as a page."""
+"""All effects with parameters and priors, as data and in words."""
 
 from __future__ import annotations
 
-from importlib import resources
 from math import isinf
 from typing import Any
-
-import jinja2
 
 from tympan.studies.effects import EFFECTS, EffectParameter
 
@@ -21,25 +18,6 @@ def listing() -> dict[str, Any]:
         "needs_columns": list(effect.columns), "lumped_model_only": effect.lumped,
         "parameters": {item.name: _parameter(item) for item in effect.parameters}}
         for effect in EFFECTS.values()}
-
-
-def text() -> str:
-    """Every effect in a few lines."""
-    return _written("text")
-
-
-def markdown() -> str:
-    """The page ``docs/effects.md``."""
-    return _written("page")
-
-
-def _written(part: str) -> str:
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, trim_blocks=True,
-                                     lstrip_blocks=True)
-    environment.filters |= {"named": named, "prior": _prior}
-    words = resources.files("tympan.studies.effects").joinpath("listing.txt")
-    template = environment.from_string(words.read_text(encoding="utf-8"))
-    return str(getattr(template.module, part)(EFFECTS.values())).removesuffix("\n")
 
 
 def _parameter(item: EffectParameter) -> dict[str, Any]:
@@ -60,7 +38,8 @@ def named(item: EffectParameter) -> str:
     return f"{item.name} [{item.unit}]" if item.unit else item.name
 
 
-def _prior(item: EffectParameter) -> str:
+def prior(item: EffectParameter) -> str:
+    """What is known of a parameter before any data, in words."""
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_INVERSE}{item.name}" if item.power < 0 else ""
     unit = f" {item.unit}" if item.unit else ""

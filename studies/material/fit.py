@@ -30,6 +30,9 @@ NOTES: dict[str, str] = tomllib.loads(
 #: 95 % limits, None where the readings set none.
 Limits = tuple[float | None, float | None]
 
+#: Constants, the material they make, if any, and the first stretches where that is not admissible.
+Judged = tuple[Array, Material | None, tuple[float, float] | None]
+
 #: Correlations above this are told: the tests then see a combination of two constants, hardly each
 #: alone.
 CORRELATED = 0.95
@@ -44,82 +47,15 @@ _FINE, _MET = 1e-8, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class CouponCurves:
-    """Nominal stress [Pa] read at stretches (λ₁, λ₂), shape (n,) each, and the family to fit."""
-
-    family: Family
-    l1: Array
-    l2: Array
-    stress: Array
-
-    @classmethod
-    def of(cls, coupons: Coupons, family: Family) -> CouponCurves:
-        """The readings of all tests."""
-        return cls(family, *coupons.in_plane, coupons.stress)
-
-    @property
-    def scale(self) -> float:
-        """Size of the readings [Pa]."""
-        return float(np.sqrt(np.mean(self.stress**2))) or 1.0
-
-    def residual(self, values: Array) -> Array:
-        """Predicted minus read stress [Pa]."""
-        return self.family.stress(self.l1, self.l2, values) - self.stress
-
-    def squares(self, values: Array) -> float:
-        """Sum of squares [Pa²]; no less than the rounding of the readings."""
-        return max(float(np.sum(self.residual(values) ** 2)),
-                   len(self.stress) * (1e-13 * self.scale) ** 2)
-
-    def jacobian(self, values: Array) -> Array:
-        """Derivatives of the stress by the constants, shape (n, p)."""
-        return self.family.jacobian(self.l1, self.l2, values)
-
-    def problem(self, unit: float) -> LeastSquares:
-        """Least squares for the constants, stress in units of ``unit`` [Pa]."""
-        least, most = self.family.bounds(largest_excess(self.l1, self.l2))
-        linear, shaped = len(self.family.linear), len(self.family.shape)
-        return LeastSquares.of(
-            lambda values: (self.residual(values) / unit, self.jacobian(values) / unit),
-            np.array([-np.inf] * linear + [least] * shaped),
-            np.array([np.inf] * linear + [most] * shaped), tuple(range(linear)))
-
-    def minima(self, count: int) -> list[Array]:
-        """Local minima from ``count`` starts for each shape constant, best first."""
-        linear, shaped = len(self.family.linear), len(self.family.shape)
-        least, most = self.family.starts(largest_excess(self.l1, self.l2))
-        shapes = seeded_starts(least, most, shaped, count * max(1, shaped))
-        starts = np.concatenate([np.zeros((len(shapes), linear)), shapes], axis=1)
-        return [self.family.ordered(values)
-                for values in minima(self.problem(_FINE * self.scale), starts)]
-
-    def limits(self, values: Array, spread: Array, noise: Noise) -> tuple[Limits, ...]:
-        """95 % limits of every constant at the best fit.
-
-        Where stress is linear in all constants, value ± quantile · standard deviation, which is
-        exact for normal noise; otherwise by profiles.
-        """
-        if not self.family.shape:
-            halves = noise.quantile * spread
-            return tuple((float(value - half), float(value + half)) if np.isfinite(half)
-                         else (None, None) for value, half in zip(values, halves, strict=True))
-        floor = 1e-9 * self.scale * len(self.stress) ** 0.5 / noise.quantile
-        problem = self.problem(max(noise.sigma, floor))
-        lines = [profile(problem, values, index, noise.quantile, _MET)
-                 for index in range(len(values))]
-        return tuple((line.low, line.high) for line in lines)
-
-
-@dataclass(frozen=True, eq=False)
 class LawFit:
     """A law fitted to readings: the new material and the raw result.
 
     ``values`` are the family's constants [Pa or plain], ``limits`` their 95 % limits, None where
-    the readings set none; ``covariance`` is linearised. ``criterion`` is Akaike's, corrected for
-    few readings (Hurvich and Tsai, Biometrika 76, 297, 1989); lower is better. ``held_out`` is the
-    root mean square error [Pa] on each mode after a fit to the others, None where the law could not
-    follow. ``range`` is of the in-plane stretches of the tests, ``inadmissible`` the first
-    stretches within it where Hill's inequality fails.
+    the readings set none; ``covariance`` is linearised; ``rmse`` is of the residuals [Pa].
+    ``criterion`` is Akaike's, corrected for few readings (Hurvich and Tsai, Biometrika 76, 297,
+    1989); lower is better. ``held_out`` is the root mean square error [Pa] on each mode after a fit
+    to the others, None where the law could not follow. ``range`` is of the in-plane stretches of
+    the tests, ``inadmissible`` the first stretches within it where Hill's inequality fails.
     """
 
     family: Family
@@ -128,8 +64,7 @@ class LawFit:
     limits: tuple[Limits, ...]
     covariance: Array
     noise: Noise
-    squares: float
-    readings: int
+    rmse: float
     criterion: float
     condition: float
     held_out: dict[str, float | None]
@@ -141,11 +76,6 @@ class LawFit:
     def offered(self) -> bool:
         """Whether a film may be made of it."""
         return self.material is not None and self.inadmissible is None
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square of the residuals [Pa]."""
-        return float((self.squares / self.readings) ** 0.5)
 
     def predict(self, mode: str, stretch: Array) -> tuple[Array, Array]:
         """Nominal stress and half the width of its 95 % band [Pa], linearised."""
@@ -173,52 +103,9 @@ class LawFit:
                 "notes": list(self.notes)}
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Fits of several laws to the same readings, lowest criterion first."""
-
-    coupons: Coupons
-    fits: tuple[LawFit, ...]
-
-    @property
-    def best(self) -> LawFit | None:
-        """The first that may be offered."""
-        return next((fit for fit in self.fits if fit.offered), None)
-
-    @property
-    def warnings(self) -> list[str]:
-        """What stands between the best fit and its use."""
-        best, first = self.best, self.fits[0]
-        if best is None:
-            return [NOTES["none_offered"]]
-        warnings = [f"{best.family.name}: {note}" for note in best.notes]
-        if first is not best:
-            warnings.append(NOTES["best_not_offered"].format(name=first.family.name))
-        if "equibiaxial" not in self.coupons.modes:
-            warnings.append(NOTES["no_equibiaxial"])
-        warnings += self._overfitted(best)
-        times = self.coupons.time[np.isfinite(self.coupons.time)]
-        if len(times) and np.ptp(times) > 0:
-            warnings.append(NOTES["relaxation"].format(first=times.min(), last=times.max()))
-        return warnings
-
-    def _overfitted(self, best: LawFit) -> Iterator[str]:
-        """Modes that the best law foretells far worse than another does."""
-        for mode, error in best.held_out.items():
-            errors = ((fit.held_out.get(mode), fit.family.name) for fit in self.fits if fit.offered)
-            rivals = [(rival, name) for rival, name in errors if rival is not None]
-            least, name = min(rivals, default=(float("inf"), ""))
-            if error is None or error > 2 * least:
-                rival = ("" if name in ("", best.family.name)
-                         else NOTES["rival"].format(name=name, error=least / 1e3))
-                yield NOTES["cannot_follow" if error is None else "misses"].format(
-                    name=best.family.name, mode=mode.replace("_", " "), error=(error or 0) / 1e3,
-                    rival=rival)
-
-
 def compare(coupons: Coupons, names: Sequence[str] | None = None,
-            noise: float | None = None) -> Comparison:
-    """Fit laws, all that the readings are enough for where none is named.
+            noise: float | None = None) -> tuple[LawFit, ...]:
+    """Fits of laws, lowest criterion first; of all the readings are enough for if none is named.
 
     ``noise`` is the standard deviation of one reading [Pa], estimated where None.
 
@@ -236,7 +123,43 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
         raise InputError("none of the readings is stretched", key="stretch",
                          given=coupons.stretch_range[1])
     fits = [fit_law(coupons, family, noise) for family in families]
-    return Comparison(coupons, tuple(sorted(fits, key=lambda fit: fit.criterion)))
+    return tuple(sorted(fits, key=lambda fit: fit.criterion))
+
+
+def best_of(fits: Sequence[LawFit]) -> LawFit | None:
+    """The first that may be offered."""
+    return next((fit for fit in fits if fit.offered), None)
+
+
+def warnings(coupons: Coupons, fits: Sequence[LawFit]) -> list[str]:
+    """What stands between the best fit and its use."""
+    best, first = best_of(fits), fits[0]
+    if best is None:
+        return [NOTES["none_offered"]]
+    words = [f"{best.family.name}: {note}" for note in best.notes]
+    if first is not best:
+        words.append(NOTES["best_not_offered"].format(name=first.family.name))
+    if "equibiaxial" not in coupons.modes:
+        words.append(NOTES["no_equibiaxial"])
+    words += _overfitted(best, [fit for fit in fits if fit.offered])
+    times = coupons.time[np.isfinite(coupons.time)]
+    if len(times) and np.ptp(times) > 0:
+        words.append(NOTES["relaxation"].format(first=times.min(), last=times.max()))
+    return words
+
+
+def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:
+    """Modes that the best law foretells far worse than another does."""
+    for mode, error in best.held_out.items():
+        errors = ((fit.held_out.get(mode), fit.family.name) for fit in offered)
+        rivals = [(rival, name) for rival, name in errors if rival is not None]
+        least, name = min(rivals, default=(float("inf"), ""))
+        if error is None or error > 2 * least:
+            rival = ("" if name in ("", best.family.name)
+                     else NOTES["rival"].format(name=name, error=least / 1e3))
+            yield NOTES["cannot_follow" if error is None else "misses"].format(
+                name=best.family.name, mode=mode.replace("_", " "), error=(error or 0) / 1e3,
+                rival=rival)
 
 
 def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts: int = 12,
@@ -252,26 +175,80 @@ def fit_law(coupons: Coupons, family: Family, noise: float | None = None, starts
     hold_out
         Fit again without each mode.
     """
-    curves = CouponCurves.of(coupons, family)
-    ends = curves.minima(starts)
-    values, (material, failing) = _admissible(ends, family, coupons)
-    squares = curves.squares(values)
-    sigma = Noise.of(squares, len(coupons) - len(values), noise)
-    jacobian = curves.jacobian(values)
+    count, ends = len(coupons), _minima(family, coupons, starts)
+    values, material, failing = _admissible(ends, family, coupons)
+    squares = _squares(family, coupons, values)
+    sigma = Noise.of(squares, count - len(values), noise)
+    jacobian = family.jacobian(*coupons.in_plane, values)
     spread = covariance(jacobian, sigma.sigma)
     lengths = np.linalg.norm(jacobian, axis=0)
     # 1e300 where no reading sees a constant.
     condition = np.linalg.cond(jacobian / lengths) if lengths.all() else np.inf
     result = LawFit(
         family=family, material=material, values=values,
-        limits=curves.limits(values, np.sqrt(np.diag(spread)), sigma), covariance=spread,
-        noise=sigma, squares=squares, readings=len(coupons),
-        criterion=_criterion(squares, len(coupons), len(values), noise),
+        limits=_limits(family, coupons, values, np.sqrt(np.diag(spread)), sigma),
+        covariance=spread, noise=sigma, rmse=float((squares / count) ** 0.5),
+        criterion=_criterion(squares, count, len(values), noise),
         condition=float(min(condition, 1e300)),
         held_out=_held_out(coupons, family, starts) if hold_out else {},
         range=coupons.stretch_range, inadmissible=failing)
-    worse = squares - curves.squares(ends[0]) > 0.01 * squares
-    return replace(result, notes=tuple(_notes(result, curves, coupons, worse)))
+    worse = squares - _squares(family, coupons, ends[0]) > 0.01 * squares
+    return replace(result, notes=tuple(_notes(result, coupons, worse)))
+
+
+def coupon_problem(family: Family, coupons: Coupons, unit: float) -> LeastSquares:
+    """Least squares for a family's constants, stress in units of ``unit`` [Pa]."""
+    l1, l2 = coupons.in_plane
+    least, most = family.bounds(largest_excess(l1, l2))
+    linear, shaped = len(family.linear), len(family.shape)
+    return LeastSquares.of(
+        lambda values: (_residual(family, coupons, values) / unit,
+                        family.jacobian(l1, l2, values) / unit),
+        np.array([-np.inf] * linear + [least] * shaped),
+        np.array([np.inf] * linear + [most] * shaped), tuple(range(linear)))
+
+
+def _residual(family: Family, coupons: Coupons, values: Array) -> Array:
+    """Predicted minus read stress [Pa]."""
+    return family.stress(*coupons.in_plane, values) - coupons.stress
+
+
+def _squares(family: Family, coupons: Coupons, values: Array) -> float:
+    """Sum of squares [Pa²]; no less than the rounding of the readings."""
+    return max(float(np.sum(_residual(family, coupons, values) ** 2)),
+               len(coupons) * (1e-13 * _size(coupons)) ** 2)
+
+
+def _size(coupons: Coupons) -> float:
+    """Size of the readings [Pa]."""
+    return float(np.sqrt(np.mean(coupons.stress**2))) or 1.0
+
+
+def _minima(family: Family, coupons: Coupons, count: int) -> list[Array]:
+    """Local minima from ``count`` starts for each shape constant, best first."""
+    linear, shaped = len(family.linear), len(family.shape)
+    least, most = family.starts(largest_excess(*coupons.in_plane))
+    shapes = seeded_starts(least, most, shaped, count * max(1, shaped))
+    starts = np.concatenate([np.zeros((len(shapes), linear)), shapes], axis=1)
+    problem = coupon_problem(family, coupons, _FINE * _size(coupons))
+    return [family.ordered(values) for values in minima(problem, starts)]
+
+
+def _limits(family: Family, coupons: Coupons, values: Array, spread: Array,
+            noise: Noise) -> tuple[Limits, ...]:
+    """95 % limits of every constant at the best fit.
+
+    Where stress is linear in all constants, value ± quantile · standard deviation, which is exact
+    for normal noise; otherwise by profiles.
+    """
+    if not family.shape:
+        halves = noise.quantile * spread
+        return tuple((float(value - half), float(value + half)) if np.isfinite(half)
+                     else (None, None) for value, half in zip(values, halves, strict=True))
+    floor = 1e-9 * _size(coupons) * len(coupons) ** 0.5 / noise.quantile
+    problem = coupon_problem(family, coupons, max(noise.sigma, floor))
+    lines = [profile(problem, values, index, noise.quantile, _MET) for index in range(len(values))]
+    return tuple((line.low, line.high) for line in lines)
 
 
 def material_lines(material: Material, stretch_range: tuple[float, float] | None = None) -> str:
@@ -317,24 +294,21 @@ def _family(name: str, readings: int) -> Family:
     return family
 
 
-def _admissible(ends: list[Array], family: Family, coupons: Coupons
-                ) -> tuple[Array, tuple[Material | None, tuple[float, float] | None]]:
-    """The best admissible minimum, or the best, with its material and where that fails."""
-    judged = [(values, _judged(family, values, coupons)) for values in ends]
-    return next((item for item in judged if item[1][0] is not None and item[1][1] is None),
-                judged[0])
+def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
+    """The best admissible minimum, or the best."""
+    judged = [_judged(family, values, coupons) for values in ends]
+    return next((item for item in judged if item[1] is not None and item[2] is None), judged[0])
 
 
-def _judged(family: Family, values: Array, coupons: Coupons
-            ) -> tuple[Material | None, tuple[float, float] | None]:
+def _judged(family: Family, values: Array, coupons: Coupons) -> Judged:
+    terms = values[:len(family.linear)] * values[len(family.linear):] if family.alike else values
+    if family.alike and np.abs(terms).sum() > CANCELLING * abs(terms.sum()):
+        return values, None, None
     try:
         material = family.material(values)
     except InputError:
-        return None, None
-    terms = values[:len(family.linear)] * values[len(family.linear):] if family.alike else values
-    if family.alike and np.abs(terms).sum() > CANCELLING * abs(terms.sum()):
-        return None, None
-    return material, inadmissible_stretch(material, *coupons.stretch_range)
+        return values, None, None
+    return values, material, inadmissible_stretch(material, *coupons.stretch_range)
 
 
 def _criterion(squares: float, readings: int, constants: int, noise: float | None) -> float:
@@ -353,14 +327,13 @@ def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float 
         rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
         if len(rest) < _needed(family):
             continue
-        ends = CouponCurves.of(rest, family).minima(max(2, starts // 3))
-        values, _ = _admissible(ends, family, rest)
-        missed = CouponCurves.of(tested, family).residual(values)
+        values, *_ = _admissible(_minima(family, rest, max(2, starts // 3)), family, rest)
+        missed = _residual(family, tested, values)
         errors[mode] = float(np.sqrt(np.mean(missed**2))) if np.isfinite(missed).all() else None
     return errors
 
 
-def _notes(fit: LawFit, curves: CouponCurves, coupons: Coupons, worse: bool) -> Iterator[str]:
+def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
     """What a reader of the fit must know."""
     yield from _open_constants(fit)
     yield from _open_modes(fit, coupons)
@@ -370,7 +343,7 @@ def _notes(fit: LawFit, curves: CouponCurves, coupons: Coupons, worse: bool) -> 
         yield NOTES["inadmissible"].format(at=fit.inadmissible, range=fit.range)
     elif worse:
         yield NOTES["worse"]
-    if _systematic(curves.residual(fit.values), coupons):
+    if _systematic(_residual(fit.family, coupons, fit.values), coupons):
         yield NOTES["systematic"]
 
 

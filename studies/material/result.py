@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
-from tympan.studies.material.fit import Comparison, material_lines
+from tympan.studies.material.fit import LawFit, best_of, compare, material_lines, warnings
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
@@ -58,38 +59,39 @@ class MaterialFitResult:
 
     @classmethod
     def load(cls, folder: Path) -> MaterialFitResult:
-        """What was saved.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or damaged, naming it.
-        """
+        """What was saved."""
         return cls(read_json(folder / "fit.json"),
                    read_coupons(folder / "coupon.csv"),
                    read_own_sheet(folder / "curves.csv", CURVES))
 
 
-def material_fit_result(comparison: Comparison, file: Path) -> MaterialFitResult:
-    """What a comparison of laws found in the readings of a file."""
-    coupons, best = comparison.coupons, comparison.best
-    material = None if best is None else best.material
+def material_fit(file: Path, names: Sequence[str] | None = None,
+                 noise: float | None = None) -> MaterialFitResult:
+    """What laws fitted to a file of readings say; see :func:`~tympan.studies.material.fit.compare`.
+
+    An :class:`InputError` names the file.
+    """
+    coupons = read_coupons(file)
+    try:
+        fits = compare(coupons, names, noise)
+    except InputError as error:
+        raise error.located(file=file) from None
+    best = best_of(fits)
     numbers = {
         "file": str(file),
         "readings": {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes},
         "best": None if best is None else best.family.name,
-        "material_toml": (None if best is None or material is None
-                          else material_lines(material, best.range)),
-        "noise_Pa": (best or comparison.fits[0]).noise.sigma,
-        "fits": [fit.json() for fit in comparison.fits], "warnings": comparison.warnings}
-    return MaterialFitResult(numbers, coupons, _curves(comparison))
+        "material_toml": (None if best is None or best.material is None
+                          else material_lines(best.material, best.range)),
+        "noise_Pa": (best or fits[0]).noise.sigma,
+        "fits": [fit.json() for fit in fits], "warnings": warnings(coupons, fits)}
+    first = best or fits[0]
+    drawn = [first, *(fit for fit in fits if fit is not first)][:_DRAWN]
+    return MaterialFitResult(numbers, coupons, _curves(coupons, drawn))
 
 
-def _curves(comparison: Comparison) -> dict[str, NDArray[Any]]:
+def _curves(coupons: Coupons, fits: Sequence[LawFit]) -> dict[str, NDArray[Any]]:
     """Each law in each mode, up to the stretch it was tested to, or the other modes were."""
-    coupons = comparison.coupons
-    best = comparison.best or comparison.fits[0]
-    fits = [best, *(fit for fit in comparison.fits if fit is not best)][:_DRAWN]
     parts: dict[str, list[NDArray[Any]]] = {column.name: [] for column in CURVES}
     for fit in fits:
         for mode in MODES:

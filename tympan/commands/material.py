@@ -48,17 +48,10 @@ def material_show(options: argparse.Namespace) -> None:
                 "specimen files (TOML)"), JSON)
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
-    from tympan.studies.data.coupon import read_coupons
-    from tympan.studies.material.fit import compare
-    from tympan.studies.material.result import material_fit_result
+    from tympan.studies.material.result import material_fit
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 0 < noise < float("inf"):
         raise InputError("must be positive", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
-    coupons = read_coupons(options.coupons)
-    try:
-        comparison = compare(coupons, names, noise)
-    except InputError as error:
-        raise error.located(file=options.coupons) from None
-    finish(options, material_fit_result(comparison, options.coupons), comparison=comparison)
+    finish(options, material_fit(options.coupons, names, noise))
