@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import metadata
@@ -19,17 +20,11 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.geometry.fields import read
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Table
+from tympan.geometry.toml_reader import NON_NEGATIVE, Table
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from tympan.studies.case import (
-    Case,
-    CaseResult,
-    Settings,
-    build_model,
-    solve_grid,
-    solved,
-)
+from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid, solved
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
@@ -40,13 +35,13 @@ Progress = Callable[[str], None]
 #: SI values by column name, shape (rows,) each.
 TableOfColumns = Mapping[str, NDArray[Any]]
 
-#: Boundaries of the mesh along the lines x and y, and the coordinate that runs along each.
-_AXES = {"x": ("axis_x", 0), "y": ("axis_y", 1)}
+#: Boundaries of the mesh along the lines x and y through the plate's centre, and around the plate.
+_BOUNDARIES = {"x": "axis_x", "y": "axis_y", "plate": "plate"}
 
 #: The columns of lines/NAME.csv: signed distance from the plate's centre along x and y, angle times
 #: radius around the plate.
 LINES: tuple[Column, ...] = (
-    Column.labels("line", (*_AXES, "plate")),
+    Column.labels("line", tuple(_BOUNDARIES)),
     Column("distance", "mm"),
     Column("deflection", "mm"),
     Column("stress_1", "kPa"),
@@ -170,14 +165,7 @@ class StudyResult:
 
     @classmethod
     def load(cls, folder: Path) -> StudyResult:
-        """Everything a study stored under ``folder``.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or is not what the study writes, naming the file and what is
-            wrong.
-        """
+        """Everything a study stored under ``folder``."""
         file, weights = folder / "study.json", folder / "alpha.json"
         stored = from_json(cls, read_json(file), file)
         if not stored.specimens:
@@ -213,8 +201,8 @@ def read_study(file: Path) -> Study:
         raise table.error("specimens", "must be a list of specimen files", names)
     paths = [file.parent / name for name in names]
     specimens = tuple(map(load_specimen, paths))
-    repeated = {item.name for item in specimens
-                if sum(other.name == item.name for other in specimens) > 1}
+    repeated = [name for name, count in Counter(item.name for item in specimens).items()
+                if count > 1]
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
     default = Study("", (), ())
@@ -261,18 +249,20 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
         tuple(specimens), tuple(alphas))
 
 
-def plate_profile(model: Model, state: State) -> Fields:
-    """Fields around the plate's edge, ordered by angle around its centre."""
-    fields, _ = edge_fields(model, state, "plate")
+def line_profile(model: Model, state: State, line: str) -> tuple[NDArray[np.float64], Fields]:
+    """Distances [m], shape (n,), and fields along a line of lines/NAME.csv.
+
+    "x" and "y" run through the plate's centre from end to end; "plate" around it, by angle.
+    """
+    fields, _ = edge_fields(model, state, _BOUNDARIES[line])
     arm = fields.position - model.centre
-    return fields[np.argsort(np.arctan2(arm[:, 1], arm[:, 0]), kind="stable")]
-
-
-def axis_profile(model: Model, state: State, axis: str) -> Fields:
-    """Fields along the axis "x" or "y" through the plate's centre, from end to end."""
-    boundary, coordinate = _AXES[axis]
-    fields, _ = edge_fields(model, state, boundary)
-    return fields[np.argsort(fields.position[:, coordinate], kind="stable")]
+    along = np.arctan2(arm[:, 1], arm[:, 0]) if line == "plate" else arm[:, "xy".index(line)]
+    order = np.argsort(along, kind="stable")
+    fields = fields[order]
+    if line != "plate":
+        return along[order], fields
+    steps = np.linalg.norm(np.diff(fields.position, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)]), fields
 
 
 def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -> SpecimenResult:
@@ -292,16 +282,11 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
 
 
 def _lines(model: Model, state: State) -> TableOfColumns:
-    profiles = {}
-    for axis, (_, coordinate) in _AXES.items():
-        fields = axis_profile(model, state, axis)
-        profiles[axis] = (fields.position - model.centre)[:, coordinate], fields
-    fields = plate_profile(model, state)
-    steps = np.linalg.norm(np.diff(fields.position, axis=0), axis=1)
-    profiles["plate"] = np.concatenate([[0.0], np.cumsum(steps)]), fields
-    parts = [{**vars(fields), "line": np.full(len(distance), line), "distance": distance,
-              "deflection": fields.displacement[:, 2], "field": fields.electric_field}
-             for line, (distance, fields) in profiles.items()]
+    parts = []
+    for line in _BOUNDARIES:
+        distance, fields = line_profile(model, state, line)
+        parts.append({**vars(fields), "line": np.full(len(distance), line), "distance": distance,
+                      "deflection": fields.displacement[:, 2], "field": fields.electric_field})
     return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
 
 
@@ -318,14 +303,10 @@ def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
 
 
 def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
-    """A sub-table with ``mass`` and ``voltage`` lists."""
     if key not in table:
         table.asked.add(key)
         return default
-    loads = table.table(key)
-    masses = loads.numbers("mass", "mass", rule=POSITIVE)
-    voltages = loads.numbers("voltage", "voltage", rule=NON_NEGATIVE)
-    if list(voltages) != sorted(voltages):
-        raise loads.error("voltage", "must ascend", loads.value("voltage"))
-    loads.done()
-    return LoadGrid(masses, voltages)
+    loads = read(LoadGrid, table.table(key))
+    if list(loads.voltages) != sorted(loads.voltages):
+        raise table.error(f"{key}.voltage", "must ascend", table.value(key)["voltage"])
+    return loads

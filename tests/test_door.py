@@ -19,7 +19,7 @@ from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.alpha import AlphaSettings
-from tympan.studies.alpha.samples import LoadGrid
+from tympan.studies.alpha.circles import LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
 
 ROOT = Path(__file__).parent.parent

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from numpy.typing import NDArray
 
 from tympan.reports import look as style
 from tympan.studies.alpha.table import OutlineRow, OutlineTable
@@ -23,12 +25,13 @@ def _compose(table: OutlineTable) -> Figure:
     figure = style.new_figure(60.0 * -(-len(table.rows) // _COLUMNS))
     for number, row in enumerate(table.rows):
         line, column = divmod(number, _COLUMNS)
-        _frame(style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row)
+        points = [1e3 * table.frames[axis][table.frames["shape"] == row.shape] for axis in "xy"]
+        _frame(style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row, *points)
     return figure
 
 
-def _frame(axes: Axes, row: OutlineRow) -> None:
-    x, y = row.frame * 1e3
+def _frame(axes: Axes, row: OutlineRow, x: NDArray[Any], y: NDArray[Any]) -> None:
+    """Points x, y are in mm."""
     axes.fill(x, y, color="0.93", lw=0)
     axes.plot([*x, x[0]], [*y, y[0]], color="black", lw=1.2)
     axes.add_patch(Circle((0, 0), 10, color="0.55", lw=0))

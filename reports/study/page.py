@@ -15,7 +15,7 @@ from tympan.reports.study import text as words
 from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import digits, embedded_picture, percent, template
 from tympan.studies.alpha import AlphaResult, Weights
-from tympan.studies.alpha.samples import LoadGrid
+from tympan.studies.alpha.circles import LoadGrid
 from tympan.studies.files import write_text
 from tympan.studies.study import StudyResult
 

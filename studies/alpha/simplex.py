@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
 Array = NDArray[Any]
 
@@ -15,8 +14,9 @@ Array = NDArray[Any]
 def simplex_fit(forces: Array, target: Array) -> Array:
     """The α ≥ 0, Σ α = 1 that minimises |forces · α − target|, exactly.
 
-    For every choice of circles with non-zero weight the equality-constrained problem has a closed
-    form; the best feasible one is the minimum. ``forces`` has shape (samples, circles).
+    On the simplex the residual is a point in the hull of the circles' own residuals; the hull's
+    point nearest to 0 is a problem of non-negative weights, of which any sum is taken (Lawson &
+    Hanson, *Solving Least Squares Problems*, 1974). ``forces`` has shape (samples, circles).
 
     Examples
     --------
@@ -26,21 +26,10 @@ def simplex_fit(forces: Array, target: Array) -> Array:
     >>> simplex_fit(forces, np.array([9.0, 9.0])).tolist()
     [1.0, 0.0]
     """
-    count = forces.shape[1]
-    best, least = np.full(count, 1 / count), np.inf
-    for size in range(1, count + 1):
-        for chosen in map(list, combinations(range(count), size)):
-            weights = np.zeros(count)
-            base = forces[:, chosen[0]]
-            rest = forces[:, chosen[1:]] - base[:, None]
-            others = (np.linalg.lstsq(rest, target - base, rcond=None)[0] if size > 1
-                      else np.zeros(0))
-            weights[chosen[1:]] = others
-            weights[chosen[0]] = 1 - others.sum()
-            misfit = float(np.linalg.norm(forces @ weights - target))
-            if weights.min() >= 0 and misfit < least:
-                best, least = weights, misfit
-    return best
+    residuals = (forces - target[:, None]) / np.linalg.norm(target)
+    weights, _ = nnls(np.vstack([residuals, np.ones(forces.shape[1])]),
+                      np.append(np.zeros(len(target)), 1.0))
+    return np.asarray(weights / weights.sum())
 
 
 def weight_ranges(forces: Array, target: Array, error: float) -> tuple[tuple[float, float], ...]:

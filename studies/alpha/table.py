@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,7 @@ FRAMES: tuple[Column, ...] = (
 class OutlineRow:
     """A frame's outline with α of two membrane circles of its sectors, and the one that fits best.
 
-    A round frame has one circle, and None for the second. ``frame`` are points of its outline [m],
-    shape (2, n).
+    A round frame has one circle, and None for the second.
     """
 
     shape: str
@@ -47,19 +46,18 @@ class OutlineRow:
     one_circle_mm: float
     one_circle_held_out_error: float | None
     warnings: str
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.empty((2, 0)), repr=False,
-                                       compare=False)
 
 
 #: The table's columns.
-HEADER = tuple(item.name for item in fields(OutlineRow) if item.name != "frame")
+HEADER = tuple(item.name for item in fields(OutlineRow))
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineTable:
-    """α of every registered outline."""
+    """α of every registered outline; ``frames`` are points of each, by the columns of FRAMES."""
 
     rows: tuple[OutlineRow, ...]
+    frames: Mapping[str, NDArray[Any]]
 
     def json(self) -> dict[str, Any]:
         """As a JSON object, without the outlines' points."""
@@ -69,52 +67,39 @@ class OutlineTable:
         """Write ``outlines.csv``, ``outlines-frames.csv`` and ``outlines.json``."""
         records = to_json(self.rows)
         write_csv(folder / "outlines.csv", HEADER, (record.values() for record in records))
-        x, y = np.concatenate([row.frame for row in self.rows], axis=1)
-        shapes = np.repeat([row.shape for row in self.rows],
-                           [row.frame.shape[1] for row in self.rows])
-        write_sheet(folder / "outlines-frames.csv", FRAMES, {"shape": shapes, "x": x, "y": y})
+        write_sheet(folder / "outlines-frames.csv", FRAMES, self.frames)
         write_json(folder / "outlines.json", records)
 
     @classmethod
     def load(cls, folder: Path) -> OutlineTable:
-        """What was saved.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or damaged, or is of a version that did not keep the outlines.
-        """
-        file, frames = folder / "outlines.json", folder / "outlines-frames.csv"
-        points, rows = read_own_sheet(frames, FRAMES), []
-        for row in from_json(tuple[OutlineRow, ...], read_json(file), file):
-            chosen = points["shape"] == row.shape
-            if not chosen.any():
+        """What was saved; refused where it is of a version that did not keep the outlines."""
+        file, points = folder / "outlines.json", folder / "outlines-frames.csv"
+        frames = read_own_sheet(points, FRAMES)
+        rows = from_json(tuple[OutlineRow, ...], read_json(file), file)
+        for row in rows:
+            if row.shape not in frames["shape"]:
                 raise InputError(f"has no points of {row.shape}: run tympan outlines again",
-                                 file=frames)
-            rows.append(replace(row, frame=np.stack([points["x"][chosen], points["y"][chosen]])))
-        return cls(tuple(rows))
-
-
-def specimen_in(outline: Outline) -> Specimen:
-    """The paper's film and plate in a frame of this outline."""
-    return Specimen(outline.shape, outline, Plate(Circle(10e-3)), paper_film())
+                                 file=points)
+        return cls(rows, frames)
 
 
 def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),
                   progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
-    """A row for every registered outline that has an example."""
-    rows = []
+    """A row for every registered outline that has an example: the paper's film and plate in it."""
+    rows, points = [], []
     for outline in examples().values():
         progress(outline.shape)
-        specimen = specimen_in(outline)
+        specimen = Specimen(outline.shape, outline, Plate(Circle(10e-3)), paper_film())
         pair, single = (alpha(specimen, settings, replace(loads, circles=count, radii=radii))
                     for count, radii in ((2, "sectors"), (1, "fit")))
         rows.append(_row(outline, pair, single))
-    return OutlineTable(tuple(rows))
+        points.append(outline.points(720))
+    x, y = np.concatenate(points, axis=1)
+    shapes = np.repeat([row.shape for row in rows], [part.shape[1] for part in points])
+    return OutlineTable(tuple(rows), {"shape": shapes, "x": x, "y": y})
 
 
 def _row(outline: Outline, pair: AlphaResult, single: AlphaResult) -> OutlineRow:
-    """From α of two circles and of one."""
     (a, b), weights = outline.semi_axes, pair.by_basis["membrane"]
     round_frame = len(pair.circles) == 1
     return OutlineRow(
@@ -124,4 +109,4 @@ def _row(outline: Outline, pair: AlphaResult, single: AlphaResult) -> OutlineRow
         weights.fit_error, weights.held_out_error,
         pair.from_fields.alpha[0], pair.from_fields.held_out_error,
         single.circles[0] * 1e3, single.by_basis["membrane"].held_out_error,
-        "; ".join(text for text in pair.warnings if "cones" not in text), outline.points(720))
+        "; ".join(text for text in pair.warnings if "cones" not in text))

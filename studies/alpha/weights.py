@@ -1,4 +1,4 @@
-"""Weights α of a shape, fitted on membrane circles and cones or read off its fields; errors."""
+"""Weights α of a shape, by membrane circles, cones and its fields; how far they are certain."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Specimen
-from tympan.studies.alpha.film_circles import RADII, cone_forces, membrane_forces
-from tympan.studies.alpha.samples import LoadGrid, Samples, concentric, equilibria
+from tympan.studies.alpha.circles import (
+    RADII,
+    LoadGrid,
+    Samples,
+    concentric,
+    cone_forces,
+    equilibria,
+    membrane_forces,
+)
 from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from tympan.studies.case import Settings, build_model
 from tympan.studies.circles import radii_of
@@ -26,12 +34,18 @@ Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
 Progress = Callable[[str], None]
 
-#: Circles beyond which the fit over all choices of them takes long, and nobody can tell them apart.
+#: Smallest and largest of each weight.
+Ranges = tuple[tuple[float, float], ...]
+
+#: Circles beyond which nobody can tell them apart.
 MOST_CIRCLES = 6
 
 #: Where a mixture of circles leaves more force than this, relative, it does not represent the
 #: shape.
 REPRESENTED = 0.01
+
+#: By how much the elements are finer that show what the mesh does to α.
+_FINER = 1.5
 
 
 @dataclass(frozen=True)
@@ -40,8 +54,8 @@ class AlphaSettings:
 
     The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to
     heavier, and other voltages, from between to beyond. ``radii`` is a key of
-    :data:`tympan.studies.alpha.RADII`. ``tolerance``: force error, relative, at which two mixtures
-    count as equally good.
+    :data:`tympan.studies.alpha.circles.RADII`. ``tolerance``: force error, relative, at which two
+    mixtures count as equally good.
     """
 
     fit: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3),
@@ -91,10 +105,10 @@ class AlphaResult:
     by_basis: dict[Basis, Weights]
     cone_scale: float
     from_fields: Weights
-    field_range: tuple[tuple[float, float], ...]
+    field_range: Ranges
     warnings: tuple[str, ...]
     radii: str = "semi_axes"
-    ranges: tuple[tuple[float, float], ...] = ()
+    ranges: Ranges = ()
     condition: float = 1.0
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
@@ -114,13 +128,7 @@ class AlphaResult:
 
     @classmethod
     def of_record(cls, record: Any, file: Path | str | None = None, key: str = "") -> AlphaResult:
-        """What :meth:`record` made.
-
-        Raises
-        ------
-        InputError
-            Naming the key that is missing or wrong.
-        """
+        """What :meth:`record` made."""
         stored = from_json(dict[str, Any], record, file, key)
         ranges = from_json(dict[str, Any], stored.get("from_fields"), file,
                            f"{key}.from_fields").get("range")
@@ -158,12 +166,8 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     within 45° of an ellipse's short and of its long axis).
 
     A circle with its plate in the middle is one circle, α = (1). A frame with equal semi-axes that
-    is no circle gets circles by sectors where semi-axes are asked for.
-
-    Parameters
-    ----------
-    radii
-        Of the circles [m], the shortest first, where they are known already.
+    is no circle gets circles by sectors where semi-axes are asked for. ``radii`` [m] are those of
+    the circles, the shortest first, where they are known already.
 
     Raises
     ------
@@ -198,6 +202,46 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
                          spread, tuple(warnings), how, ranges, condition(membrane[0]))
     return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings)))
+
+
+def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings, rig: Rig,
+                nominal: AlphaResult, progress: Progress = lambda _: None
+                ) -> dict[str, Ranges | None]:
+    """Smallest and largest of each weight of ``nominal``'s membrane circles, by what was changed.
+
+    ``mesh``: elements finer by 1.5. ``material``: each material of the library in the film's place.
+    ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
+    nothing could be changed; a change without an equilibrium to fit is left out.
+    """
+    film, fit = specimen.membrane, alpha_settings.fit
+    half, voltages = len(fit.voltages) // 2, tuple(sorted(fit.voltages))
+    grids = {f"{mass * 1e3:g} g alone": LoadGrid((mass,), fit.voltages)
+             for mass in fit.masses if len(fit.masses) > 1}
+    if half:
+        grids |= {"lower voltages": LoadGrid(fit.masses, voltages[:half]),
+                  "higher voltages": LoadGrid(fit.masses, voltages[half:])}
+    finer = replace(settings, mesh=settings.mesh.refined(_FINER))
+    changes: dict[str, Iterable[tuple[str, Specimen, Settings, AlphaSettings]]] = {
+        "mesh": [("a finer mesh", specimen, finer, alpha_settings)],
+        "material": [(name, replace(specimen, membrane=replace(film, material=entry.material)),
+                      settings, alpha_settings)
+                     for name, entry in MATERIALS.items() if entry.material != film.material],
+        "loads": [(name, specimen, settings, replace(alpha_settings, fit=grid))
+                  for name, grid in grids.items()]}
+    ranges: dict[str, Ranges | None] = {}
+    for kind, cases in changes.items():
+        weights = [nominal.by_basis["membrane"].alpha]
+        for name, changed, mesh, loads in cases:
+            progress(f"{specimen.name}: α with {name}")
+            try:
+                result = alpha(changed, mesh, loads, rig, radii=nominal.circles)
+            except InputError:
+                continue
+            weights.append(result.by_basis["membrane"].alpha)
+        columns = zip(*weights, strict=True)
+        ranges[kind] = (tuple((min(column), max(column)) for column in columns)
+                        if len(weights) > 1 else None)
+    return ranges
 
 
 def _circles(specimen: Specimen, chosen: AlphaSettings) -> tuple[int, str]:

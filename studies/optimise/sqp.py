@@ -16,7 +16,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import BFGS, lsq_linear, minimize
+from scipy.optimize import BFGS, LinearConstraint, lsq_linear, minimize
 
 Array = NDArray[np.float64]
 Status = Literal["optimum", "no_progress", "infeasible", "no_start"]
@@ -35,6 +35,10 @@ class Linearisation:
     def violation(self) -> float:
         """Largest c above zero."""
         return max(0.0, float(self.limits.max(initial=0.0)))
+
+    def merit(self, unit: float, price: float) -> float:
+        """f over a unit, less the price of the violation."""
+        return self.value / unit - price * self.violation
 
 
 class Objective(Protocol):
@@ -124,8 +128,7 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
         there = None if ahead is None else objective.at(ahead)
         trials += 1
         missing += there is None
-        gained = (-np.inf if there is None
-                  else _merit(there, unit, price) - _merit(here, unit, price))
+        gained = -np.inf if there is None else there.merit(unit, price) - here.merit(unit, price)
         accepted = gained > 0.05 * promised
         if ahead is not None:
             note(ahead, accepted)
@@ -187,10 +190,6 @@ def restored(objective: Objective, x: Array, rounds: int = 20) -> Array | None:
     return None
 
 
-def _merit(here: Linearisation, unit: float, price: float) -> float:
-    return here.value / unit - price * here.violation
-
-
 def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radius: float,
           price: float, unit: float) -> tuple[Array, float]:
     """The step and by how much the merit should grow."""
@@ -202,11 +201,9 @@ def _step(objective: Objective, x: Array, here: Linearisation, bend: Array, radi
                 np.append(bend @ d - slope, price))
 
     jacobian = np.column_stack([-here.limit_slopes, np.ones(len(here.limits))])
-    constraints = [{"type": "eq", "fun": lambda z: np.array([kept @ z[:size]]),
-                    "jac": lambda z: np.append(kept, 0.0)[None, :]}] if kept.any() else []
+    constraints = [LinearConstraint(np.append(kept, 0.0), 0.0, 0.0)] if kept.any() else []
     if len(here.limits):
-        constraints.append({"type": "ineq", "fun": lambda z: jacobian @ z - here.limits,
-                            "jac": lambda z: jacobian})
+        constraints.append(LinearConstraint(jacobian, here.limits, np.inf))
     bounds = [(max(-radius, -at), min(radius, 1 - at)) for at in x]
     minimum = minimize(cost, np.append(np.zeros(size), here.violation), jac=True, method="SLSQP",
                        bounds=[*bounds, (0.0, None)], constraints=constraints,

@@ -15,8 +15,8 @@ from typing import NoReturn
 
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
-from tympan.studies.sweep.checkpoint import Checkpoint
 from tympan.studies.sweep.plan import Sweep, read_sweep
+from tympan.studies.sweep.run import Checkpoint
 from tympan.studies.sweep.task import SweepTask
 
 CHEAP = Settings(MeshSettings(order=2).refined(0.6))

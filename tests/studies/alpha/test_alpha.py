@@ -20,16 +20,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate
-from tympan.studies.alpha import (
-    AlphaSettings,
-    LoadGrid,
-    alpha,
-    part_shares,
-    simplex_fit,
-    uncertainty,
-    weight_ranges,
-)
-from tympan.studies.alpha.samples import frame_distances, parts_of
+from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha, uncertainty
+from tympan.studies.alpha.circles import frame_distances, part_shares, parts_of
+from tympan.studies.alpha.simplex import simplex_fit, weight_ranges
 from tympan.studies.case import Settings
 from tympan.studies.circles import ConeCircle
 

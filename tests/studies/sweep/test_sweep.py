@@ -16,7 +16,7 @@ from tests.support.sweeps import CHEAP, Lethal, finished, read, written
 from tympan.geometry.errors import InputError
 from tympan.studies.case import Case, solve
 from tympan.studies.parallel import processes, serial
-from tympan.studies.sweep import checkpoint as shelf
+from tympan.studies.sweep import run as shelf
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.run import run_sweep
 from tympan.studies.sweep.task import SweepTask

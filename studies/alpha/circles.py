@@ -1,0 +1,216 @@
+"""Circular actuators that stand for a shape: where they are compared, their radii and forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
+
+from tympan.fem.equilibrium.ramp import held
+from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
+from tympan.fem.results.fields import edge_fields
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
+from tympan.geometry.outlines import Circle
+from tympan.geometry.specimen import Plate, Specimen
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
+from tympan.studies.alpha.simplex import simplex_fit
+from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
+from tympan.studies.circles import ConeCircle, radii_of
+
+Array = NDArray[np.float64]
+Radii = tuple[float, ...]
+
+#: Directions around the plate that are told apart.
+_DIRECTIONS = 7200
+
+#: Radii among which those of the fit are interpolated, and how far these go beyond the frame's
+#: nearest and farthest.
+_GRID, _BEYOND = 9, 1.1
+
+
+@dataclass(frozen=True)
+class LoadGrid:
+    """Masses and voltages, every combination."""
+
+    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", POSITIVE, "mass")]
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", NON_NEGATIVE,
+                                               "voltage")]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Equilibria: force on the film [N], deflection [m], film voltage [V], shares (n, parts)."""
+
+    force: Array
+    deflection: Array
+    voltage: Array
+    shares: Array
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+
+#: Force [N] of circles of some radii at each sample's deflection and voltage, (samples, circles).
+Forces = Callable[[Radii, Samples], Array]
+
+
+def equilibria(model: Model, loads: LoadGrid, rig: Rig, settings: Settings, parts: int,
+               warnings: list[str]) -> Samples:
+    """Equilibria of a model under every load that has one; ``warnings`` gets the others."""
+    part_of = parts_of(model.specimen, parts)
+    rows: list[tuple[float, float, float]] = []
+    shares: list[Array] = []
+    for mass in loads.masses:
+        for _, outcome in voltage_ramp(model, mass, loads.voltages, rig, settings.path):
+            state = outcome.state
+            if outcome.status != "equilibrium":
+                warnings.append(f"{mass * 1e3:g} g: {failure_reason(outcome)}; loads beyond are "
+                                "left out")
+                break
+            if state.plate.deflection <= 1e-6 * model.size:
+                warnings.append(f"{mass * 1e3:g} g: the plate hardly sinks; this load is left out")
+                break
+            rows.append((model.reaction(state), state.plate.deflection,
+                         float(np.sqrt(state.voltage_squared))))
+            shares.append(part_shares(model, state, part_of))
+    force, deflection, voltage = np.array(rows).reshape(-1, 3).T
+    return Samples(force, deflection, voltage, np.array(shares).reshape(-1, parts))
+
+
+def frame_distances(specimen: Specimen) -> Array:
+    """Distance from the plate's centre to the frame [m] in equally spaced directions."""
+    x, y = specimen.frame.points(2 * _DIRECTIONS) - np.array(specimen.plate.offset)[:, None]
+    angle = np.arctan2(y, x) % (2 * np.pi)
+    order = np.argsort(angle)
+    distance = np.hypot(x, y)[order]
+    directions = 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    return np.asarray(np.interp(directions, angle[order], distance, period=2 * np.pi))
+
+
+def parts_of(specimen: Specimen, count: int) -> NDArray[np.int64]:
+    """The part of ``count`` of equal angle each direction belongs to, 0 where the frame is nearest.
+
+    An ellipse's two parts are the sectors within 45° of its short and of its long axis.
+    """
+    # Rounded, so that mirror images of a direction, alike but for the last bit, stay together.
+    distance = frame_distances(specimen).round(12)
+    rank = np.argsort(np.argsort(distance, kind="stable"), kind="stable")
+    return np.asarray(rank * count // len(rank), dtype=np.int64)
+
+
+def concentric(specimen: Specimen) -> bool:
+    """Whether the frame is equally far from the plate's centre in all directions."""
+    distance = frame_distances(specimen)
+    return bool(np.ptp(distance) < 1e-6 * distance.max())
+
+
+def part_shares(model: Model, state: State, part_of: NDArray[np.int64]) -> Array:
+    """Shares of the plate's vertical edge force carried in the parts of :func:`parts_of`.
+
+    The force is the integral of the first Piola traction along the mounted edge; angles are those
+    of the mounted edge around the plate's centre.
+    """
+    parts = 1 + int(part_of.max())
+    if parts == 1:
+        return np.ones(1)
+    fields, weights = edge_fields(model, state, "plate", 24, quadrature=True)
+    arm = fields.position - model.centre
+    angle = np.arctan2(arm[:, 1], arm[:, 0]) % (2 * np.pi)
+    order = np.argsort(angle)
+    force = (fields.plate_traction[:, 2] * weights)[order]
+    # Midpoint rule of the cumulative force, so that a part may end between two points of an edge.
+    cumulative, total = np.cumsum(force) - force / 2, force.sum()
+    angles = np.concatenate([angle[order] - 2 * np.pi, angle[order], angle[order] + 2 * np.pi])
+    ends = np.interp(2 * np.pi * np.arange(_DIRECTIONS + 1) / _DIRECTIONS, angles,
+                     np.concatenate([cumulative - total, cumulative, cumulative + total]))
+    return np.asarray(np.bincount(part_of, np.diff(ends), parts) / total)
+
+
+def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, radii: Radii,
+                    samples: Samples) -> Array:
+    """Force [N] of centred membrane circles with film, electrode and plate of the specimen.
+
+    Shape (samples, circles).
+    """
+    columns = []
+    for radius in radii:
+        size = f"{radius * 1e3:g} mm"
+        try:
+            circle = replace(specimen, name=f"circle {size}", frame=Circle(radius),
+                             plate=Plate(specimen.plate.outline))
+        except InputError as error:
+            raise InputError(f"has no circle of radius {size} to compare with: {error.allowed}",
+                             key="alpha", given=specimen.name) from None
+        model, column, start = build_model(circle, settings, loading), [], None
+        for deflection, voltage in zip(samples.deflection, samples.voltage, strict=True):
+            outcome = held(model, deflection, voltage, start, settings.path)
+            start = outcome.solution if outcome.solution.converged else None
+            if outcome.status != "equilibrium":
+                raise InputError(f"a circle of radius {radius * 1e3:.4g} mm cannot follow its "
+                                 "deflection", key="alpha", given=specimen.name)
+            # The film's alone, as the samples have it: no spring.
+            column.append(model.reaction(outcome.state))
+        columns.append(column)
+    return np.array(columns).reshape(len(radii), -1).T
+
+
+def cone_forces(specimen: Specimen, radii: Radii, samples: Samples) -> Array:
+    """Force [N] of straight cones (Eq. 5), shape (samples, circles)."""
+    cones = [ConeCircle(specimen, radius) for radius in radii]
+    pairs = zip(samples.deflection, samples.voltage, strict=True)
+    forces = np.array([[cone.force(y, u) for cone in cones] for y, u in pairs])
+    return forces.reshape(-1, len(radii))
+
+
+def _spread(low: float, high: float, count: int) -> Radii:
+    return (low, *(float(radius) for radius in np.geomspace(low, high, count)[1:-1]), high)
+
+
+def _semi_axes(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    radii = radii_of(specimen.frame)
+    if len(radii) == 1:
+        return radii
+    return (float(np.sqrt(np.prod(radii))),) if count == 1 else _spread(radii[0], radii[-1], count)
+
+
+def _sectors(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    logarithm, parts = np.log(frame_distances(specimen)), parts_of(specimen, count)
+    return tuple(float(np.exp(logarithm[parts == part].mean())) for part in range(count))
+
+
+def _fit(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
+    distance = frame_distances(specimen)
+    low = max(distance.min() / _BEYOND, 1.05 * max(specimen.plate.outline.semi_axes))
+    radii = _spread(low, max(distance.max() * _BEYOND, 1.2 * low), _GRID)
+    logarithms = np.log(radii)
+    spline = CubicSpline(logarithms, np.log(forces(radii, samples)), axis=1)
+
+    def misfit(logarithms: Array) -> float:
+        force = np.asarray(np.exp(spline(logarithms)))
+        residual = force @ simplex_fit(force, samples.force) - samples.force
+        apart = np.diff(np.sort(logarithms)).min(initial=np.inf)
+        error = float(np.linalg.norm(residual) / np.linalg.norm(samples.force))
+        return error + max(0.0, 0.02 - float(apart))
+
+    start = np.log(_sectors(specimen, count, forces, samples))
+    ends = logarithms[[0, -1]]
+    best = minimize(misfit, np.clip(start, *ends), method="Nelder-Mead", bounds=[ends] * count,
+                    options={"xatol": 1e-5, "fatol": 1e-9})
+    return tuple(float(radius) for radius in np.sort(np.exp(best.x)))
+
+
+#: Ways to choose the circles' radii, shortest first: the frame's half extents along x and y and a
+#: geometric series between them; parts of the directions around the plate, by the distance of the
+#: frame, each with the geometric mean of its distances (a film's force goes with 1/ln(R/r)); or
+#: those with which the forces fit best.
+RADII: dict[str, Callable[[Specimen, int, Forces, Samples], Radii]] = {
+    "semi_axes": _semi_axes, "sectors": _sectors, "fit": _fit}
