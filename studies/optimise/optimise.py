@@ -98,7 +98,6 @@ class StartRun:
 
 
 def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
-             descent: DescentSettings = DescentSettings(),
              progress: Callable[[str], None] = lambda words: None) -> OptimiseResult:
     """The optima of a problem, one for each measure of the frame that is held.
 
@@ -118,7 +117,7 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
         runs: list[StartRun] = []
         for number, values in enumerate(problem.starts):
             progress(f"equal {measure}, start {number + 1}")
-            run = run_from(problem, measure, number, np.array(values), settings, descent)
+            run = run_from(problem, measure, number, np.array(values), settings)
             (runs if run.descent.here is not None else failed).append(run)
         progress(f"equal {measure}, finer mesh")
         if runs:
@@ -145,7 +144,7 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
 
 
 def run_from(problem: OptimiseProblem, measure: str, number: int, values: NDArray[np.float64],
-             settings: Settings, descent: DescentSettings) -> StartRun:
+             settings: Settings, descent: DescentSettings = DescentSettings()) -> StartRun:
     """One descent, every point on its way kept."""
     reason = f"no design within the bounds has the {measure} of the reference's frame"
     nowhere = Design(values, reason=reason)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from functools import partial
 
 from tympan.geometry.errors import InputError
@@ -51,13 +50,7 @@ def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], addres
 
 
 def _hoarded(function: Callable[[Item], Value], item: Item) -> Value:
-    with _hoarding():
-        return function(item)
-
-
-@contextmanager
-def _hoarding() -> Iterator[None]:
-    """Keep freed memory meanwhile.
+    """A value, freed memory kept meanwhile.
 
     Dask starts its workers so that they give back every array they free, to look small while they
     wait. Taking the pages again made a specimen 40 % slower.
@@ -65,12 +58,11 @@ def _hoarding() -> Iterator[None]:
     wanted = os.environ.get(_TRIM_SET, "")
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if wanted.isdigit() else None
     if mallopt is None:
-        yield
-        return
+        return function(item)
     mallopt(*_TRIM)
     mallopt(*_MAP)
     try:
-        yield
+        return function(item)
     finally:
         mallopt(_TRIM[0], int(wanted))
         mallopt(_MAP[0], _MAP_DEFAULT)

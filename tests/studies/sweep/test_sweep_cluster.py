@@ -57,9 +57,9 @@ def test_a_scheduler_that_is_not_there_is_one_message(tmp_path, monkeypatch) -> 
 HOARDING = """
 import resource
 import numpy as np
-from tympan.studies.sweep.cluster import _hoarding
+from tympan.studies.sweep.cluster import _hoarded
 
-def faults():
+def faults(_=None):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
     for _ in range(100):
         np.ones(200_000)
@@ -67,9 +67,7 @@ def faults():
 
 faults()
 print(faults())
-with _hoarding():
-    faults()
-    print(faults())
+_hoarded(lambda _: (faults(), print(faults())), None)
 faults()
 print(faults())
 """
