@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Self, overload
+from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tympan.fem.membrane.loading import BIASES, Bias, Guide, Loading, Spring
 from tympan.geometry.errors import InputError
@@ -17,8 +16,6 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
-
-Array = NDArray[np.float64]
 
 #: Ways the voltage got to where it is, as datasets name them; none where it is not known.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
@@ -71,26 +68,14 @@ class Rig:
         return {**asdict(self), "biases": [{"law": bias.law, **vars(bias)} for bias in self.biases]}
 
     def force(self, mass: Any, plate_area: Any = 0.0) -> Any:
-        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²].
-
-        Numbers or arrays.
-        """
+        """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]."""
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
-
-    @overload
-    def film_voltage(self, voltage: float, direction: float = 0.0) -> float: ...
-    @overload
-    def film_voltage(self, voltage: Array | float,
-                     direction: Array | float = 0.0) -> Array | float: ...
 
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
         """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag.
 
-        The lag never turns the sign. A negative voltage does what the positive one does: films feel
-        its square.
-
-        Numbers or arrays; ``direction`` is 1 where the voltage rises, -1 where it falls, 0 where
-        that is not known.
+        The lag never turns the sign. Numbers or arrays; ``direction`` is 1 where the voltage rises,
+        -1 where it falls, 0 where that is not known.
 
         Examples
         --------
@@ -110,8 +95,6 @@ class Rig:
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s].
-
-        Numbers or arrays.
 
         Examples
         --------

@@ -84,7 +84,7 @@ class Case:
     @property
     def film_voltage(self) -> float:
         """What the film responds to [V]."""
-        return self.rig.film_voltage(self.voltage, self.direction)
+        return float(self.rig.film_voltage(self.voltage, self.direction))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,15 +21,8 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 def element_forces(gradients: Array, f: Array, stress: Array) -> Array:
     """Forces on the elements' nodes, shape (elements, local, 3).
 
-    Parameters
-    ----------
-    gradients
-        ∂φ/∂X, shape (elements, points, local, 2).
-    f
-        Deformation gradient, shape (elements, points, 3, 2).
-    stress
-        Second Piola–Kirchhoff (S₁₁, S₂₂, S₁₂) times the volume of the point, shape (elements,
-        points, 3).
+    From ∂φ/∂X (elements, points, local, 2), F (elements, points, 3, 2) and the second
+    Piola–Kirchhoff stress (S₁₁, S₂₂, S₁₂) times the point's volume, (elements, points, 3).
     """
     return gathered(gradients, first_piola(f, stress))
 
@@ -51,17 +44,9 @@ def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
     """Tangents of the elements, shape (elements, 3 local, 3 local), node-major.
 
     Temporaries do not grow with the mesh. With A = ∂²ψ/∂F∂F an element's block for components i, j
-    is Gᵀ A_ij G over its gradients G, and block ji is the transpose of block ij.
-
-    Parameters
-    ----------
-    gradients, f
-        As in :func:`element_forces`.
-    stress, tangent
-        Second Piola–Kirchhoff stress (elements, points, 3) and its derivative by the strain
-        (elements, points, 3, 3).
-    volumes
-        Of the points, shape (elements, points).
+    is Gᵀ A_ij G over its gradients G, and block ji is the transpose of block ij. Unlike for
+    :func:`element_forces`, ``stress`` and its derivative by the strain, (elements, points, 3, 3),
+    are to be multiplied by ``volumes``.
     """
     elements, points, local, _ = gradients.shape
     result = np.empty((elements, 3 * local, 3 * local))
@@ -96,7 +81,6 @@ def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
 
 
 def _place(blocks: Array, result: Array) -> None:
-    """Put (elements, local, pair, local) into (elements, local, 3, local, 3)."""
     for pair, (i, j) in enumerate(_PAIRS):
         result[:, :, i, :, j] = blocks[:, :, pair]
         if i != j:
@@ -121,15 +105,7 @@ class SparsityPattern:
 
     @classmethod
     def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> SparsityPattern:
-        """Pattern of the free components.
-
-        Parameters
-        ----------
-        connectivity
-            Nodes of the elements, shape (elements, local).
-        free
-            Which nodal components are unknowns, shape (nodes, 3).
-        """
+        """From nodes of the elements (elements, local) and the free components (nodes, 3)."""
         row, first, places = _node_pairs(connectivity, free)
         count = np.diff(first, append=len(places))
         column = connectivity.ravel()[places[first] // connectivity.shape[1]]
@@ -166,13 +142,13 @@ class SparsityPattern:
 def _node_pairs(connectivity: Array, free: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Pairs of nodes with unknowns that share an element, ordered by column, then row.
 
-    Returns the row of each pair, and the start of each pair's run in the list of the places
-    (element, column, row) where it occurs.
+    The row of each pair, and the start of each pair's run in the list of the places (element,
+    column, row) where it occurs.
     """
     nodes, any_free = len(free), np.any(free, axis=1)[connectivity]
     both = np.flatnonzero(any_free[:, :, None] & any_free[:, None, :])
-    key = (connectivity.astype(np.int64)[:, :, None] * nodes + connectivity[:, None,
-                                                                            :]).ravel()[both]
+    column, row = connectivity.astype(np.int64)[:, :, None], connectivity[:, None, :]
+    key = (column * nodes + row).ravel()[both]
     order = np.argsort(key, kind="stable")
     key = key[order]
     first = np.flatnonzero(np.diff(key, prepend=-1))

@@ -132,24 +132,24 @@ class Discretisation:
         local = positions[..., self.connectivity, :].swapaxes(-1, -2)
         return np.asarray(np.matmul(local[..., None, :, :], self.gradients))
 
-    def scatter(self, elements: Array) -> Array:
-        """Sums at the nodes, (nodes, components), of vectors (elements, local, components)."""
+    def scatter(self, elements: Array, nodes: Array | None = None) -> Array:
+        """Sums at the nodes, (nodes, components), of vectors (elements, local, components).
+
+        ``nodes`` of the elements, by default all of the mesh.
+        """
         if np.iscomplexobj(elements):
-            return self.scatter(elements.real) + 1j * self.scatter(elements.imag)
-        nodes, count = self.connectivity.ravel(), len(self.reference)
-        parts = [np.bincount(nodes, elements[..., axis].ravel(), count)
-                 for axis in range(elements.shape[-1])]
-        return np.stack(parts, axis=1)
+            return self.scatter(elements.real, nodes) + 1j * self.scatter(elements.imag, nodes)
+        nodes = self.connectivity if nodes is None else nodes
+        result = np.empty((len(self.reference), elements.shape[-1]))
+        for axis in range(elements.shape[-1]):
+            result[:, axis] = np.bincount(nodes.ravel(), elements[..., axis].ravel(), len(result))
+        return result
 
     def plate_coupling(self, elements: Array, gradient: Array) -> tuple[Array, Array]:
         """The tangent's columns for motions of the plate: free components' rows, and the corner.
 
-        Parameters
-        ----------
-        elements
-            Element tangents, shape (elements, 3 local, 3 local), node-major.
-        gradient
-            Motion of the plate's nodes by p freedoms, shape (plate nodes, 3, p).
+        Of element tangents (elements, 3 local, 3 local), node-major, and the plate's nodes' motion
+        by p freedoms, (plate nodes, 3, p).
         """
         touching, rows = self._plate_elements
         freedoms = gradient.shape[2]
@@ -157,12 +157,9 @@ class Discretisation:
         local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
         product = np.matmul(elements[touching], local)
         corner = np.einsum("eap,eaq->pq", local, product)
-        nodes = (3 * self.connectivity[touching][:, :, None] + np.arange(3)).ravel()
-        flat = product.reshape(len(nodes), freedoms)  # a fixed plate has none
-        border = np.empty((self.reference.size, freedoms))
-        for freedom in range(freedoms):
-            border[:, freedom] = np.bincount(nodes, flat[:, freedom], self.reference.size)
-        return border[self.free.ravel()], corner
+        border = self.scatter(product.reshape(*rows.shape, 3 * freedoms),
+                              self.connectivity[touching])
+        return border.reshape(*self.free.shape, freedoms)[self.free], corner
 
     @cached_property
     def _plate_elements(self) -> tuple[Array, Array]:
@@ -188,21 +185,15 @@ class Discretisation:
     @cached_property
     def electrode_edge_nodes(self) -> Array:
         """Nodes between what is covered and what is bare."""
-        bare = self.covered[:, 0] == 0
-        inside = np.flatnonzero(self.mesh.f2t[1] >= 0)
-        first, second = self.mesh.f2t[:, inside]
-        facets = inside[bare[first] != bare[second]]
-        nodes = self.basis.get_dofs(facets).flatten() if len(facets) else []
-        return np.asarray(nodes, dtype=int)
+        around = self.mesh.facets_around(np.flatnonzero(self.covered[:, 0] == 0))
+        facets = np.setdiff1d(around, self.mesh.boundary_facets())
+        return np.asarray(self.basis.get_dofs(facets).flatten())
 
     def extended(self, given: Array) -> Array:
         """The harmonic extension of a motion of the edges of frame, plate and electrode.
 
-        Parameters
-        ----------
-        given
-            The motion, shape (nodes, 2); only its values on those edges count. On a mirror plane
-            the component across it vanishes.
+        Of the motion ``given``, shape (nodes, 2), only values on those edges count. On a mirror
+        plane the component across it vanishes.
         """
         result = given.copy()
         for axis, (factors, coupling, free, fixed) in enumerate(self._laplacians):
@@ -212,7 +203,10 @@ class Discretisation:
     @cached_property
     def _laplacians(self) -> list[tuple[Any, Any, Array, Array]]:
         """For x and y: factorised Laplacian, coupling to given nodes, free and given nodes."""
-        laplacian = self._laplacian
+        elements, points, local, _ = self.gradients.shape
+        flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
+        weighted = flat * np.repeat(self.weights, 2, axis=1)[:, None]
+        laplacian = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)))
         edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
         result: list[tuple[Any, Any, Array, Array]] = []
         for axis, across in ("x", "axis_y"), ("y", "axis_x"):
@@ -227,15 +221,6 @@ class Discretisation:
                            options={"SymmetricMode": True})
             result.append((factors, rows[:, fixed], free, fixed))
         return result
-
-    @property
-    def _laplacian(self) -> Any:
-        """∫ ∇φ·∇φ dX, sparse by rows."""
-        elements, points, local, _ = self.gradients.shape
-        flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
-        entries = np.matmul(flat * np.repeat(self.weights, 2, axis=1)[:, None],
-                            flat.transpose(0, 2, 1))
-        return self.nodal_matrix(entries)
 
     def nodal_matrix(self, elements: Array) -> Any:
         """Sparse sum by rows of element matrices (elements, local, local), shape (nodes, nodes)."""

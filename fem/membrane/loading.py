@@ -60,7 +60,6 @@ class Spring:
     rest: Annotated[float, Key("heave at which it is unloaded", "length")] = 0.0
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        """½k(w − rest)², and its derivatives."""
         stretch = deflection - self.rest
         return self.stiffness * stretch**2 / 2, self.stiffness * stretch, self.stiffness
 
@@ -81,7 +80,7 @@ class Magnet:
     power: Annotated[float, Key("n", rule=_POWER)] = 4.0
 
     def derivatives(self, deflection: float) -> tuple[float, float, float]:
-        """−F₀ d/(n−1) (1 + g/d)^(1−n), and its derivatives."""
+        # The energy is −F₀ d/(n−1) (1 + g/d)^(1−n).
         n, d = self.power, self.decay
         near = 1 + (self.gap - deflection) / d
         if np.real(near) <= 0:  # no step may end there, nor pass the pole
@@ -103,11 +102,6 @@ class Loading:
     guide: Guide = "free"
     gravity: float = 0.0
 
-    def bias(self, deflection: float) -> tuple[float, float, float]:
-        """Energy of all bias mechanisms and its derivatives by the deflection."""
-        parts = [bias.derivatives(deflection) for bias in self.biases]
-        return sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)
-
     def lift(self, plate: PlateMotion) -> Array:
         """Derivative of the height of the weight by the plate's six freedoms."""
         return np.asarray(plate.gradient(self._arm)[0, HEAVE])
@@ -118,12 +112,12 @@ class Loading:
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
         """
         plate = state.plate
-        energy, push, stiffness = self.bias(plate.deflection)
+        biases = [bias.derivatives(plate.deflection) for bias in self.biases]
+        energy, push, stiffness = np.sum([(0.0, 0.0, 0.0), *biases], axis=0)
         energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
         first = push * _UP - state.force * self.lift(plate)
-        second = plate.curvature(self._arm,
-                                 np.array([[0.0, 0.0, -state.force]])) + stiffness * np.outer(_UP,
-                                                                                              _UP)
+        weight = np.array([[0.0, 0.0, -state.force]])
+        second = plate.curvature(self._arm, weight) + stiffness * np.outer(_UP, _UP)
         if state.pressure:
             volume, by, bend = plate_volume(area, plate)
             energy = energy - state.pressure * volume

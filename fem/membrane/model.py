@@ -168,13 +168,6 @@ class Model:
             slope = (self.density(1.0).maxwell.derivatives(*stretches)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 
-    def potential(self, state: State) -> Any:
-        """Energy of this mesh and of its share of the loads [J]; stationary at equilibrium."""
-        loads = self.weight[:, 2] @ state.positions[:, 2]
-        loads = loads + state.pressure * film_volume(self.discretisation, state.positions)[0]
-        plate = self._on_plate(state)[0] / self.discretisation.mirrored
-        return self.energy(state.positions, state.voltage_squared) - loads + plate
-
     def nodal_forces(self, state: State) -> Array:
         """Derivative of the potential by node positions, what acts on the plate left out [N]."""
         forces = self.forces(state.positions, state.voltage_squared) - self.weight

@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 from skfem.helpers import dot
 
 from tests.oracles import annulus_modes, axisymmetric
-from tests.support.models import model, structured_quarter
+from tests.support.models import model, potential, structured_quarter
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film, skewed
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
@@ -304,12 +304,12 @@ def test_modes_are_normalised_and_their_energy_is_the_potential_s() -> None:
         assert kinetic == pytest.approx(1, rel=1e-9)
         size = step / np.abs(shape).max()
 
-        def potential(way: float, shape=shape, motion=motion, size=size) -> float:
+        def displaced(way: float, shape=shape, motion=motion, size=size) -> float:
             moved = state.plate.moved(way * size * motion)
             positions = film.place(state.positions + way * size * shape, moved)
-            return float(film.potential(replace(state, positions=positions, plate=moved)))
+            return float(potential(film, replace(state, positions=positions, plate=moved)))
 
-        second = (potential(1) - 2 * potential(0) + potential(-1)) / size**2
+        second = (displaced(1) - 2 * displaced(0) + displaced(-1)) / size**2
         assert second == pytest.approx(value, rel=2e-3)
 
 

@@ -15,6 +15,7 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
+from tests.support.models import potential
 from tympan.fem.equilibrium.newton import Tangent
 from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
 from tympan.fem.membrane.model import Model
@@ -148,8 +149,8 @@ def slope(model: Model, state: State, forces: Array, tries: int = 3) -> float:
         motion[:3] *= model.size
         length = np.sqrt((nodes**2).sum() + (motion[:3] ** 2).sum() + (motion[3:] ** 2).sum()
                          * model.size**2)
-        rise = complex(model.potential(displaced(model, state, nodes, motion,
-                                                 _STEP * 1j))).imag / _STEP
+        stepped = displaced(model, state, nodes, motion, _STEP * 1j)
+        rise = complex(potential(model, stepped)).imag / _STEP
         largest = max(largest, abs(rise) / float(length * np.abs(forces).max()))
     return largest
 
