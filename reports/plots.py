@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from functools import partial, singledispatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from matplotlib.tri import Triangulation
 
 from tympan.geometry.errors import InputError
 from tympan.reports import look
+from tympan.reports.figures.path import draw_stations
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
@@ -77,20 +79,7 @@ def _(result: ModesResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: PathResult, axes: Axes) -> None:
-    along, unit, factor = {
-        "voltage": ("voltage_V", "voltage [kV]", 1e-3), "charge": ("charge_C", "charge [µC]", 1e6),
-        "mass": ("force_N", "force on the plate [N]", 1.0),
-        "pressure": ("pressure_Pa", "gas pressure [Pa]", 1.0)}[result.along]
-    grows = factor * np.array([getattr(station, along) for station in result.stations])
-    deflection = 1e3 * np.array([station.deflection_m for station in result.stations])
-    stable = np.array([station.stable for station in result.stations])
-    axes.plot(grows, deflection, "--", color=look.PALETTE[5], linewidth=0.8, label="unstable")
-    axes.plot(np.where(stable, grows, np.nan), deflection, color=look.PALETTE[0], label="stable")
-    for number, event in enumerate(result.events):
-        axes.plot(factor * getattr(event.station, along), 1e3 * event.station.deflection_m,
-                  look.marker_of(number), color=look.PALETTE[1], markersize=4,
-                  label=f"{event.what}: {event.value_text}")
-    axes.set(xlabel=unit, ylabel="deflection [mm]", title=result.specimen)
+    draw_stations(axes, result)
     axes.legend()
 
 
@@ -125,9 +114,7 @@ def _(result: SweepResult, axes: Axes) -> None:
     for number, specimen in enumerate(table["specimen"].values):
         for mass in table["mass_kg"].values:
             line = table.sel(specimen=specimen, mass_kg=mass)
-            axes.plot(1e-3 * line["voltage_V"], 1e3 * line["deflection_m"],
-                      f"{look.marker_of(number)}-", color=look.colour_of(number), markersize=3,
-                      label=f"{specimen}, {1e3 * float(mass):.4g} g")
+            _curve(axes, number, line["voltage_V"], line["deflection_m"], specimen, float(mass))
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
     if len(table["specimen"]) * len(table["mass_kg"]) <= _SHOWN:
         axes.legend()
@@ -139,18 +126,23 @@ def _(result: StudyResult, axes: Axes) -> None:
         curves = specimen.curves
         for mass in np.unique(curves["mass"]):
             at = curves["mass"] == mass
-            axes.plot(1e-3 * curves["voltage"][at], 1e3 * curves["deflection"][at],
-                      f"{look.marker_of(number)}-", color=look.colour_of(number), markersize=3,
-                      label=f"{specimen.name}, {1e3 * mass:.4g} g")
+            _curve(axes, number, curves["voltage"][at], curves["deflection"][at], specimen.name,
+                   mass)
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]", title=result.name)
     axes.legend()
+
+
+def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str, mass: float
+           ) -> None:
+    axes.plot(1e-3 * voltage, 1e3 * deflection, f"{look.marker_of(number)}-", markersize=3,
+              color=look.colour_of(number), label=f"{specimen}, {1e3 * mass:.4g} g")
 
 
 @draw.register
 def _(result: BuildResult, axes: Axes) -> None:
     for number, (name, loads) in enumerate(result.statics.groupby("specimen", sort=False)):
-        for kinematics, line in {"field": "o", "membrane": "-"}.items():
-            for mass, ramp in loads.groupby("mass", sort=False):
+        for mass, ramp in loads.groupby("mass", sort=False):
+            for kinematics, line in {"field": "o", "membrane": "-"}.items():
                 axes.plot(1e-3 * ramp["voltage"], ramp[f"{kinematics}_mm"], line,
                           color=look.colour_of(number), markersize=3,
                           label=f"{name}, {1e3 * mass:.4g} g, {kinematics}")

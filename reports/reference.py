@@ -1,6 +1,4 @@
-"""The page docs/reference.md.
-
-Every key of the files a user writes, from the declarations of the fields.
+"""The page docs/reference.md: every key of the files a user writes, from the fields' declarations.
 
 ``python -m tympan.reports.reference > docs/reference.md`` writes it anew.
 """
@@ -22,21 +20,13 @@ from tympan.geometry.outlines.pieces import PIECES
 from tympan.geometry.specimen import STRENGTHS, Electrode, Film, Plate, Region, Specimen
 from tympan.geometry.toml_reader import FINITE
 from tympan.geometry.units import DIMENSIONS, quantity_text
+from tympan.reports.template import template
 from tympan.studies.effects import EFFECTS, listing
-
-_INTRODUCTION = """# Reference
-
-Written by `python -m tympan.reports.reference`. Every key of specimen and rig files, with what it
-holds, its default and its limits. Quantities are texts with a unit, such as "4.5 cm"; any unit of
-the right dimension will do. A key that is not listed is an error.
-"""
 
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
     ("Outlines", OUTLINES), ("Pieces of drawn outlines", PIECES), ("Laws", LAWS),
     ("Strengths", STRENGTHS), ("Bias mechanisms", BIASES))
-
-_LIBRARIES = {"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)}
 
 
 def page(rig: type[Rig] = Rig) -> str:
@@ -44,33 +34,21 @@ def page(rig: type[Rig] = Rig) -> str:
     tables = (("specimen.toml", Specimen), ("[frame], [plate]: any outline, and", Rotated),
               ("[plate]", Plate), ("[membrane]", Film), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig))
-    lines = [_INTRODUCTION]
-    for title, cls in tables:
-        lines += [f"## {title}", "", *_table(cls), ""]
-    for title, kinds in _SECTIONS:
-        names = _LIBRARIES.get(title, ())
-        library = [f"Names of the library: {', '.join(names)}.", ""] if names else []
-        lines += [f"## {title}", "", *library]
-        for name, cls in kinds.items():
-            lines += [f"### {kinds.tag} = \"{name}\"", "", _summary(cls), "", *_table(cls), ""]
-    lines += ["## Effects", "", "What a diagnosis looks for; priors and reasons are in "
-              "[effects.md](effects.md).", "", "| effect | parameter | from | to | meaning |",
-              "|---|---|---|---|---|", *_effects()]
-    return "\n".join(lines) + "\n"
+    return template("reports/reference.txt", summary=_summary, named=listing.named).render(
+        tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS,
+        libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 
 
 def _summary(cls: type) -> str:
     return (cls.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("``", "`")
 
 
-def _table(cls: type) -> Iterator[str]:
-    yield "| key | holds | default | limits | meaning |"
-    yield "|---|---|---|---|---|"
+def _rows(cls: type) -> Iterator[list[str]]:
     for field in fields_of(cls):
         if not field.says.inline and not (cls is Rotated and field.says.kinds):
             cells = (f"`{field.key}`", _form(field), _default(field), _limits(field),
                      field.says.meaning)
-            yield f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
+            yield [cell.replace("|", "&#124;") for cell in cells]
 
 
 def _form(field: Field) -> str:
@@ -114,15 +92,6 @@ def _limits(field: Field) -> str:
     least = f"at least {field.says.least}" if field.says.least > 1 else ""
     rule = field.says.rule[1] if field.says.rule is not FINITE else ""
     return "; ".join(filter(None, (rule, least, needs)))
-
-
-def _effects() -> Iterator[str]:
-    for effect in EFFECTS.values():
-        for parameter in effect.parameters:
-            low, high = (f"{parameter.shown(limit):.6g}"
-                         for limit in (parameter.low, parameter.high))
-            yield (f"| {effect.name} | {listing.named(parameter)} | {low} | {high} | "
-                   f"{parameter.meaning} |")
 
 
 if __name__ == "__main__":

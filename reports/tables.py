@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
@@ -19,9 +21,6 @@ from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
 from tympan.studies.sweep.table import frame
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 @singledispatch
 def table(result: object) -> pd.DataFrame:
@@ -31,17 +30,17 @@ def table(result: object) -> pd.DataFrame:
 
 @table.register
 def _(result: CaseResult) -> Any:
-    return _frame([result.json() | {"warnings": " | ".join(result.warnings)}])
+    return pd.DataFrame([result.json() | {"warnings": " | ".join(result.warnings)}])
 
 
 @table.register
 def _(result: PathResult) -> Any:
-    return _frame([asdict(station) for station in result.stations])
+    return pd.DataFrame([asdict(station) for station in result.stations])
 
 
 @table.register
 def _(result: ModesResult) -> Any:
-    return _frame([{"name": mode.name, "frequency_Hz": mode.frequency_Hz,
+    return pd.DataFrame([{"name": mode.name, "frequency_Hz": mode.frequency_Hz,
                     "growth_per_s": mode.growth_per_s, "film_share": mode.film_share}
                    | {f"plate_share_{axis}": share for axis, share in mode.plate_share.items()}
                    for mode in result.modes])
@@ -49,7 +48,7 @@ def _(result: ModesResult) -> Any:
 
 @table.register
 def _(result: SensitivityResult) -> Any:
-    return _frame([{"quantity": quantity, "parameter": parameter, "unit": answer.unit,
+    return pd.DataFrame([{"quantity": quantity, "parameter": parameter, "unit": answer.unit,
                     "value": answer.value, "derivative": answer.derivative,
                     "elasticity": answer.elasticity}
                    for quantity, answers in result.quantities.items()
@@ -60,7 +59,7 @@ def _(result: SensitivityResult) -> Any:
 def _(result: AlphaResult) -> Any:
     bases: list[tuple[str, Weights]] = [*result.by_basis.items(),
                                         ("from_fields", result.from_fields)]
-    return _frame([{"radius_m": radius}
+    return pd.DataFrame([{"radius_m": radius}
                    | {f"alpha_{basis}": weights.alpha[number] for basis, weights in bases}
                    for number, radius in enumerate(result.circles)])
 
@@ -72,8 +71,6 @@ def _(result: SweepResult) -> Any:
 
 @table.register
 def _(result: StudyResult) -> Any:
-    import pandas as pd
-
     return pd.concat([pd.DataFrame({"specimen": specimen.name, **specimen.curves})
                       for specimen in result.specimens], ignore_index=True)
 
@@ -86,7 +83,7 @@ def _(result: BuildResult) -> Any:
 
 @table.register
 def _(result: Diagnosis) -> Any:
-    return _frame([{key: cause[key] for key in ("effect", "probability")}
+    return pd.DataFrame([{key: cause[key] for key in ("effect", "probability")}
                    | {"parameter": name, **sizes}
                    for cause in result.json()["causes"]
                    for name, sizes in cause["parameters"].items()])
@@ -94,12 +91,4 @@ def _(result: Diagnosis) -> Any:
 
 @table.register
 def _(result: OptimiseResult) -> Any:
-    import pandas as pd
-
     return pd.DataFrame(dict(result.trials))
-
-
-def _frame(rows: list[dict[str, Any]]) -> Any:
-    import pandas as pd
-
-    return pd.DataFrame(rows)

@@ -6,21 +6,24 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 _EVERY = 30.0  #: seconds between lines in a log
+_FORMAT = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]"
+
+
+def _bar(total: int, **settings: Any) -> Any:
+    """A bar where standard error is a terminal, otherwise none: logs stay readable."""
+    from tqdm import tqdm
+
+    return tqdm(total=total, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False,
+                **settings)
 
 
 @contextmanager
 def bar(total: int) -> Iterator[Callable[[str], None]]:
-    """Yields a function to call at the start of each of ``total`` steps with what is being done.
-
-    Where standard error is no terminal there is no bar: logs stay readable.
-    """
-    from tqdm import tqdm
-
-    with tqdm(total=total, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False,
-              bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}] {postfix}",
-              ) as progress:
+    """Yields a function to call at the start of each of ``total`` steps with what is being done."""
+    with _bar(total, bar_format=f"{_FORMAT} {{postfix}}") as progress:
         started = False
 
         def step(words: str) -> None:
@@ -37,10 +40,7 @@ def bar(total: int) -> Iterator[Callable[[str], None]]:
 @contextmanager
 def shares(words: str) -> Iterator[Callable[[int, int], None]]:
     """Yields a function to call with the parts done and their number, which may grow."""
-    from tqdm import tqdm
-
-    with tqdm(total=1, file=sys.stderr, disable=not sys.stderr.isatty(), leave=False, desc=words,
-              bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]") as progress:
+    with _bar(1, desc=words, bar_format=_FORMAT) as progress:
 
         def done(parts: int, of: int) -> None:
             progress.total = of
@@ -57,13 +57,10 @@ def cases(total: int) -> Iterator[Callable[[int, int], None]]:
     Shows the rate and the time left; where standard error is no terminal, as a line every half
     minute.
     """
-    from tqdm import tqdm
-
     if not sys.stderr.isatty():
         yield _lines(total)
         return
-    with tqdm(total=total, file=sys.stderr, leave=False, unit=" cases", smoothing=0.05,
-              mininterval=0.1, maxinterval=1.0) as progress:
+    with _bar(total, unit=" cases", smoothing=0.05, mininterval=0.1, maxinterval=1.0) as progress:
 
         def ready(done: int, kept: int) -> None:
             if kept > progress.initial:

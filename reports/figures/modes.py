@@ -67,8 +67,8 @@ def _compose(pictures: Sequence[style.Picture], modes: Sequence[Mode], rows: Seq
     height = width * (top - bottom) / (east - west)
     figure = style.new_figure(len(rows) * (_TITLE + height) + _BAR)
     for number, row in enumerate(rows):
-        for left, index in zip(style.centred([width] * len(row), _GAP), row, strict=True):
-            axes = style.place_axes(figure, left, _TITLE + number * (_TITLE + height), width,
+        for start, index in zip(style.centred([width] * len(row), _GAP), row, strict=True):
+            axes = style.place_axes(figure, start, _TITLE + number * (_TITLE + height), width,
                                     height)
             style.show_picture(axes, pictures[index],
                                (f"{index + 1}  {modes[index].name}", 3.8, "bold", 7.5),

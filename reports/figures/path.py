@@ -30,13 +30,18 @@ def _compose(result: PathResult) -> Figure:
     panels = 2 if result.along in ("voltage", "charge") else 1
     figure = style.new_figure(_TOP + _HEIGHT + 12.0, _LEFT + panels * (_WIDTH + _GAP) - _GAP + 4.0)
     first = style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT)
-    _panel(first, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3),
-           f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV")
+    draw_stations(first, result)
     first.legend(loc="best")
     if panels == 2:
         second = style.place_axes(figure, _LEFT + _WIDTH + _GAP, _TOP, _WIDTH, _HEIGHT)
         _panel(second, result, _NAMES["charge"], _NAMES["voltage"])
     return figure
+
+
+def draw_stations(axes: Axes, result: PathResult) -> None:
+    """Deflection against what grows: stable or not, where tension is lost, and the events."""
+    _panel(axes, result, _NAMES[result.along], ("deflection (mm)", "deflection_m", 1e3),
+           f"{result.specimen}, from {result.mass_kg * 1e3:g} g and {result.voltage_V / 1e3:g} kV")
 
 
 def _panel(axes: Axes, result: PathResult, across: Scaled, up: Scaled, title: str = "") -> None:

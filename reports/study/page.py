@@ -12,21 +12,12 @@ from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import text as words
-from tympan.reports.study.view import SpecimenView, StudyView, view_study
-from tympan.reports.template import digits, embedded_picture, percent, template
-from tympan.studies.alpha import AlphaResult, Weights
+from tympan.reports.study.view import StudyView, view_study
+from tympan.reports.template import embedded_picture, template
 from tympan.studies.alpha.circles import LoadGrid
 from tympan.studies.files import write_text
 from tympan.studies.study import StudyResult
 
-_BASES = (
-    ("membrane", "membrane circles", "circles of the same film solved by the same finite elements"),
-    ("cone", "cones, Eq. (5)", "straight cones, the paper's formula, as it stands"),
-    ("cone_scaled", "scaled cones",
-     "the same cones, their force multiplied to match the membrane on the first circle"),
-    ("from_fields", "from the fields",
-     "shares of the plate's edge force within 45° of each axis; no fit"),
-)
 #: SI units of settings by their names.
 _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
           for settings in (Rig, *BIASES.values(), LoadGrid) for field in fields_of(settings)
@@ -59,30 +50,9 @@ def render_study(run: StudyView, fig4: str, curves_: str) -> str:
         fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
         design=figure4.lay_out(run.specimens, run.stress_range),
-        results=[(item, result_row(item)) for item in run.specimens],
-        alphas=[(item, alpha_rows(item)) for item in run.alphas if len(item.circles) > 1],
-        circles=[f"{item.specimen} (force error {percent(item.by_basis['membrane'].fit_error)})"
-                 for item in run.alphas if len(item.circles) == 1],
+        alphas=[item for item in run.alphas if len(item.circles) > 1],
+        circles=[item for item in run.alphas if len(item.circles) == 1],
         settings=list(settings(run.record)))
-
-
-def result_row(specimen: SpecimenView) -> tuple[str, ...]:
-    """The columns of the table of results after the name, as text, in its units."""
-    result = specimen.result
-    scaled = ((result.deflection_m, 1e3), (result.reaction_N, 1.0), (result.capacitance_F, 1e9),
-              (result.max_stretch, 1.0), (result.max_true_stress_Pa, 1e-3),
-              (result.max_field_V_per_m, 1e-6),
-              (result.breakdown_margin, 1.0), (result.slack_share, 100.0))
-    numbers = [digits(None if value is None else value * factor, 4) for value, factor in scaled]
-    return (*numbers, f"{result.dofs}", digits(result.wall_s, 2))
-
-
-def alpha_rows(item: AlphaResult) -> list[dict[str, Any]]:
-    """The four ways of finding α for one specimen."""
-    weights: dict[str, Weights] = {str(basis): fit for basis, fit in item.by_basis.items()}
-    weights["from_fields"] = item.from_fields
-    return [{"basis": name, "meaning": meaning, "weights": weights[key]}
-            for key, name, meaning in _BASES]
 
 
 def settings(record: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
