@@ -13,8 +13,8 @@ KINDS = {
     "study": ("study.json", "study.page:build_study_page", ""),
     "modes": ("*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
     "path": ("*-path.json", "figures.path:draw_path", "path:PathResult"),
-    "outlines": ("outlines.json", "figures.outlines:draw_outlines", "alpha.table:OutlineTable"),
-    "map": ("alpha-map.json", "figures.map:draw_map", "alpha.map:AlphaMap"),
+    "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
+    "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "optimise": ("optimum.json", "figures.optimum:draw_optimum",
                  "optimise.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),
@@ -46,13 +46,7 @@ def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
 
 
 def rebuild(folder: Path) -> list[Path]:
-    """Draw the figures and pages of everything stored in a folder; answers what to look at.
-
-    Raises
-    ------
-    InputError
-        When the folder holds nothing that can be drawn, or something in it is damaged.
-    """
+    """Draw the figures and pages of everything stored in a folder; answers what to look at."""
     stored = [(command, file.name.removesuffix(marker.lstrip("*")))
               for command, (marker, *_) in KINDS.items() for file in sorted(folder.glob(marker))]
     if not stored:

@@ -14,13 +14,7 @@ from tympan.studies.paper.published import MASSES, NAMES, SETTLING
 Content = Mapping[str, Any]
 
 def build_paper_page(folder: Path) -> Path:
-    """Draw the figures of the folder and write folder/paper.html; answers that file.
-
-    Raises
-    ------
-    InputError
-        When something that ``tympan lumped paper`` stores is missing or damaged.
-    """
+    """Draw the figures of the folder and write folder/paper.html; answers that file."""
     content = read_paper(folder)
     draw_paper(folder)
     file = folder / "paper.html"

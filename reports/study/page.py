@@ -1,19 +1,24 @@
-"""The report of a study: one self-contained HTML page."""
+"""The report of a study: one self-contained HTML page, and the numbers behind its sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from jinja2 import Template
 
 from tympan.fem.membrane.loading import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
 from tympan.reports.study import curves, figure4
-from tympan.reports.study import text as words
-from tympan.reports.study.view import StudyView, view_study
-from tympan.reports.template import embedded_picture, template
+from tympan.reports.study.view import SpecimenView, StudyView, VoltageCurve, view_study
+from tympan.reports.template import embedded_picture, percent, sentence, template
+from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.circles import LoadGrid
 from tympan.studies.files import write_text
 from tympan.studies.study import StudyResult
@@ -27,12 +32,8 @@ _UNITS = {field.name: DIMENSIONS[field.says.dimension].symbol
 def build_study_page(folder: Path) -> Path:
     """Draw the figures of a stored study and write folder/report.html; answers that file.
 
-    Raises
-    ------
-    InputError
-        When something the study stores is missing or damaged.
-    MissingLibrary
-        When this computer cannot draw in three dimensions.
+    A :class:`~tympan.geometry.system.MissingLibrary` says that this computer cannot draw in three
+    dimensions.
     """
     run = view_study(StudyResult.load(folder), folder)
     figure4.draw_figure4(run, folder)
@@ -46,7 +47,7 @@ def build_study_page(folder: Path) -> Path:
 def render_study(run: StudyView, fig4: str, curves_: str) -> str:
     """The page as text; the figures as data URIs."""
     return template("reports/study/report.html").render(
-        run=run, summary=words.study_summary(run), warnings=words.study_warnings(run),
+        run=run, summary=study_summary(run), warnings=study_warnings(run),
         fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
         design=figure4.lay_out(run.specimens, run.stress_range),
@@ -80,3 +81,118 @@ def _shown(value: Any) -> str:
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "none"}[value]
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def study_summary(run: StudyView) -> str:
+    """One paragraph: deflections, stress at the plate, what the voltage does, and what α says."""
+    first = reference(run.specimens)
+    sentences = (
+        _say("deflections", run, first, [item for item in run.specimens if item is not first]),
+        stress_at_plate(run.specimens, run.stress_range[0]),
+        _say("tension", [item for item in run.specimens if item.loose]),
+        _say("breakdown", [item for item in run.specimens
+                           if item.result.breakdown_margin is not None]),
+        strokes(run), _mixtures(run.alphas))
+    # Numbers and their units stay on one line.
+    return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}",
+                  " ".join(filter(None, sentences)))
+
+
+def reference(specimens: Sequence[SpecimenView]) -> SpecimenView:
+    """What the others are compared with: the first round one, or else the first."""
+    return next((item for item in specimens if item.round), specimens[0])
+
+
+def stress_at_plate(specimens: Sequence[SpecimenView], least: float) -> str:
+    """On which axis the stress at the plate is larger, and by how much.
+
+    ``least`` is the smallest stress of all films [kPa].
+    """
+    different = [item for item in specimens if not item.alike]
+    groups = []
+    for axis in dict.fromkeys(map(_larger_axis, different)):
+        ends = [{"name": item.name, "high": max(item.short.at_plate, item.long.at_plate),
+                 "low": min(item.short.at_plate, item.long.at_plate)}
+                for item in different if _larger_axis(item) == axis]
+        groups.append({"axis": axis, "ends": ends, "shares": _shares_of_load(ends, least)})
+    return _say("stress_at_plate", groups, [item for item in specimens if item.alike], least)
+
+
+def _larger_axis(specimen: SpecimenView) -> str:
+    return specimen.axes[specimen.short.at_plate <= specimen.long.at_plate]
+
+
+def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]:
+    """Differences as shares of what the load adds, where the film is stressed without it."""
+    low = min(end["low"] for end in ends)
+    if least < max(end["high"] for end in ends) / 2 or low <= least:
+        return []
+    return [(end["high"] - least) / (end["low"] - least) - 1 for end in ends]
+
+
+def strokes(run: StudyView) -> str:
+    """How far the voltage moves each plate, under the picture's mass or the curves' lightest."""
+    masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
+    if not masses:
+        return ""
+    mass = run.mass if run.mass in masses else masses[0]
+    pairs = [(item.name, curve) for item in run.specimens for curve in item.curves
+             if curve.mass == mass]
+    low = min(float(curve.voltage[0]) for _, curve in pairs)
+    high = max(float(curve.voltage[-1]) for _, curve in pairs)
+    return _say("strokes", mass, low, high, [stroke(name, curve) for name, curve in pairs])
+
+
+def stroke(name: str, curve: VoltageCurve) -> dict[str, Any]:
+    """Largest travel of one plate [mm] from its first equilibrium, before any pull-in [kV]."""
+    above = curve.pull_in[1] if curve.pull_in else None
+    reached = curve.deflection[curve.found & (curve.voltage < (above or np.inf))]
+    trouble = ("no equilibrium" if not curve.found.any()
+               else "" if len(reached) else "it pulls in at once")
+    return {"name": name, "trouble": trouble, "pull_in": above,
+            "stroke": float(reached.max() - reached[0]) if len(reached) else None}
+
+
+def _mixtures(alphas: Sequence[AlphaResult]) -> str:
+    """Which mixture of circles each elongated shape behaves as."""
+    elongated = [(item, item.by_basis["membrane"]) for item in alphas if len(item.circles) > 1]
+    worst = max((weights.fit_error for _, weights in elongated), default=0.0)
+    return _say("mixtures", [
+        {"specimen": item.specimen, "parts": list(zip(weights.alpha, item.circles, strict=True))}
+        for item, weights in elongated], percent(worst).removeprefix("< "))
+
+
+def study_warnings(run: StudyView) -> list[str]:
+    """Every warning stored, and every point of the curves without a result, with its specimen."""
+    return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
+            *(text for item in run.specimens for curve in item.curves
+              for text in _curve_warnings(item.name, curve)),
+            *(f"{item.specimen}, α: {text}" for item in run.alphas for text in item.warnings
+              if not text.startswith("the semi-axes are equal"))]
+
+
+def _curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
+    unsolved = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
+                if status not in ("equilibrium", "no_equilibrium")]
+    if unsolved:
+        yield _say("no_result", name, curve.mass, unsolved)
+    slack = curve.voltage[curve.loose]
+    if len(slack):
+        yield _say("slack", name, curve.mass, slack[0], float(np.nanmax(curve.slack)))
+    broken = curve.voltage[curve.margin < 1]
+    if len(broken):
+        yield _say("broken", name, curve.mass, broken[0])
+    if curve.pull_in is not None:
+        below, above = curve.pull_in
+        again = curve.voltage[curve.found & (curve.voltage > above)]
+        yield _say("pulled_in", name, curve.mass, None if np.isnan(below) else below, above,
+                   again[0] if len(again) else None)
+
+
+def _say(part: str, *values: Any) -> str:
+    return sentence(_words(), part, *values)
+
+
+@cache
+def _words() -> Template:
+    return template("reports/study/words.txt")

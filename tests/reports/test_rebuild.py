@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.datasets import write_dataset
 from tympan.cli import main
-from tympan.reports.figures.map import draw_map
+from tympan.reports.figures.alpha import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map

@@ -24,7 +24,6 @@ from tympan.reports import scene
 from tympan.reports.scales import AxisScale, column_widths, paper_scale, round_scale
 from tympan.reports.study import curves, figure4
 from tympan.reports.study import page as html
-from tympan.reports.study import text as words
 from tympan.reports.study.view import AxisLine, StudyView, VoltageCurve, view_study
 from tympan.reports.template import percent
 from tympan.studies.alpha import AlphaSettings, LoadGrid
@@ -288,17 +287,17 @@ def test_pull_in_is_told_and_marked(stored: StudyView, page: Page) -> None:
     curve = stored.specimens[0].curves[0]
     assert curve.pull_in == (3.0, 40.0)
     assert curves.curve_label("circular", curve) == "circular: pull-in 3–40 kV"
-    assert "pulls in" in words.strokes(stored)
+    assert "pulls in" in html.strokes(stored)
     assert "under 17.9 g there is an equilibrium only up to between 3 and 40 kV" in page.shown
 
 
 def test_summary_compares_at_equal_load(stored: StudyView) -> None:
     circle, ellipse = stored.specimens
     ratio = ellipse.deflection / circle.deflection
-    assert words.reference(stored.specimens) is circle
-    assert f"standing sinks {percent(ratio - 1)} more" in words.study_summary(stored)
-    assert "higher on the short axis by" in words.study_summary(stored)
-    assert "same on both axes in circular" in words.study_summary(stored)
+    assert html.reference(stored.specimens) is circle
+    assert f"standing sinks {percent(ratio - 1)} more" in html.study_summary(stored)
+    assert "higher on the short axis by" in html.study_summary(stored)
+    assert "same on both axes in circular" in html.study_summary(stored)
 
 
 def test_short_axis_is_told_by_the_frame(stored: StudyView) -> None:
@@ -332,7 +331,7 @@ def test_field_lines_and_result_agree(stored: StudyView, study_folder: Path) -> 
 def test_larger_long_axis_is_told(stored: StudyView) -> None:
     standing = stored.specimens[1]
     turned = replace(standing, along_x=standing.along_y, along_y=standing.along_x)
-    assert "higher on the long axis" in words.stress_at_plate([turned], 90.0)
+    assert "higher on the long axis" in html.stress_at_plate([turned], 90.0)
 
 
 def test_sides_of_an_eccentric_plate_are_both_kept() -> None:
@@ -348,7 +347,7 @@ def test_curve_without_any_equilibrium() -> None:
     curve = VoltageCurve(10.0, np.array([1.0, 2.0]), ("no_equilibrium",) * 2,
                          *np.full((3, 2), np.nan))
     assert curves.curve_label("a", curve) == "a: no equilibrium"
-    assert words.stroke("a", curve)["trouble"] == "no equilibrium"
+    assert html.stroke("a", curve)["trouble"] == "no equilibrium"
 
 
 @pytest.mark.parametrize(("low", "high"), [

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from tympan.reports.figures.map import draw_map
+from tympan.reports.figures.alpha import draw_map
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import (
     AlphaMap,

@@ -1,4 +1,4 @@
-"""``tympan sweep``: many specimens under many loads, on this machine or a Dask cluster."""
+"""Commands that compute what a file plans, and draw it again: study, sweep, optimise, report."""
 
 from __future__ import annotations
 
@@ -14,10 +14,29 @@ from tympan.options import (
     argument,
     command,
     either,
+    finish,
     output,
     print_record,
     read_settings,
+    save_and_draw,
 )
+
+
+@command("study",
+         argument("file", nargs="?", type=Path, metavar="STUDY.toml",
+                  help="which specimens and loads"),
+         output(default=Path("out")))
+def study(options: argparse.Namespace) -> None:
+    """Solve specimens, draw their stress, derive α, write a report; default: the paper's three."""
+    from tympan.progress import bar
+    from tympan.studies.study import default_study, read_study, run_study
+
+    planned = read_study(options.file) if options.file else default_study()
+    with bar(planned.steps + 1) as progress:
+        result = run_study(planned, progress, options.output)
+        progress("report")
+        page, = save_and_draw(options, result)
+    print(page)
 
 
 @command("sweep",
@@ -56,3 +75,30 @@ def sweep(options: argparse.Namespace) -> None:
         kept = f"{done} of {planned.cases} cases are kept, the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
     print_record(options, {"table": str(options.output / "sweep.nc"), **result.json()})
+
+
+@command("optimise",
+         argument("file", type=Path, nargs="?", metavar="OPTIMISE.toml",
+                  help="the problem; left out: the paper's large ellipse at equal frame area and "
+                       "perimeter"),
+         output("for optimum*.toml, optimum.json, path.csv, optimum.png and .svg",
+                default=Path("optimum")), JSON, MESH)
+def optimise(options: argparse.Namespace) -> None:
+    """Lengths of frame and plate with the largest stroke under limits."""
+    from tympan.progress import bar
+    from tympan.studies.optimise.optimise import optimise
+    from tympan.studies.optimise.problem import default_problem, read_problem
+
+    problem = default_problem() if options.file is None else read_problem(options.file)
+    with bar(len(problem.held) * (len(problem.starts) + 1)) as progress:
+        result = optimise(problem, read_settings(options), progress=progress)
+    finish(options, result)
+
+
+@command("report", argument("folder", type=Path, metavar="DIR"))
+def report(options: argparse.Namespace) -> None:
+    """Rebuild a run's figures and report from what it stored."""
+    from tympan.reports.rebuild import rebuild
+
+    for file in rebuild(options.folder):
+        print(file)

@@ -1,4 +1,4 @@
-"""Pictures of a map: α₁ and stroke over aspect ratio and plate size, the formula's error."""
+"""Pictures of α: of every outline with its circles, and over aspect ratio and plate size."""
 
 from __future__ import annotations
 
@@ -8,17 +8,55 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
 
 from tympan.reports import look as style
 from tympan.studies.alpha.map import AlphaMap
+from tympan.studies.alpha.table import OutlineRow, OutlineTable
+
+_COLUMNS = 4
+
+
+def draw_outlines(table: OutlineTable, folder: Path) -> list[Path]:
+    """Draw folder/outlines.png and .svg; answers the files."""
+    return style.save_figure(folder, "outlines", lambda: _compose_outlines(table))
+
+
+def _compose_outlines(table: OutlineTable) -> Figure:
+    figure = style.new_figure(60.0 * -(-len(table.rows) // _COLUMNS))
+    for number, row in enumerate(table.rows):
+        line, column = divmod(number, _COLUMNS)
+        points = [1e3 * table.frames[axis][table.frames["shape"] == row.shape] for axis in "xy"]
+        _frame(style.place_axes(figure, 2 + 44.5 * column, 12 + 60 * line, 42, 46), row, *points)
+    return figure
+
+
+def _frame(axes: Axes, row: OutlineRow, x: NDArray[Any], y: NDArray[Any]) -> None:
+    """Points x, y are in mm."""
+    axes.fill(x, y, color="0.93", lw=0)
+    axes.plot([*x, x[0]], [*y, y[0]], color="black", lw=1.2)
+    axes.add_patch(Circle((0, 0), 10, color="0.55", lw=0))
+    circles = ((row.circle_1_mm, style.SHORT), (row.circle_2_mm, style.LONG))
+    for radius, colour in circles:
+        if radius is not None:
+            axes.add_patch(Circle((0, 0), radius, fill=False, color=colour, lw=0.9))
+    axes.add_patch(Circle((0, 0), row.one_circle_mm, fill=False, color="0.4", lw=0.7, ls=":"))
+    alpha = ", ".join(f"{weight:.3f}" for weight in (row.alpha_1, row.alpha_2)
+                      if weight is not None)
+    error = "" if row.held_out_error is None else f"held-out error {row.held_out_error:.1e}"
+    axes.set_title(f"{row.shape.replace('_', ' ')}\nα {alpha}\n{error}", fontsize=6.5,
+                   linespacing=1.3)
+    axes.set(aspect="equal", xlim=(-80, 80), ylim=(-80, 80), xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def draw_map(alpha_map: AlphaMap, folder: Path) -> list[Path]:
     """Draw folder/alpha-map.png and .svg; answers the files."""
-    return style.save_figure(folder, "alpha-map", lambda: _compose(alpha_map))
+    return style.save_figure(folder, "alpha-map", lambda: _compose_map(alpha_map))
 
 
-def _compose(alpha_map: AlphaMap) -> Figure:
+def _compose_map(alpha_map: AlphaMap) -> Figure:
     figure = style.new_figure(68.0)
     alpha, stroke, missed = (style.place_axes(figure, start, 8, 44, 48) for start in (12, 70, 132))
     weights = alpha_map.of("grid")["alpha_1"]
