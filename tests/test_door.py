@@ -9,7 +9,9 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -21,6 +23,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies.alpha import AlphaSettings
 from tympan.studies.alpha.circles import LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
+from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.optimise.optimise import OptimiseResult
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -143,6 +147,33 @@ def test_studies_and_lumped_models_have_pictures_and_tables(tmp_path: Path) -> N
         assert result.plot(Figure().add_subplot()).has_data()
         assert list(result.save(tmp_path / column).iterdir())
     assert isinstance(built.models[0].specimen, tympan.Specimen)
+
+
+def test_a_diagnosis_has_a_picture_and_a_table() -> None:
+    size = {"value": 4.0, "unit": "mm", "low": 3.5, "high": 4.4}
+    diagnosis = Mock(spec=Diagnosis)  # one is made in tests/studies/diagnosis
+    diagnosis.json.return_value = {"verdict": "named", "causes": [
+        {"effect": "electrode_margin", "probability": 0.9, "parameters": {"d": size}},
+        {"effect": "parallel_spring", "probability": 0.04, "parameters": {"k": size}}]}
+    result = tympan.Result(diagnosis)
+    assert result.to_pandas().loc[0].to_dict() == {"effect": "electrode_margin",
+                                                   "probability": 0.9, "parameter": "d", **size}
+    axes = result.plot(Figure().add_subplot())
+    assert axes.get_title() == "verdict: named"
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["parallel spring",
+                                                                      "electrode margin"]
+    assert [bar.get_width() for bar in axes.patches] == [0.04, 0.9]
+
+
+def test_an_optimum_has_a_picture_and_a_table() -> None:
+    trials = {"trial": np.arange(3.0), "stroke": np.array([1e-3, np.nan, 1.2e-3]),
+              "accepted": np.array([1.0, 0.0, 1.0])}
+    result = tympan.Result(OptimiseResult({"optima": []}, trials, {}, {}))
+    assert result.to_pandas()["stroke"].tolist() == pytest.approx([1e-3, np.nan, 1.2e-3],
+                                                                  nan_ok=True)
+    tried, accepted = result.plot(Figure().add_subplot()).lines
+    assert tried.get_ydata().tolist() == pytest.approx([1.0, np.nan, 1.2], nan_ok=True)
+    assert accepted.get_xydata() == pytest.approx(np.array([[0, 1.0], [2, 1.2]]))
 
 
 def test_loads_are_named_and_carry_their_unit() -> None:
