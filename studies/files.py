@@ -28,12 +28,7 @@ T = TypeVar("T")
 def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a temporary file beside ``file`` and rename it.
 
-    A failure leaves the old one.
-
-    Raises
-    ------
-    InputError
-        When the folder cannot be made or written.
+    A failure leaves the old file, or none.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -84,13 +79,7 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 
 def read_text(file: Path) -> str:
-    """The text of a file.
-
-    Raises
-    ------
-    InputError
-        When it is missing, cannot be read, or is no UTF-8 text.
-    """
+    """The text of a file in UTF-8."""
     try:
         return file.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -111,14 +100,9 @@ def read_json(file: Path) -> Any:
 
 
 def stored_file(folder: Path, pattern: str, name: str | None, writer: str) -> Path:
-    """The file of one result in a folder.
+    """The file of one result in a folder: of the ``name`` that stands for * in the pattern.
 
-    Of the ``name`` that stands for * in the pattern, or the only one.
-
-    Raises
-    ------
-    InputError
-        When there is none, or several and no name says which; ``writer`` is the command to run.
+    Without a name there must be one alone; ``writer`` is the command to run else.
     """
     if name is not None:
         return folder / pattern.replace("*", name)
@@ -156,12 +140,8 @@ def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: st
     """A dataclass, or another annotated type, from the JSON value that stands for it.
 
     Keys the type does not have are left aside, since a record may hold more than its class; fields
-    with a default may be missing, and are where they take no part in comparisons.
-
-    Raises
-    ------
-    InputError
-        Naming file and key of what is missing or of another type.
+    with a default may be missing, and are where they take no part in comparisons. An
+    :class:`InputError` names file and key of what is missing or of another type.
 
     Examples
     --------

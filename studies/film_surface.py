@@ -54,13 +54,7 @@ class FilmSurface:
 
     @classmethod
     def load(cls, file: Path) -> FilmSurface:
-        """Read what :meth:`save` wrote.
-
-        Raises
-        ------
-        InputError
-            When the file is missing, damaged, or no film.
-        """
+        """Read what :meth:`save` wrote."""
         if not file.is_file():
             raise InputError("is missing: run the command that wrote the folder again", file=file)
         try:
@@ -118,13 +112,9 @@ def lattice(parts: int) -> tuple[Array, NDArray[np.int64]]:
     >>> points.shape, triangles.shape
     ((2, 6), (4, 3))
     """
-    number: dict[tuple[int, int], int] = {}
-    points: list[tuple[float, float]] = []
-    for j in range(parts + 1):
-        for i in range(parts + 1 - j):
-            number[i, j] = len(points)
-            points.append((i / parts, j / parts))
+    places = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
+    number = {place: index for index, place in enumerate(places)}
     up = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in number if i + j < parts]
     down = [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in number
             if i + j < parts - 1]
-    return np.array(points).T, np.array(up + down)
+    return np.array(places).T / parts, np.array(up + down)

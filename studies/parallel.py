@@ -31,10 +31,7 @@ _DEATHS = 2
 
 @dataclass(frozen=True)
 class NoValue:
-    """Why an item has no value.
-
-    ``error`` is what its function raised, None where its process died.
-    """
+    """Why an item has no value: ``error`` is what was raised, None where its process died."""
 
     reason: str
     error: Exception | None = None
@@ -65,12 +62,9 @@ def processes(function: Callable[[Item], Value], items: Mapping[str, Item], work
 
 def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: int
            ) -> Iterator[Value]:
-    """Values in the items' order; with one worker in this process. Errors are raised.
+    """Values in the items' order; with one worker in this process.
 
-    Raises
-    ------
-    RuntimeError
-        When the process died over an item.
+    Errors are raised, a RuntimeError where the process died over an item.
     """
     if workers < 2:
         yield from map(function, items)
@@ -88,13 +82,7 @@ def mapped(function: Callable[[Item], Value], items: Sequence[Item], workers: in
 
 
 def value_or_reason(future: Future[Value]) -> Value | NoValue:
-    """The value of a future, or its failure; errors that would meet every item are raised.
-
-    Raises
-    ------
-    BrokenProcessPool
-        When the process died.
-    """
+    """The value of a future, or its failure; errors that would meet every item are raised."""
     try:
         return future.result()
     except (InputError, MissingLibrary, BrokenProcessPool, OSError):
@@ -150,8 +138,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     try:
         yield pool
     finally:
-        children = list((pool._processes or {}).values())
-        for child in children:
+        for child in list((pool._processes or {}).values()):
             child.kill()  # nothing is lost: results are kept as they come
         pool.shutdown(wait=True, cancel_futures=True)
 

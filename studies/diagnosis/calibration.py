@@ -40,11 +40,8 @@ _ROUNDS = 5
 def calibrated(setup: Setup, table: ReadingTable) -> tuple[Simulation, Fit]:
     """The nominal simulation over what the readings need, with stiffness and permittivity fitted.
 
-    Raises
-    ------
-    InputError
-        When the films cannot be solved, or no stiffness and permittivity make equilibria of the
-        states that were read.
+    An :class:`InputError` when the films cannot be solved, or no stiffness and permittivity make
+    equilibria of the states that were read.
     """
     heave, voltage_squared = _reach(setup, table)
     for _ in range(_ROUNDS):
@@ -78,13 +75,7 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
 
 
 def nominal_laws(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
-    """Each film's force law without effects, up to a heave [m] and a U² [V²] or less.
-
-    Raises
-    ------
-    NotSampled
-        When a film cannot be solved.
-    """
+    """Each film's force law without effects, up to a heave [m] and a U² [V²] or less."""
     return tuple(nominal_law(setup, specimen.name, float(w), float(q))
                  for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
 

@@ -32,16 +32,8 @@ Array = NDArray[np.float64]
 def lumped(setup: Setup, weights: Mapping[str, tuple[float, ...]] = {}) -> Setup:
     """A setup seen by the lumped model.
 
-    Parameters
-    ----------
-    weights
-        α of each specimen that is not round (as from :func:`tympan.studies.alpha.alpha`), by name,
-        shortest semi-axis first.
-
-    Raises
-    ------
-    InputError
-        Where weights are missing or no mixture.
+    ``weights`` are α of each specimen that is not round (as from
+    :func:`tympan.studies.alpha.alpha`), by name, shortest semi-axis first.
     """
     return replace(setup, specimens=tuple(Lumped.of(specimen, weights.get(specimen.name, (1.0,)))
                                           for specimen in setup.specimens))
@@ -50,11 +42,8 @@ def lumped(setup: Setup, weights: Mapping[str, tuple[float, ...]] = {}) -> Setup
 def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
     """The force law of every specimen of a lumped setup, with the axes of the effects it shows.
 
-    Raises
-    ------
-    InputError
-        For what the lumped model has no place for: gas pressure, a film's weight, a weight beside
-        the plate's centre.
+    An :class:`InputError` for what the lumped model has no place for: gas pressure, a film's
+    weight, a weight beside the plate's centre.
     """
     return tuple(_law(setup, specimen.name, grid)
                  for specimen, grid in zip(setup.specimens, grids, strict=True))

@@ -1,7 +1,4 @@
-"""A dataset's readings as a table to predict, with their noise.
-
-Many readings of nearly one state become one.
-"""
+"""A dataset's readings as a table to predict, with their noise."""
 
 from __future__ import annotations
 
@@ -68,10 +65,7 @@ class PreparedReadings:
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
     """The static readings and ranges of a dataset.
 
-    Raises
-    ------
-    InputError
-        When there are too few to conclude anything from, or a column is off by a unit.
+    An :class:`InputError` when they are too few to conclude anything, or a column is off by a unit.
     """
     static, ranges = dataset.static, dataset.ranges
     sheets = [sheet for sheet in (static, ranges) if sheet is not None]
@@ -114,7 +108,6 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
 
 
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
-    """One row for each displacement, and for each reading of a further channel."""
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
                        readings.voltage, np.nan_to_num(readings.elapsed), direction)
@@ -130,7 +123,6 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
 
 
 def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
-    """One row for each range, of two states."""
     specimen = [numbers[name] for name in ranges.specimen.tolist()]
     highest, lowest = (States.of(specimen, ranges.mass, voltage)
                        for voltage in (ranges.voltage_max, ranges.voltage_min))
