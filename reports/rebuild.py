@@ -21,7 +21,7 @@ KINDS = {
     "diagnose": ("diagnosis.json", "diagnosis.page:build_diagnosis_page", ""),
     "lumped paper": ("paper.json", "paper.page:build_paper_page", ""),
     "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
-                        "lumped.response:SimulationResult"),
+                        "lumped.simulate:SimulationResult"),
     "lumped identify": ("identify.json", "figures.identification:draw_identified",
                         "identify.result:IdentifyResult"),
     "lumped build": ("build.json", "figures.lumped_model:draw_built", "lumped.build:BuildResult"),

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tympan.reports import look as style
-from tympan.studies.lumped.response import SampledResponse, SimulationResult
+from tympan.studies.lumped.simulate import SampledResponse, SimulationResult
 
 _LEFT, _RIGHT, _TITLE, _AXIS, _GAP = 14.0, 4.0, 6.0, 12.0, 5.0  # [mm]
 _VOLTAGE, _RESPONSE = 22.0, 60.0

@@ -1,4 +1,8 @@
-"""The lumped model's motion and its exact derivatives by constants, over all steps at once."""
+"""The lumped model's motion and its exact derivatives by constants, over all steps at once.
+
+By Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary
+Differential Equations II*, 1996, IV.5).
+"""
 
 from __future__ import annotations
 
@@ -12,21 +16,18 @@ from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.motion import Motion
 from tympan.studies.lumped.signals import Signal
 
 Array = NDArray[np.float64]
 #: Derivatives of an actuator's rates by p constants, (…, size, p), at states and voltages.
 Slopes = Callable[[Array, Array], Array]
 
-# Gauss's collocation at three points, order 6, A-stable (Hairer and Wanner, *Solving Ordinary
-# Differential Equations II*, 1996, IV.5), and the weights of the stages, less the start, in the
-# step's end.
 _ROOT = 15**0.5
 _C = np.array([0.5 - _ROOT / 10, 0.5, 0.5 + _ROOT / 10])
 _A = np.array([[5 / 36, 2 / 9 - _ROOT / 15, 5 / 36 - _ROOT / 30],
                [5 / 36 + _ROOT / 24, 2 / 9, 5 / 36 - _ROOT / 24],
                [5 / 36 + _ROOT / 30, 2 / 9 + _ROOT / 15, 5 / 36]])
+# The weights of the stages, less the start, in the step's end.
 _END = np.linalg.solve(_A.T, np.array([5 / 18, 4 / 9, 5 / 18]))
 
 _PRECISION = 1e-10  # of the quintics [m]
@@ -35,6 +36,78 @@ _NEWTON, _ROUNDS = 12, 8
 _GROWTH = 5.0  # of a step from mesh to mesh, at first; then they only shrink, and there is an end
 _STEPS = 20_000  # of a first mesh, unless the signal has more pieces
 _LEAST = 24  # of a piece of a signal of few
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States at the nodes of a mesh, dense in time by Hermite's quintics of y, ẏ, ÿ.
+
+    ``ends`` are y, ẏ, ÿ at both ends of every step, shape (2, 3, steps), and ``slopes`` their
+    derivatives by p constants, (2, 3, steps, p): where the voltage jumps at a node there are two
+    accelerations. ``breaks`` says of the inner nodes where the voltage has a jump or a kink.
+    ``stages`` are the states within the steps, (steps, 3, size), ``stage_slopes`` their
+    derivatives, (steps, 3, size, p), and ``creep`` how fast the branches move at the nodes.
+    """
+
+    time: Array
+    nodes: Array
+    ends: Array
+    slopes: Array
+    breaks: NDArray[np.bool_]
+    stages: Array
+    stage_slopes: Array
+    creep: Array
+
+    def deflection(self, time: Array) -> tuple[Array, Array, Array]:
+        """y [m], ẏ [m/s], (times,), and y's derivatives, (times, p); at rest beyond the mesh."""
+        step, h, s = self._within(time)
+        r = 1 - s
+        basis = np.array([
+            [r**3 * (1 + 3 * s + 6 * s**2), h * r**3 * s * (1 + 3 * s), h**2 * r**3 * s**2 / 2],
+            [s**3 * (1 + 3 * r + 6 * r**2), -h * s**3 * r * (1 + 3 * r), h**2 * s**3 * r**2 / 2]])
+        bump = 30 * s**2 * r**2 / h
+        moving = np.array([
+            [-bump, r**2 * (1 + 2 * s - 15 * s**2), h * r**2 * s * (2 - 5 * s) / 2],
+            [bump, s**2 * (1 + 2 * r - 15 * r**2), -h * s**2 * r * (2 - 5 * r) / 2]])
+        moving *= (time >= self.time[0]) & (time <= self.time[-1])
+        y, speed = (np.einsum("ekn,ekn->n", part, self.ends[:, :, step])
+                    for part in (basis, moving))
+        slopes = np.zeros((len(step), self.slopes.shape[-1]))
+        for end in range(2):
+            for order in range(3):
+                slopes += basis[end, order][:, None] * self.slopes[end, order, step]
+        return y, speed, slopes
+
+    def state(self, time: Array) -> Array:
+        """States at times, shape (times, size): y and ẏ by the quintic, the branches by cubics."""
+        y, speed, _ = self.deflection(time)
+        step, h, s = self._within(time)
+        h, s = h[:, None], s[:, None]
+        r = 1 - s
+        before, after = self.nodes[step, 2:], self.nodes[step + 1, 2:]
+        branches = (r**2 * ((1 + 2 * s) * before + h * s * self.creep[step])
+                    + s**2 * ((1 + 2 * r) * after - h * r * self.creep[step + 1]))
+        return np.column_stack([y, speed, branches])
+
+    @property
+    def errors(self) -> Array:
+        """How far the quintic of each step may be off [m], by how its fifth derivative changes."""
+        width = np.diff(self.time)
+        (y0, v0, a0), (y1, v1, a1) = self.ends
+        fifth = 120 * (6 * (y1 - y0) - 3 * width * (v0 + v1) + width**2 * (a1 - a0) / 2) / width**5
+        sixth = np.where(self.breaks, 0.0, np.abs(np.diff(fifth)) / ((width[1:] + width[:-1]) / 2))
+        for _ in range(2):
+            sixth = np.maximum(sixth,
+                               np.maximum(np.append(sixth[1:], 0.0), np.append(0.0, sixth[:-1])))
+        return np.asarray(np.maximum(np.append(sixth, 0.0), np.append(0.0, sixth)) * width**6
+                          / 46080)
+
+    def _within(self, time: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """The step of each time, its width [s], and which share of it has passed."""
+        at = np.clip(time, self.time[0], self.time[-1])
+        step = np.clip(np.searchsorted(self.time, at, "right") - 1, 0, len(self.time) - 2)
+        width = np.diff(self.time)[step]
+        return step, width, (at - self.time[step]) / width
 
 
 class DrawnIn(InputError):
@@ -66,12 +139,8 @@ class CollocationSolver:
         """The motion from a state and its derivatives by constants, ``start``, shape (size, 1 + p).
 
         ``mesh`` are the times to begin with [s], by default those of the last motion, or of
-        :func:`first_mesh`; ``by_constants`` what drives the derivatives.
-
-        Raises
-        ------
-        DrawnIn
-            When the motion has no end.
+        :func:`first_mesh`; ``by_constants`` what drives the derivatives. A motion that has no end
+        raises :class:`DrawnIn`.
         """
         time = mesh
         if time is None:
@@ -90,7 +159,6 @@ class CollocationSolver:
         return motion
 
     def _guess(self, mesh: _Mesh, constants: Array | None) -> Array | None:
-        """States within the steps from the last motion, shape (steps, 3, size)."""
         last = self.last
         if last is None or last.time[0] != mesh.time[0] or last.time[-1] != mesh.time[-1]:
             return None
@@ -101,7 +169,6 @@ class CollocationSolver:
         return np.asarray(last.stages + last.stage_slopes @ (constants - self.constants))
 
     def _solved(self, mesh: _Mesh, guess: Array | None, start: Array) -> tuple[Array, Array]:
-        """Stages and last state of a mesh, by halves where Newton's method does not get there."""
         steps = len(mesh.width)
         begun = np.broadcast_to(start, (steps, 3, len(start))) if guess is None else guess
         solution = self._newton(mesh, begun, start)
@@ -178,48 +245,39 @@ def _graded(length: float, first: float, decay: float, least: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """Steps of one motion and the voltages at their ends and within; some in a row are one too."""
-
     actuator: Actuator
     signal: Signal
     time: Array
 
     @cached_property
     def width(self) -> Array:
-        """Of every step [s]."""
         return np.diff(self.time)
 
     @cached_property
     def within(self) -> Array:
-        """The times of the stages, shape (steps, 3)."""
         return np.asarray(self.time[:-1, None] + self.width[:, None] * _C)
 
     @cached_property
     def piece(self) -> NDArray[np.int64]:
-        """The piece of the signal each step lies on."""
         middle = (self.time[1:] + self.time[:-1]) / 2
         return np.searchsorted(self.signal.breaks, middle, "right") - 1
 
     @cached_property
     def at_ends(self) -> Array:
-        """Voltages at the steps' beginnings and ends, shape (2, steps), on the step's piece."""
         return np.array([self.signal.within(self.piece, at)
                          for at in (self.time[:-1], self.time[1:])])
 
     @cached_property
     def volts(self) -> Array:
-        """Voltages at the stages, shape (steps, 3)."""
         return np.asarray(self.signal.within(self.piece[:, None], self.within))
 
     def part(self, first: int, last: int) -> _Mesh:
-        """Some steps in a row."""
         return _Mesh(self.actuator, self.signal, self.time[first:last + 1])
 
 
 def _passed(mesh: _Mesh, stages: Array, start: Array, sources: Array) -> tuple[Array, Array]:
-    """One step of Newton's method over all steps: nodes, (steps + 1, …), and stages, (steps, 3, …).
+    """One step of Newton's method: nodes (steps + 1, size, 1 + p), stages (steps, 3, size, 1 + p).
 
-    Each is followed by size and 1 + p.
     ``start`` (size, 1 + p) holds the state and its derivatives, ``sources`` (steps, 3, size, p)
     what drives those. Every stage is affine in the state its step begins with, so only that is
     handed on from step to step.
@@ -259,7 +317,6 @@ def _chained(across: Array, added: Array, start: Array) -> Array:
 
 
 def _finished(mesh: _Mesh, stages: Array, start: Array, by_constants: Slopes | None) -> Motion:
-    """A last step of Newton's method, with the derivatives, and what is dense in time."""
     count = start.shape[1] - 1
     sources = np.zeros((*stages.shape, 0)) if by_constants is None \
         else by_constants(stages, mesh.volts)

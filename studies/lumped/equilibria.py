@@ -1,8 +1,9 @@
-"""Where the lumped model rests: all roots of its balance, their stability, and pull-in."""
+"""Where the lumped model rests: all roots of its balance, pull-in, and its motion about them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.system import MissingLibrary
 from tympan.studies.lumped.actuator import Actuator
 
 Array = NDArray[np.float64]
@@ -24,9 +26,8 @@ _ROUNDS = 60
 def roots(actuator: Actuator, voltage: float) -> tuple[Array, Array]:
     """All deflections at rest [m] from flat to its reach, ascending, and the stiffness there [N/m].
 
-    A rest of positive stiffness is stable. Sign changes on a grid of 4001 points and, between
-    them, extrema of the balance refined, so that two roots closer than the grid and one where the
-    curve only touches are seen too.
+    A rest of positive stiffness is stable. Extrema of the balance are refined, so that two roots
+    closer than the grid and one where the curve only touches are seen too.
     """
     y = np.linspace(0.0, actuator.reach, _GRID)
 
@@ -92,10 +93,7 @@ def curve(actuator: Actuator, voltages: Any) -> Array:
 def rest(actuator: Actuator, voltage: float) -> float:
     """Where one actuator settles [m] when load and voltage are put on slowly.
 
-    Raises
-    ------
-    InputError
-        When there is no stable rest: the load or the voltage is beyond pull-in.
+    Beyond pull-in that is nowhere, an InputError.
     """
     y = float(curve(actuator, voltage))
     if np.isnan(y):
@@ -105,7 +103,6 @@ def rest(actuator: Actuator, voltage: float) -> float:
 
 
 def _start(actuator: Actuator) -> float | None:
-    """The first stable rest without voltage [m]."""
     rests, stiffness = roots(actuator, 0.0)
     return next(iter(rests[stiffness > 0].tolist()), None)
 
@@ -115,7 +112,7 @@ def pull_in(actuator: Actuator) -> tuple[float, float] | None:
     """Film voltage [V] and deflection [m] where the rest that begins without voltage ends, or None.
 
     The balance is linear in the squared film voltage, so every rest lies on u²(y) = (elastic force
-    − weight)/(electric force per V²), and pull-in is its first maximum.
+    − weight)/(electric force per V²), :func:`_squared`, and pull-in is its first maximum.
     """
     start = _start(actuator)
     if start is None:
@@ -139,7 +136,7 @@ def highest(actuator: Actuator) -> float:
 
 
 def limit_words(actuator: Actuator) -> str:
-    """Why there may be no rest, for messages."""
+    """Why there may be no rest."""
     if _start(actuator) is None:
         return "the mass is too large without voltage already"
     end = "pull-in"
@@ -149,5 +146,56 @@ def limit_words(actuator: Actuator) -> str:
 
 
 def _squared(actuator: Actuator, y: Array | float) -> Array:
-    """Square of the film voltage that holds deflections [V²]."""
     return np.asarray((actuator.elastic(y)[1] - actuator.load) / -actuator.electric(y)[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """ẋ = A x + B δu, δy = C x + D δu; x is (δy, δẏ, δε₁ of every circle), δy [m], δu [V]."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    deflection: float
+    voltage: float
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of ``a`` [1/s], the slowest first."""
+        values = np.linalg.eigvals(self.a)
+        return np.asarray(values[np.argsort(np.abs(values))], dtype=np.complex128)
+
+    @property
+    def gain(self) -> float:
+        """δy/δu at rest [m/V]."""
+        return float((self.d - self.c @ np.linalg.solve(self.a, self.b))[0, 0])
+
+    def to_control(self) -> Any:
+        """The same as a python-control ``StateSpace``, if that is installed."""
+        try:
+            import control
+        except ImportError:
+            raise MissingLibrary("a state-space object needs python-control: pip install "
+                                 "control") from None
+        circles = range(1, len(self.a) - 1)
+        return control.ss(self.a, self.b, self.c, self.d, inputs=["voltage"],
+                          outputs=["deflection"],
+                          states=["deflection", "speed",
+                                  *(f"branch_{number}" for number in circles)])
+
+    def json(self) -> dict[str, Any]:
+        return {"deflection_m": self.deflection, "voltage_V": self.voltage, "A": self.a.tolist(),
+                "B": self.b.tolist(), "C": self.c.tolist(), "D": self.d.tolist(),
+                "gain_m_per_V": self.gain,
+                "poles_per_s": [[float(pole.real), float(pole.imag)] for pole in self.poles]}
+
+
+def linearise(actuator: Actuator, voltage: float, deflection: float | None = None) -> Linear:
+    """About rest at a voltage [V], by default the stable one; derivatives are exact."""
+    at = rest(actuator, voltage) if deflection is None else deflection
+    state = actuator.rest(at)
+    seen = np.zeros((1, len(state)))
+    seen[0, 0] = 1.0
+    return Linear(actuator.linear(state, voltage)[1], actuator.by_voltage(state, voltage)[:, None],
+                  seen, np.zeros((1, 1)), at, voltage)

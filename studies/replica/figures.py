@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.files import write_csv
 from tympan.studies.lumped.actuator import Actuator
-from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.equilibria import linearise
 from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published

@@ -7,6 +7,7 @@ which of them are its numbers.
 from __future__ import annotations
 
 import tomllib
+from functools import cache
 from importlib import resources
 from string import Formatter
 from typing import Any
@@ -22,8 +23,7 @@ from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
-from tympan.studies.lumped.equilibria import rest
-from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.equilibria import linearise, rest
 from tympan.studies.paper.published import (
     HIGHEST,
     LOWEST,
@@ -46,7 +46,6 @@ from tympan.studies.replica.missing_parameters import (
     rest_ranges,
     smallest_worst,
 )
-from tympan.studies.replica.words import sentences
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
@@ -70,6 +69,27 @@ def findings(replica: Replica) -> list[dict[str, Any]]:
                           "value": float(Formatter().get_field(path, (), values)[0])}
                          for what, path, unit in stated[key]["numbers"]]}
             for key, values in shown.items()]
+
+
+def sentences(key: str, **values: Any) -> list[str]:
+    """The paragraphs of a section, filled; values may have attributes and indices."""
+    return [paragraph.format(**values) for paragraph in _sections()[key]]
+
+
+@cache
+def _sections() -> dict[str, list[str]]:
+    """Paragraphs, each on one line, by the section they stand in: ``[key]`` above them."""
+    text = resources.files("tympan.studies.replica").joinpath("words.txt")
+    sections: dict[str, list[str]] = {}
+    for block in text.read_text(encoding="utf-8").strip().split("\n\n"):
+        first, *lines = block.splitlines()
+        if first.startswith("["):
+            paragraphs = sections[first.strip("[]")] = []
+        else:
+            lines = [first, *lines]
+        if lines:
+            paragraphs.append(" ".join(lines))
+    return sections
 
 
 def _law() -> Separable:

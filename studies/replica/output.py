@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.files import remove, write_csv, write_json
-from tympan.studies.lumped.linear import linearise
+from tympan.studies.lumped.equilibria import linearise
 from tympan.studies.paper.published import (
     MASSES,
     NAMES,
@@ -21,10 +21,9 @@ from tympan.studies.paper.published import (
     ranges,
 )
 from tympan.studies.replica.figures import INTERVAL, ZOOM, Replica, write_curves
-from tympan.studies.replica.findings import findings
+from tympan.studies.replica.findings import findings, sentences
 from tympan.studies.replica.missing_parameters import allowed, other_fits, smallest_worst
 from tympan.studies.replica.settling import Criterion
-from tympan.studies.replica.words import sentences
 
 Array = NDArray[np.float64]
 _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 14's levels"}

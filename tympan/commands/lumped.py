@@ -123,8 +123,7 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.actuator import Actuator
     from tympan.studies.lumped.model_file import read_model
-    from tympan.studies.lumped.response import SampledResponse, SimulationResult, sample
-    from tympan.studies.lumped.simulate import simulate
+    from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, sample, simulate
     from tympan.studies.paper.table1 import eq8
 
     mass = parse_quantity(options.mass, "mass", "--mass")

@@ -17,11 +17,9 @@ from tympan.cli import main
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.lumped.actuator import Actuator, Viscous
-from tympan.studies.lumped.equilibria import pull_in, roots
-from tympan.studies.lumped.linear import linearise
-from tympan.studies.lumped.response import SimulationResult, sample
+from tympan.studies.lumped.equilibria import linearise, pull_in, roots
 from tympan.studies.lumped.signals import Pieces, Sine, ramp, random_steps, read_signal, step
-from tympan.studies.lumped.simulate import settling_time, simulate
+from tympan.studies.lumped.simulate import SimulationResult, sample, settling_time, simulate
 from tympan.studies.paper.table1 import paper_actuators
 
 PAPER = MODELS["paper"]
