@@ -55,12 +55,10 @@ class Exact:
     turns: int = 0
 
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
-        """The actuator of a specimen (by number)."""
         weights = self.weights if len(radii_of(self.specimens[number].frame)) > 1 else None
         return Actuator.of(self.specimens[number], mass, weights, viscous, self.rig)
 
     def by_turn(self, number: int, turn: Array, y: Array, voltage: Array) -> Array:
-        """None: nothing turns."""
         return np.zeros((*y.shape, 0))
 
 
@@ -86,7 +84,6 @@ class DynamicProblem:
 
     @property
     def size(self) -> int:
-        """How many readings there are."""
         return sum(len(record.time) for record in self.records)
 
     @cached_property
@@ -97,7 +94,6 @@ class DynamicProblem:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper ends of z."""
         room = np.append(np.full(self.statics.turns, 8.0), np.full(len(self.records), _FURTHEST))
         low, high = np.log([(constant.low, constant.high) for constant in CONSTANTS]).T
         if not self.followed:
@@ -109,7 +105,6 @@ class DynamicProblem:
         return np.split(z, [len(CONSTANTS), len(CONSTANTS) + self.statics.turns])
 
     def actuator(self, record: Record, z: Array) -> Actuator:
-        """The actuator of a run."""
         logs, turn, _ = self.split(z)
         return self.statics.actuator(record.specimen, record.mass, turn, Viscous(*np.exp(logs)))
 
@@ -150,7 +145,7 @@ class DynamicProblem:
     @cached_property
     def began(self) -> tuple[float, ...]:
         """The voltages [V] of the rests that runs began from: their first, or none, if nearer."""
-        return tuple(self._began(record) for record in self.records)
+        return tuple(map(self._began, self.records))
 
     def _began(self, record: Record) -> float:
         first = float(record.drive.voltage[0])
@@ -177,8 +172,7 @@ class DynamicProblem:
         poles: list[complex] = []
         for record, began in zip(self.records, self.began, strict=True):
             actuator = self.actuator(record, z)
-            poles.extend(np.linalg.eigvals(
-                actuator.linear(actuator.rest(float(record.first)), began)[1]))
+            poles.extend(np.linalg.eigvals(actuator.linear(actuator.rest(record.first), began)[1]))
         return complex(max(poles, key=abs))
 
     @cached_property
@@ -214,8 +208,7 @@ class DynamicProblem:
         """Of z, in units of a reading's noise [m].
 
         Each run's rows are replaced by the triangular factor of (derivative, residual), which has
-        the same χ², the same gradient and the same curvature: nothing is lost of 30,000 readings,
-        and a step of the search is cheap.
+        the same χ², gradient and curvature: a step of the search over 30,000 readings is cheap.
         """
         _, turns, delays = self.split(np.eye(len(self.start)))
         prior = np.concatenate([turns, delays / _DELAY])
@@ -255,11 +248,9 @@ class DynamicFit:
 
     @property
     def viscous(self) -> Viscous:
-        """The constants."""
         return Viscous(*np.exp(self.problem.split(self.z)[0]).tolist())
 
     def json(self) -> dict[str, Any]:
-        """As the command prints it."""
         problem = self.problem
         return {
             "noise_um": 1e6 * self.sigma,
@@ -278,7 +269,6 @@ class DynamicFit:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader must know."""
         warnings, given = [], self.problem.noise
         if given is not None and self.sigma > given:
             warnings.append("the responses do not follow this model: misfit "
@@ -302,11 +292,6 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
 
     First to the beginning of every response, then to more of it. As in the static fit, what the
     responses do not see stays where the search began, and limits are by profiles of the misfit.
-
-    Raises
-    ------
-    InputError
-        When there are no more readings than numbers to find, or a run does not begin at rest.
     """
     began, calls, z = time.perf_counter(), 0, problem.start
     problem, waited = _calm(problem)
@@ -359,7 +344,7 @@ def _calm(problem: DynamicProblem) -> tuple[DynamicProblem, float]:
                    followed=False), wait
 
 
-def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, Any]:
+def nelder_mead_dynamic(problem: DynamicProblem) -> dict[str, Any]:
     """The paper's way: Nelder and Mead's simplex on Eq. (12), in logarithms, the statics held."""
     began, start = time.perf_counter(), problem.start
 
@@ -373,7 +358,7 @@ def nelder_mead_dynamic(problem: DynamicProblem, most: int = 400) -> dict[str, A
 
     simplex = start[:3] + np.vstack([np.zeros(3), 0.3 * np.eye(3)])
     done = minimize(cost, start[:3], method="Nelder-Mead", options={
-        "maxfev": most, "maxiter": most, "xatol": 1e-6, "fatol": 1e-9, "initial_simplex": simplex})
+        "maxfev": 400, "maxiter": 400, "xatol": 1e-6, "fatol": 1e-9, "initial_simplex": simplex})
     return {"values": dict(zip((constant.name for constant in CONSTANTS), np.exp(done.x).tolist(),
                                strict=True)),
             "rmse_um": float((done.fun / len(problem.records)) ** 0.5),

@@ -13,7 +13,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.estimation.identifiability import Estimate, Identifiability
 from tympan.studies.estimation.profile import Profile
-from tympan.studies.files import from_json, read_json, remove, write_json
+from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.identify.dynamic import DynamicFit
 from tympan.studies.identify.static import StaticFit
 
@@ -57,7 +57,6 @@ class IdentifyResult:
     @classmethod
     def of(cls, numbers: dict[str, Any], static: StaticFit | None,
            dynamic: DynamicFit | None) -> IdentifyResult:
-        """Of fits and what a command prints of them."""
         fits = {}
         if static is not None:
             fits["static"] = Fitted(_at_rest(static), static.judgement)
@@ -76,25 +75,16 @@ class IdentifyResult:
         """
         remove(folder, "identify.json", _FIGURES, *_SHEETS.values())
         for name, fit in self.fits.items():
-            write_sheet(folder / _SHEETS[name], _COLUMNS[name],
-                        {column: fit.readings[column].to_numpy() for column in fit.readings})
+            write_sheet(folder / _SHEETS[name], _COLUMNS[name], fit.readings)
         write_json(folder / _FIGURES, {
             name: {"quantile": fit.determined.quantile, "radian_s": fit.radian,
-                   "profiles": [None if profile is None else {
-                       **vars(profile), "values": profile.values.tolist(),
-                       "rise": profile.rise.tolist()} for profile in fit.determined.profiles]}
+                   "profiles": to_json(fit.determined.profiles)}
             for name, fit in self.fits.items()})
         write_json(folder / "identify.json", self.json())
 
     @classmethod
     def load(cls, folder: Path) -> IdentifyResult:
-        """What was saved.
-
-        Raises
-        ------
-        InputError
-            When a file is missing, damaged or of another kind.
-        """
+        """What was saved; what is missing, damaged or of another kind is an InputError."""
         numbers = read_json(folder / "identify.json")
         figures = read_json(folder / _FIGURES)
         if not isinstance(numbers, dict) or not isinstance(figures, dict) \
@@ -105,9 +95,8 @@ class IdentifyResult:
         for name, content in figures.items():
             estimates = from_json(tuple[Estimate, ...], numbers[name]["constants"],
                                   folder / "identify.json", f"{name}.constants")
-            profiles = tuple(None if profile is None else Profile(
-                **{**profile, "values": np.array(profile["values"]),
-                   "rise": np.array(profile["rise"])}) for profile in content["profiles"])
+            profiles = from_json(tuple[Profile | None, ...], content["profiles"],
+                                 folder / _FIGURES, f"{name}.profiles")
             determined = Identifiability(estimates, (), np.array(numbers[name]["correlations"]),
                                          profiles, content["quantile"])
             sheet = read_own_sheet(folder / _SHEETS[name], _COLUMNS[name])

@@ -57,12 +57,10 @@ class Constant:
 class StaticProblem:
     """Displacements read [m] of specimens (by number ``which``), and what is to be found of them.
 
-    ``noise`` is the standard deviation of one reading [m]. To find are a law's constants, ε_r and
-    α. The law is Eq. (8) with β and γ (``eq8``), or one factor on the films (``film``). ``alpha``
-    says whether each shape with two semi-axes has its own α of the circle with the short one
-    (``each``), or one serves all as in Eq. (11) (``shared``). Each is what a user expects: α
-    belongs to the shape, and one for both ellipses leaves their difference to the other constants.
-    Shapes alike in their semi-axes share; without such a shape there is no α.
+    ``noise`` is the standard deviation of one reading [m]. To find are a law's constants, of Eq.
+    (8) (``eq8``) or one factor on the films (``film``), ε_r and α: of the circle with the short
+    semi-axis, for every shape that has two (``each``), or one for all as in Eq. (11) (``shared``),
+    which leaves the difference of the shapes to the other constants.
     """
 
     specimens: tuple[Specimen, ...]
@@ -77,13 +75,7 @@ class StaticProblem:
 
     @classmethod
     def of(cls, dataset: Dataset, law: Law = "eq8", alpha: Sharing = "each") -> StaticProblem:
-        """Of the readings at rest of a dataset.
-
-        Raises
-        ------
-        InputError
-            When it has no static.csv.
-        """
+        """Of the readings at rest of a dataset."""
         static = dataset.static
         if static is None:
             raise InputError("has no static.csv: the static constants need readings at rest",
@@ -95,7 +87,6 @@ class StaticProblem:
 
     @cached_property
     def constants(self) -> tuple[Constant, ...]:
-        """What is to be found."""
         first = self.specimens[0].membrane
         constants: list[Constant] = []
         if self.law == "eq8":
@@ -144,7 +135,6 @@ class StaticProblem:
         return tuple(films)
 
     def weights(self, number: int, values: Any) -> tuple[Any, ...]:
-        """The weights α of a specimen's circles."""
         if not self._alphas[number]:
             return (1.0,)
         alpha = values[self._place(number)]
@@ -263,7 +253,6 @@ class StaticFit:
 
     @property
     def turns(self) -> int:
-        """How many ways the constants may turn."""
         return int(self.directions.shape[1])
 
     def actuator(self, number: int, mass: float, turn: Any, viscous: Viscous) -> Actuator:
@@ -279,7 +268,6 @@ class StaticFit:
         return np.asarray(slopes @ self.directions)
 
     def json(self) -> dict[str, Any]:
-        """As the command prints it."""
         return {
             "law": self.problem.law,
             "alpha": self.problem.alpha,
@@ -293,7 +281,6 @@ class StaticFit:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader must know."""
         given = self.problem.noise
         if given is None or self.sigma <= given:
             return []
@@ -308,11 +295,6 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     What the readings do not see, by the singular directions of the Jacobian, stays where the search
     began. Limits are Student's (normal, where the noise is known); they are profiles of the misfit
     in deflection where that was the ``objective``, else linearised.
-
-    Raises
-    ------
-    InputError
-        When there are no more readings than constants to find.
     """
     began, calls = time.perf_counter(), 0
     scale, size = problem.column("scale"), problem.noise or 1e-6
@@ -355,23 +337,23 @@ def _misfit(problem: StaticProblem, objective: Objective, size: float) -> LeastS
     return LeastSquares.of(both, problem.column("low") / scale, problem.column("high") / scale)
 
 
-def nelder_mead(problem: StaticProblem, objective: Objective = "force",
-                most: int = 20_000) -> dict[str, Any]:
+def nelder_mead(problem: StaticProblem, most: int = 20_000) -> dict[str, Any]:
     """The paper's way: Nelder and Mead's simplex on Eq. (11)'s squares, from the same start."""
-    began, scale = time.perf_counter(), problem.column("scale")
-    low, high, start = problem.column("low"), problem.column("high"), problem.column("start")
-    unit = float(np.mean(problem.load)) if objective != "deflection" else 1e-3
+    began = time.perf_counter()
+    scale, low, high, start = (problem.column(name) for name in ("scale", "low", "high", "start"))
+    unit = float(np.mean(problem.load))
+
+    def values_of(z: Array) -> Array:
+        return np.clip(start + scale * z, low, high)
 
     def cost(z: Array) -> float:
-        return float(np.sum((problem.residual(np.clip(start + scale * z, low, high), objective)[0]
-                             / unit) ** 2))
+        return float(np.sum((problem.residual(values_of(z), "force")[0] / unit) ** 2))
 
     done = minimize(cost, np.zeros(len(start)), method="Nelder-Mead",
                     options={"maxfev": most, "maxiter": most, "xatol": 1e-10, "fatol": 1e-16,
                              "adaptive": True})
-    values = np.clip(start + scale * done.x, low, high)
+    values = values_of(done.x)
     misfit = problem.residual(values, "deflection")[0]
     return {"values": dict(zip((c.name for c in problem.constants), values.tolist(), strict=True)),
             "rmse_um": 1e6 * float(np.sqrt(np.mean(misfit**2))), "evaluations": int(done.nfev),
             "converged": bool(done.success), "seconds": time.perf_counter() - began}
-

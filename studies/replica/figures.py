@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +18,6 @@ from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
 from tympan.studies.lumped.simulate import simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES
-from tympan.studies.replica import settling
 from tympan.studies.replica.missing_parameters import (
     MissingParameters,
     deflections,
@@ -27,7 +25,7 @@ from tympan.studies.replica.missing_parameters import (
     fit_rests,
     worst_misfit,
 )
-from tympan.studies.replica.settling import Criterion, Decay
+from tympan.studies.replica.settling import Decay
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -125,15 +123,6 @@ class Replica:
     def random_ranges(self) -> Array:
         """Over figure 14's signal [m], shape (masses, actuators)."""
         return np.array([[np.ptp(deflection) for _, deflection in row] for row in self.random])
-
-    @cached_property
-    def criteria(self) -> list[Criterion]:
-        """Settling times by usual criteria, what the sensor sees, and the nearest of each kind."""
-        usual = [settling.settling_times(self.decays, kind, share) for kind in settling.KINDS
-                 if kind != "length"
-                 for share in settling.USUAL]
-        return [*usual, settling.settling_times(self.decays, "length", 1e-6),
-                *(settling.nearest(self.decays, kind) for kind in settling.KINDS)]
 
 
 def period_of(actuator: Actuator) -> float:

@@ -24,18 +24,8 @@ from tympan.geometry.outlines import area
 from tympan.studies.circles import ConeCircle
 from tympan.studies.identify.static import StaticProblem
 from tympan.studies.lumped.equilibria import linearise, rest
-from tympan.studies.paper.published import (
-    HIGHEST,
-    LOWEST,
-    MASSES,
-    NAMES,
-    PERCENTAGES,
-    ROUNDING,
-    STEP,
-    SURFACES,
-    SWITCH,
-    ranges,
-)
+from tympan.studies.paper import published
+from tympan.studies.paper.published import MASSES, NAMES, ranges
 from tympan.studies.paper.table1 import known, paper_actuators
 from tympan.studies.replica.figures import Replica
 from tympan.studies.replica.missing_parameters import (
@@ -49,7 +39,7 @@ from tympan.studies.replica.missing_parameters import (
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
-_VOLTAGES = np.linspace(LOWEST, HIGHEST, 15)
+_VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 15)
 _SIZES = np.array([*[50e3] * 6, 5.0])  # of Eq. (8)'s constants [Pa] and ε_r
 _TERMS, _POINTS = 14, 400
 _ALIKE = 0.03  # two growths with ranges rounded to 0.01 mm are alike within it
@@ -122,7 +112,7 @@ def softening(missing: MissingParameters) -> Values:
     if abs(float(circle.elastic(largest.x)[2]) / first) < 1e-3:
         maximum, = sentences("law, maximum", y_mm=1e3 * float(largest.x),
                              mass_g=1e3 * -float(largest.fun) / circle.rig.gravity)
-    visited = [actuator.circles.stretch(rest(actuator, HIGHEST))[0].max()
+    visited = [actuator.circles.stretch(rest(actuator, published.HIGHEST))[0].max()
                for mass in MASSES for actuator in missing.actuators(mass)]
     steep = float(circle.circles.steepness[0]) * 3e-3
     flatter = (1 - steep**2) / (1 + steep**2) ** 2  # if true stress stays: force ∝ s/(1 + s²)
@@ -233,16 +223,16 @@ def checks() -> Values:
     """Electrode surfaces, percentages of Table 2, and what the prestretch factor means."""
     actuators = paper_actuators(1.0)
     surfaces = np.array([area(film.frame) - area(film.plate.outline) for film in actuators])
-    off = np.abs(surfaces - SURFACES).max()
-    read = ranges()
+    off = np.abs(surfaces - published.SURFACES).max()
+    read, half = ranges(), published.ROUNDING
     shares = 100 * read / read[:, :1]
-    far = np.argwhere(np.round(shares) != PERCENTAGES)
+    far = np.argwhere(np.round(shares) != published.PERCENTAGES)
     row, column = far[0]
     return {"surfaces": surfaces, "surfaces_cm2": 1e4 * surfaces, "off": off, "off_cm2": 1e4 * off,
             "shares": shares, "count": len(far), "name": NAMES[column],
             "mass_g": 1e3 * MASSES[row], "share": shares[row, column],
-            "printed": PERCENTAGES[row, column],
-            "largest": 100 * (read[row, column] + ROUNDING) / (read[row, 0] - ROUNDING),
+            "printed": published.PERCENTAGES[row, column],
+            "largest": 100 * (read[row, column] + half) / (read[row, 0] - half),
             "thickness": known("z_ini") / known("z_0"), "thinnest_um": 1e6 * known("z_ini") / 25,
             "stretch": np.sqrt(actuators[0].membrane.area_prestretch)}
 
@@ -254,9 +244,9 @@ def lost_cells(replica: Replica) -> Values:
     ellipses = np.abs(levels.misfit[:, 1:]).max()
     return {"rest": replica.fits["rest"], "best": best, "levels": levels, "each": each,
             "light": light, "heavy": heavy, "permittivity": limits["relative_permittivity"],
-            "alpha": limits["alpha_1"], "rounding_mm": 1e3 * ROUNDING,
-            "times": best.worst / ROUNDING, "ellipses": ellipses, "ellipses_mm": 1e3 * ellipses,
-            "circle_mm": 1e3 * levels.misfit[:, 0]}
+            "alpha": limits["alpha_1"], "rounding_mm": 1e3 * published.ROUNDING,
+            "times": best.worst / published.ROUNDING, "ellipses": ellipses,
+            "ellipses_mm": 1e3 * ellipses, "circle_mm": 1e3 * levels.misfit[:, 0]}
 
 
 def smallest_growth(permittivities: Array, alphas: Array, voltages: Array) -> Array:
@@ -295,11 +285,11 @@ def mass_ratio(replica: Replica) -> Values:
     growth, at_rest, at_ends, moving = (heavy / light for light, heavy in (
         ranges(), replica.rest_ranges, replica.level_ranges, replica.random_ranges))
     least = smallest_growth(np.linspace(1.0, 11.0, 41), np.linspace(0.0, 1.0, 11),
-                            np.array([1e3, 4e3, HIGHEST]))
+                            np.array([1e3, 4e3, published.HIGHEST]))
     extra = unaccounted(replica.missing, growth)
     # Share of the slowest motion, about rest at a voltage, that is there when figure 14 switches.
-    remaining = [float(np.exp(-np.abs(linearise(actuator, volts).poles[0]) * SWITCH))
-                 for volts in (STEP[1], HIGHEST)
+    remaining = [float(np.exp(-np.abs(linearise(actuator, volts).poles[0]) * published.SWITCH))
+                 for volts in (published.STEP[1], published.HIGHEST)
                  for mass in MASSES for actuator in replica.missing.actuators(mass)]
     alike = (np.abs(at_ends - growth) < _ALIKE).tolist()
     odd = " " + sentences("mass, odd")[0] if alike == [False, True, True] else ""

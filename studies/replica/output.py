@@ -10,20 +10,12 @@ from numpy.typing import NDArray
 
 from tympan.studies.files import remove, write_csv, write_json
 from tympan.studies.lumped.equilibria import linearise
-from tympan.studies.paper.published import (
-    MASSES,
-    NAMES,
-    PERCENTAGES,
-    SETTLING,
-    SINES,
-    STEP,
-    SWITCH,
-    ranges,
-)
+from tympan.studies.paper import published
+from tympan.studies.paper.published import MASSES, NAMES, ranges
 from tympan.studies.replica.figures import INTERVAL, ZOOM, Replica, write_curves
 from tympan.studies.replica.findings import findings, sentences
 from tympan.studies.replica.missing_parameters import allowed, other_fits, smallest_worst
-from tympan.studies.replica.settling import Criterion
+from tympan.studies.replica.settling import Criterion, criteria
 
 Array = NDArray[np.float64]
 _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 14's levels"}
@@ -49,6 +41,7 @@ def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
     """Everything but the curves."""
     gaps = np.array([[loop_gap(y) for _, y in row] for row in replica.loops])
     growth = 100 * (gaps[:, -1] / gaps[:, 0] - 1)
+    settled = criteria(replica.decays)
     return {
         "lost": {
             **replica.missing.json(), "reading": replica.reading,
@@ -58,14 +51,14 @@ def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
         },
         "chosen": _chosen(replica),
         "table_2": {"rows": _table_2(replica), "why": _why_ranges(replica)},
-        "settling": {"rows": [_settling(criterion) for criterion in replica.criteria],
-                     "why": _why_settling(replica)},
+        "settling": {"rows": [_settling(criterion) for criterion in settled],
+                     "why": _why_settling(replica, settled)},
         "hysteresis": {
             "rows": [{"offset_kV": 1e-3 * offset, "amplitude_kV": 1e-3 * amplitude,
                       "specimen": name, "range_um": 1e6 * float(np.ptp(y)),
                       "gap_percent": float(100 * gap)}
                      for (offset, amplitude), row, row_gaps
-                     in zip(SINES, replica.loops, gaps, strict=True)
+                     in zip(published.SINES, replica.loops, gaps, strict=True)
                      for name, (_, y), gap in zip(NAMES, row, row_gaps, strict=True)],
             "period_s": replica.period,
             "why": sentences("hysteresis", low=100 * gaps[0, [0, -1]], high=100 * gaps[1, [0, -1]],
@@ -87,7 +80,7 @@ def _chosen(replica: Replica) -> list[str]:
         *sentences("step", zoom=ZOOM, interval_ms=1e3 * INTERVAL),
         *sentences("period", period=replica.period, mass_g=1e3 * MASSES[0],
                    why=period if given.period is None else ""),
-        *sentences("levels", count=given.levels, seed=replica.seed, switch=SWITCH,
+        *sentences("levels", count=given.levels, seed=replica.seed, switch=published.SWITCH,
                    why=seed if given.seed is None else "",
                    low=levels.min() / 1e3, high=levels.max() / 1e3)]
 
@@ -100,7 +93,7 @@ def _table_2(replica: Replica) -> list[dict[str, Any]]:
         **{f"{key}_mm": 1e3 * float(values[row, column]) for key, values in ours.items()},
         **{f"{key}_less_paper_mm": 1e3 * float((values - read)[row, column])
            for key, values in ours.items()},
-        "paper_percent": float(PERCENTAGES[row, column]),
+        "paper_percent": float(published.PERCENTAGES[row, column]),
         **{f"{key}_percent": float(100 * values[row, column] / values[row, 0])
            for key, values in ours.items()},
     } for row, mass in enumerate(MASSES) for column, name in enumerate(NAMES)]
@@ -132,25 +125,25 @@ def _why_ranges(replica: Replica) -> list[str]:
                        ("whole", replica.random_ranges)):
         light, heavy = (f"{row.min():+.2f} to {row.max():+.2f} mm" for row in 1e3 * (ours - read))
         spans[name] = f"{light} (17.9 g) and {heavy} (22.45 g)"
-    shares = 100 * replica.level_ranges / replica.level_ranges[:, :1] - PERCENTAGES
+    shares = 100 * replica.level_ranges / replica.level_ranges[:, :1] - published.PERCENTAGES
     return sentences("table 2", **spans, light=_ends(shares[0]), heavy=_ends(shares[1]))
 
 
-def _why_settling(replica: Replica) -> list[str]:
-    nearest = min(replica.criteria, key=lambda criterion: criterion.rms)
-    seen = next(criterion for criterion in replica.criteria if criterion.kind == "length")
-    rates = -np.array([[linearise(actuator, STEP[1]).poles[-1].real
+def _why_settling(replica: Replica, settled: list[Criterion]) -> list[str]:
+    nearest = min(settled, key=lambda criterion: criterion.rms)
+    seen = next(criterion for criterion in settled if criterion.kind == "length")
+    rates = -np.array([[linearise(actuator, published.STEP[1]).poles[-1].real
                         for actuator in replica.missing.actuators(mass)] for mass in MASSES])
-    heavier, theirs = (float(np.mean(times[1] / times[0])) for times in (nearest.times, SETTLING))
-    slow = [NAMES[int(np.argmax(row))] for row in (*nearest.times, *SETTLING)]
+    times, theirs = nearest.times, published.SETTLING
+    slow = [NAMES[int(np.argmax(row))] for row in (*times, *theirs)]
     shapes = "the order of the shapes is not the paper's"
     if len(set(slow)) == 1:
         shapes = f"the {slow[0]} is the slowest under both masses here and there"
     return sentences("settling", criterion=_settling(nearest)["criterion"], rms=nearest.rms,
-                     off=_ends(nearest.times - SETTLING), seen=_ends(seen.times),
-                     longer=int(np.sum(seen.times < SETTLING)), light=_ends(rates[0]),
-                     heavy=_ends(rates[1]), shorter=100 * (1 - heavier),
-                     change=100 * (theirs - 1), shapes=shapes)
+                     off=_ends(times - theirs), seen=_ends(seen.times),
+                     longer=int(np.sum(seen.times < theirs)), light=_ends(rates[0]),
+                     heavy=_ends(rates[1]), shorter=100 * (1 - float(np.mean(times[1] / times[0]))),
+                     change=100 * (float(np.mean(theirs[1] / theirs[0])) - 1), shapes=shapes)
 
 
 def _ends(values: Array) -> tuple[float, float]:

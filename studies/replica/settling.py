@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from tympan.studies.paper.published import SETTLING
 
 Array = NDArray[np.float64]
+_USUAL = (0.05, 0.02, 0.01)  # thresholds as shares that are in use
+_SEEN = 1e-6  # [m], by the paper's sensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,12 @@ class Decay:
     time: Array
     height: Array
     travel: float
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """What a threshold is a share of, by the kind of criterion; a plain length in metres."""
+        return {"largest swing": float(self.height.max()), "whole change": self.travel,
+                "length": 1.0}
 
     @classmethod
     def of(cls, time: Array, deflection: Array) -> Decay:
@@ -63,27 +70,25 @@ class Criterion:
         return float(np.sqrt(np.mean((self.times - SETTLING) ** 2)))
 
 
-#: Kinds of criteria: what the threshold is a share of; a plain length in metres.
-KINDS: dict[str, Callable[[Decay], float]] = {
-    "largest swing": lambda decay: float(decay.height.max()),
-    "whole change": lambda decay: decay.travel,
-    "length": lambda decay: 1.0,
-}
-#: Thresholds as shares that are in use.
-USUAL = (0.05, 0.02, 0.01)
+def criteria(decays: list[list[Decay]]) -> list[Criterion]:
+    """Settling times by usual criteria, what the sensor sees, and the nearest of each kind."""
+    kinds = decays[0][0].scales
+    return [*(settling_times(decays, kind, share) for kind in ("largest swing", "whole change")
+              for share in _USUAL), settling_times(decays, "length", _SEEN),
+            *(nearest(decays, kind) for kind in kinds)]
 
 
 def settling_times(decays: list[list[Decay]], kind: str, threshold: float) -> Criterion:
     """Settling times by one criterion, for responses by mass and actuator."""
-    times = [[decay.settled(threshold * KINDS[kind](decay)) for decay in row] for row in decays]
-    return Criterion(kind, threshold, np.array(times))
+    return Criterion(kind, threshold, np.array(
+        [[decay.settled(threshold * decay.scales[kind]) for decay in row] for row in decays]))
 
 
 def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
     """The threshold of a kind whose six times are nearest to the paper's, if it gives all six."""
     every = [decay for row in decays for decay in row]
-    largest = min(decay.height.max() / KINDS[kind](decay) for decay in every)
-    smallest = max(decay.height.min() / KINDS[kind](decay) for decay in every)
+    largest = min(decay.height.max() / decay.scales[kind] for decay in every)
+    smallest = max(decay.height.min() / decay.scales[kind] for decay in every)
     thresholds = np.geomspace(largest, smallest, 402)[1:-1]
     return min((settling_times(decays, kind, threshold) for threshold in thresholds),
                key=lambda criterion: criterion.rms)
