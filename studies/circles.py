@@ -42,8 +42,8 @@ class ConeCircle:
     """A circular actuator of outer radius ``radius`` [m] whose film is a straight cone.
 
     Kinematics of Eqs. (3) and (4): λ_r = λ_p √(1 + (y/l₀)²), λ_c = λ_p, sin θ = y/√(l₀² + y²), l₀ =
-    radius − r, with r the plate's mean radius and λ_p the mean prestretch. The material is the
-    specimen's own. Radii and deflections are numbers or arrays that broadcast.
+    radius − r, with r the plate's mean radius and λ_p the mean prestretch. Radii and deflections
+    are numbers or arrays that broadcast.
 
     ``profile`` c moves the film from the straight cone (0) to the shape ln(radius/ρ)/ln(radius/r)
     of a weightless membrane that is hardly deflected (1): its slope at a distance ρ from the axis
@@ -56,7 +56,7 @@ class ConeCircle:
 
     @cached_property
     def plate_radius(self) -> float:
-        """R [m], of the circle with the plate's semi-axes' product."""
+        """r [m], of the circle with the plate's area."""
         return float(np.sqrt(np.prod(self.specimen.plate.outline.semi_axes)))
 
     @cached_property
@@ -155,15 +155,7 @@ class MembraneCircle(ConeCircle):
 
     @cached_property
     def membrane_factor(self) -> Any:
-        """l₀/(r ln(R/r)): how much stiffer a membrane is than the paper's cone, hardly deflected.
-
-        Examples
-        --------
-        >>> from tympan.studies.paper.table1 import paper_actuators
-        >>> circle = MembraneCircle(paper_actuators(4.7)[0], 45e-3)
-        >>> print(f"{circle.membrane_factor:.2f}")
-        2.33
-        """
+        """l₀/(r ln(R/r)): how much stiffer a membrane is than the cone, hardly deflected."""
         inner = self.plate_radius
         return (self.radius - inner) / (inner * np.log(self.radius / inner))
 
@@ -185,16 +177,6 @@ class Lumped(Specimen):
 
     ``profile`` is that of :class:`ConeCircle`; the paper's is 0. Electrode margins and stiffness,
     the plate's offset and the direction of the prestretch do not enter.
-
-    Examples
-    --------
-    >>> from tympan.fem.film.laws import NeoHooke
-    >>> from tympan.geometry.outlines import Circle, Ellipse
-    >>> from tympan.geometry.specimen import Film, Plate
-    >>> film = Film(1e-3, (5**0.5, 5**0.5), NeoHooke(25e3), 4.7)
-    >>> oval = Specimen("oval", Ellipse((60e-3, 45e-3)), Plate(Circle(10e-3)), film)
-    >>> Lumped.of(oval, (0.7, 0.3)).circles.radius.tolist()
-    [0.045, 0.06]
     """
 
     weights: tuple[float, ...] = (1.0,)
@@ -216,7 +198,6 @@ class Lumped(Specimen):
 
     @property
     def circles(self) -> ConeCircle:
-        """The circles it is mixed of, as one array."""
         return ConeCircle(self, np.array(radii_of(self.frame)), self.profile)
 
     def force(self, deflection: float, voltage: float) -> float:

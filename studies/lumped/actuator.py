@@ -83,17 +83,15 @@ class Actuator:
 
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,
-           viscous: Viscous | None = None, rig: Rig = Rig(), profile: float = 0.0) -> Actuator:
+           viscous: Viscous | None = None, rig: Rig = Rig()) -> Actuator:
         """A specimen as the paper has it: one circle for each of its semi-axes, the shortest first.
 
-        Without ``weights`` the circles share equally (the paper's are lost). ``profile`` is that of
-        :class:`~tympan.studies.circles.ConeCircle`.
+        Without ``weights`` the circles share equally (the paper's are lost).
         """
         radii = np.array(radii_of(specimen.frame))
         if weights is None or len(radii) == 1:
             weights = (1 / len(radii),) * len(radii)
-        circles = ConeCircle(specimen, radii, profile)
-        return cls(circles, tuple(weights), mass, viscous or Viscous(), rig)
+        return cls(ConeCircle(specimen, radii), tuple(weights), mass, viscous or Viscous(), rig)
 
     @property
     def count(self) -> int:
@@ -230,14 +228,7 @@ def _each(values: Any) -> Any:
 
 
 def flat_capacitance(specimen: Specimen) -> float:
-    """Eq. (1): ε₀ε_r S/d [F] of the flat film between frame and plate, d the mounted thickness.
-
-    Examples
-    --------
-    >>> from tympan.studies.paper.table1 import paper_actuators
-    >>> [round(1e12 * flat_capacitance(film)) for film in paper_actuators(4.7)]
-    [1258, 1700, 2141]
-    """
+    """Eq. (1): ε₀ε_r S/d [F] of the flat film between frame and plate, d the mounted thickness."""
     film = specimen.membrane
     surface = area(specimen.frame) - area(specimen.plate.outline)
     return float(epsilon_0 * film.relative_permittivity * surface * film.area_prestretch

@@ -1,8 +1,12 @@
-"""A lumped model as a file to take away: TOML with plain SI numbers; it reads back equal."""
+"""A lumped model as a file to take away: TOML with plain SI numbers; it reads back equal.
+
+The formulas that are written above them stand in ``model_file.txt``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -16,28 +20,6 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.circles import MembraneCircle
 from tympan.studies.files import write_text
 from tympan.studies.lumped.actuator import Actuator, Viscous
-
-_HEAD = """\
-# The lumped model of an actuator, built by tympan from its field model. SI; keys name the units.
-# With y the deflection, u the voltage, r the radius of the circle with the plate's area, and for
-# every circle j, of radius R_j:
-#   V_j k_j^2 = 2 pi z0/ln(R_j/r),  k_j^2 = (1/r^2 - 1/R_j^2)/(2 ln(R_j/r)^3),
-#   l_j = lp sqrt(1 + (k_j y)^2),
-#   film energy   E = stiffness sum_j alpha_j V_j (W(l_j, lp) - W(lp, lp))
-#   capacitance   C = flat_capacitance
-#                     + permittivity sum_j alpha_j V_j eps0 eps_r (l_j^2 - lp^2) lp^2/T^2
-#   rest          m g = dE/dy - u^2/2 dC/dy
-# T virgin thickness, lp = sqrt(prestretch_x prestretch_y), z0 = T/lp^2, W the material's law (per
-# virgin volume). With permittivity_exponent n the bracket in C is
-#   lp^(2n) ((l_j lp)^(2 - n) - lp^(4 - 2n)).
-# In motion each circle adds to the force
-#   alpha_j v_j phi_j/x_j (k1 (x_j - 1 - e_j) + eta2 phi_j dy/dt),  e_j' = k1/eta1 (x_j - 1 - e_j),
-# with the paper's cone: x_j = sqrt(1 + (y/L_j)^2), phi_j = dx_j/dy, L_j = R_j - r,
-# v_j = 2 pi r z0 L_j.
-# Up to highest_voltage the field model was compared; the lumped one knows nothing of pull-in,
-# which comes above it.
-
-"""
 
 _WEIGHT: Rule = (lambda x: 0 <= x <= 1, "must be from 0 to 1")
 
@@ -63,18 +45,11 @@ class LumpedModel:
 
     @property
     def circles(self) -> MembraneCircle:
-        """The circles, ready to be moved."""
         return MembraneCircle(self.specimen, np.array(self.radii),
                               flat_capacitance=self.flat_capacitance)
 
     def check(self, voltage: float) -> None:
-        """Refuse a voltage across the film [V] beyond those it is for.
-
-        Raises
-        ------
-        InputError
-            Naming both.
-        """
+        """Refuse a voltage across the film [V] beyond those it is for."""
         if abs(voltage) > self.highest_voltage * (1 + 1e-9):
             raise InputError(f"the model was built for at most {self.highest_voltage / 1e3:.5g} kV "
                              "across the film and does not know where it pulls in: build it for "
@@ -82,19 +57,12 @@ class LumpedModel:
                              key=self.specimen.name, given=f"{voltage / 1e3:.5g} kV")
 
     def actuator(self, mass: float, rig: Rig = Rig()) -> Actuator:
-        """It under a mass [kg]."""
         return Actuator(self.circles, self.weights, mass, self.viscous, rig,
                         self.stiffness, self.permittivity)
 
 
 def write_model(file: Path, model: LumpedModel) -> None:
-    """Write a model's file.
-
-    Raises
-    ------
-    InputError
-        When the specimen's material cannot be written.
-    """
+    """Write a model's file."""
     viscous = model.viscous
     content = {
         "stiffness": model.stiffness, "permittivity": model.permittivity,
@@ -104,17 +72,12 @@ def write_model(file: Path, model: LumpedModel) -> None:
                    for radius, weight in zip(model.radii, model.weights, strict=True)],
         "specimen": specimen_content(model.specimen, plain=True),
     }
-    write_text(file, _HEAD + toml(content))
+    formulas = resources.files("tympan.studies.lumped").joinpath("model_file.txt")
+    write_text(file, formulas.read_text(encoding="utf-8") + toml(content))
 
 
 def read_model(file: Path | str) -> LumpedModel:
-    """The model of a file.
-
-    Raises
-    ------
-    InputError
-        Naming file, key, what was given and what is allowed.
-    """
+    """The model of a file."""
     table = Table.read(file)
     specimen = load_specimen(replace(table.table("specimen"), plain=True))
     circles = table.tables("circle")

@@ -114,13 +114,7 @@ Signal = Pieces | Sine
 
 
 def step(low: float, high: float, at: float, end: float) -> Pieces:
-    """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``.
-
-    Examples
-    --------
-    >>> step(0.0, 3500.0, 1.0, 30.0).breaks.tolist()
-    [0.0, 1.0, 30.0]
-    """
+    """From one voltage to another at a time; at 0 it comes at once, after the rest at ``low``."""
     return Pieces(np.array([0.0, at, at, end]), np.array([low, low, high, high]))
 
 

@@ -170,12 +170,6 @@ def settling_time(time: Array, deflection: Array) -> float:
     Counted from time[0]; nan where there is no oscillation. The slow motion is that through the
     midpoints of neighbouring extremes, as one draws it by eye: the membrane goes on creeping long
     after the oscillation has died away.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 10, 20001)
-    >>> round(settling_time(t, 0.1 * t + np.exp(-t) * np.cos(60 * t)), 1)
-    3.1
     """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) != 0) + 1
     if len(turning) < 3:

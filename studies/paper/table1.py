@@ -19,18 +19,7 @@ TABLE_1: dict[str, dict[str, Any]] = tomllib.loads(
 
 
 def known(symbol: str) -> float:
-    """The value of a cell of Table 1 [SI].
-
-    Raises
-    ------
-    InputError
-        When it is lost: give it yourself.
-
-    Examples
-    --------
-    >>> known("k_1")
-    23500000.0
-    """
+    """The value of a cell of Table 1, such as "k_1" [SI]; one that is lost is an InputError."""
     cell = TABLE_1[symbol]
     if "value" not in cell:
         raise InputError(f"is lost in Table 1 ({cell['note']}): it must be given", key=symbol)

@@ -16,13 +16,7 @@ FILES = {name: Path(__file__).with_name(f"{name}.toml")
 
 @cache
 def actuators() -> tuple[Specimen, ...]:
-    """All three.
-
-    Examples
-    --------
-    >>> [specimen.name for specimen in actuators()]
-    ['circular', 'elliptical-small', 'elliptical-large']
-    """
+    """All three, the circle first."""
     return tuple(map(load_specimen, FILES.values()))
 
 
