@@ -187,8 +187,7 @@ class Lumped(Specimen):
         count = len(radii_of(self.frame))
         if len(self.weights) != count or min(self.weights) < 0 or abs(sum(self.weights) - 1) > 1e-9:
             raise InputError(f"must be {count} numbers from 0 that add up to 1, one for each "
-                             "semi-axis",
-                             key="weights", given=self.weights)
+                             "semi-axis", key="weights", given=self.weights)
 
     @classmethod
     def of(cls, specimen: Specimen, weights: tuple[float, ...] = (1.0,)) -> Lumped:

@@ -323,8 +323,7 @@ def identify_dynamic(problem: DynamicProblem, profiles: bool = True) -> DynamicF
             break
     judgement = identifiability(problem.misfit(sigma), z,
                                 [(constant.name, constant.unit) for constant in CONSTANTS],
-                                noise.quantile,
-                                lambda _, log: float(np.exp(log)), profiles)
+                                noise.quantile, lambda _, log: float(np.exp(log)), profiles)
     return DynamicFit(problem, z, sigma, judgement, (squares / problem.size) ** 0.5, calls,
                       time.perf_counter() - began, 1 / abs(problem.pole(z)), waited)
 

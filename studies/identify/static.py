@@ -301,8 +301,7 @@ def identify_static(problem: StaticProblem, objective: Objective = "deflection",
     z = start = problem.column("start") / scale
     if len(problem.read) <= len(z):
         raise InputError(f"needs more readings than constants: {len(z)} are to be found",
-                         key="static.csv",
-                         given=f"{len(problem.read)} readings")
+                         key="static.csv", given=f"{len(problem.read)} readings")
     # In force the problem is nearly linear: its fit is a safe place to begin from.
     safe: list[Objective] = ["force", "force"] if objective == "deflection" else []
     for seek in [*safe, *[objective] * 6]:

@@ -221,12 +221,6 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
     the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
     energy: least squares of relative force.
-
-    Raises
-    ------
-    InputError
-        When the field model has no equilibrium at one of the loads, naming the load and why, or the
-        rig has what the lumped model does not.
     """
     Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
@@ -237,8 +231,7 @@ def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildS
                     rig, progress)
     plain = LumpedModel(specimen, weights.circles, weights.by_basis["membrane"].alpha,
                         model.capacitance(model.mounted()),
-                        rig.film_voltage(chosen.voltages[-1]),
-                        viscous=chosen.viscous)
+                        rig.film_voltage(chosen.voltages[-1]), viscous=chosen.viscous)
     samples = equilibria(model, chosen.fit, rig, settings, 1, [])
     stiffness, permittivity = _factors(plain, samples)
     lumped = replace(plain, stiffness=stiffness, permittivity=permittivity)

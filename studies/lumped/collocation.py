@@ -310,8 +310,7 @@ def _chained(across: Array, added: Array, start: Array) -> Array:
         even = len(across) // 2 * 2
         first, second = slice(0, even, 2), slice(1, even, 2)
         nodes[:even + 1:2] = _chained(across[second] @ across[first],
-                                      across[second] @ added[first] + added[second],
-                                      start)
+                                      across[second] @ added[first] + added[second], start)
         nodes[1::2] = across[::2] @ nodes[:len(across):2] + added[::2]
     return nodes
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import NonlinearConstraint, least_squares, minimize
 
 from tympan.studies.circles import ConeCircle, radii_of
 from tympan.studies.lumped.actuator import Actuator
@@ -187,14 +187,9 @@ def _limited(start: Array, aim: Array, most: float | None = None) -> Array:
         misfit = 1e3 * (rest_ranges(z[0], z[[1, 1]]) - read).ravel()
         return np.concatenate([z[-1] - misfit, z[-1] + misfit])
 
-    def room_slopes(z: Array) -> Array:
-        slopes = 1e3 * ranges_with_slopes(_SHARED @ z[:-1])[1].reshape(-1, 3) @ _SHARED
-        ones = np.ones((len(slopes), 1))
-        return np.block([[-slopes, ones], [slopes, ones]])
-
     done = minimize(lambda z: aim @ z, start, jac=lambda z: aim, method="SLSQP",
                     bounds=[*_BOUNDS[:2].tolist(), (0.0, most)],
-                    constraints={"type": "ineq", "fun": room, "jac": room_slopes},
+                    constraints=NonlinearConstraint(room, 0, np.inf, "3-point"),
                     options={"ftol": 1e-12, "maxiter": 300})
     return np.asarray(done.x)
 

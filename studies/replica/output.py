@@ -12,10 +12,16 @@ from tympan.studies.files import remove, write_csv, write_json
 from tympan.studies.lumped.equilibria import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.replica.figures import INTERVAL, ZOOM, Replica, write_curves
+from tympan.studies.replica.figures import (
+    INTERVAL,
+    ZOOM,
+    Criterion,
+    Replica,
+    criteria,
+    write_curves,
+)
 from tympan.studies.replica.findings import findings, sentences
 from tympan.studies.replica.missing_parameters import allowed, other_fits, smallest_worst
-from tympan.studies.replica.settling import Criterion, criteria
 
 Array = NDArray[np.float64]
 _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 14's levels"}

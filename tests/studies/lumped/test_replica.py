@@ -21,9 +21,8 @@ from tympan.studies.lumped.simulate import creep, settling_time, simulate
 from tympan.studies.paper import published
 from tympan.studies.paper.table1 import paper_actuators
 from tympan.studies.replica import missing_parameters as lost
-from tympan.studies.replica.figures import Choices, period_of, thinned
+from tympan.studies.replica.figures import Choices, Decay, period_of, thinned
 from tympan.studies.replica.output import loop_gap
-from tympan.studies.replica.settling import Decay
 
 FIGURES = ("fig7", "fig8", "fig9", "fig10", "fig11", "fig12", "fig13", "fig14", "misfit")
 
