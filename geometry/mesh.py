@@ -29,19 +29,11 @@ class CurvedTriangles(skfem.MeshTri2):  # type: ignore[misc]  # scikit-fem has n
 
 
 def curved_mesh(vertices: NDArray[np.float64], triangles: Ints, order: int,
-                nodes: NDArray[np.float64]
-                ) -> CurvedTriangles:
+                nodes: NDArray[np.float64]) -> CurvedTriangles:
     """A scikit-fem mesh from element-wise node positions.
 
-    Parameters
-    ----------
-    vertices
-        Shape (2, n).
-    triangles
-        Vertex numbers, ascending in each column, shape (3, elements).
-    nodes
-        Positions of scikit-fem's local degrees of freedom of every element, shape (2, local,
-        elements).
+    ``vertices`` have shape (2, n), ``triangles``, of vertex numbers that ascend in each column, (3,
+    elements), ``nodes``, at scikit-fem's local degrees of freedom, (2, local, elements).
     """
     element = ELEMENTS[order]
     triangles = np.ascontiguousarray(triangles)
@@ -99,11 +91,8 @@ def unfold(mesh: CurvedTriangles,
            planes: frozenset[str]) -> tuple[CurvedTriangles, Ints, NDArray[np.float64]]:
     """Mirror a part that was meshed for symmetry into the whole film.
 
-    Returns
-    -------
-    tuple
-        The whole, of each of its nodes the one in the part, and signs of shape (2, nodes): a nodal
-        vector field of the whole is that of the part's nodes, x and y components times the signs.
+    Besides the whole, of each of its nodes the one in the part, and signs of shape (2, nodes): a
+    nodal vector field of the whole is that of the part's nodes, x and y components times the signs.
     """
     nodes = mesh.doflocs.shape[1]
     origin, signs = np.arange(nodes), np.ones((2, nodes))

@@ -63,19 +63,11 @@ class MeshSettings:
 
 
 def mesh_film(specimen: Specimen, settings: MeshSettings, planes: frozenset[str]) -> meshio.Mesh:
-    """Mesh the flat mounted film.
+    """Mesh the flat mounted film: points [m], shape (n, 2), and triangles of ``settings.order``.
 
-    Parameters
-    ----------
-    planes
-        Coordinates about whose zero the result will be mirrored; only the positive part is meshed.
-
-    Returns
-    -------
-    meshio.Mesh
-        Points [m], shape (n, 2), triangles of ``settings.order``, and cell sets: lines ``frame``,
-        ``plate``, ``axis_x``, ``axis_y`` (through the plate's centre), triangles ``covered`` and
-        ``bare``.
+    Its cell sets are the lines ``frame``, ``plate``, ``axis_x``, ``axis_y`` (through the plate's
+    centre), the triangles ``covered`` and ``bare``. ``planes`` are coordinates about whose zero it
+    will be mirrored: only the positive part is meshed.
     """
     from tympan.geometry.cad import membrane  # not loaded by those who let others mesh
 

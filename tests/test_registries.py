@@ -24,8 +24,7 @@ from tympan.fem.toml_writer import rig_to_toml, specimen_to_toml
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.outlines import OUTLINES, Ellipse
-from tympan.geometry.outlines.outline import Symmetric
+from tympan.geometry.outlines import OUTLINES, Ellipse, Outline
 from tympan.geometry.outlines.pieces import Arc, Piece
 from tympan.geometry.paths import with_change
 from tympan.geometry.specimen import Specimen
@@ -69,7 +68,7 @@ class Dummy(FirstInvariantLaw):
 
 
 @dataclass(frozen=True)
-class Squashed(Symmetric):
+class Squashed(Outline):
     """A circle squashed."""
 
     shape: ClassVar[str] = "dummy_outline"

@@ -106,13 +106,9 @@ def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> cq.Wire:
 def offset_wire(outline: Outline, centre: Pair, distance: float) -> cq.Wire:
     """The parallel curve at a distance [m], outwards if positive.
 
-    That of an ellipse or spline is within 1e-8 of its size. OpenCASCADE's own offset curves do not
+    That of an ellipse or spline is within 1e-8 of its size. An outline with a sharp corner, or one
+    that bends too tightly, is an :class:`InputError`. OpenCASCADE's own offset curves do not
     survive STEP into gmsh.
-
-    Raises
-    ------
-    InputError
-        Where the outline has a sharp corner or bends too tightly for the parallel curve.
     """
     if isinstance(outline, Circle | Ellipse):
         return _smooth_offset(outline, centre, distance)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tympan.geometry.outlines.checks import check_outline
 from tympan.geometry.outlines.curve import Curve
 from tympan.geometry.outlines.drawn import ClosedSpline, Drawn, DxfFile, StepFile
 from tympan.geometry.outlines.ellipses import Circle, Ellipse, Superellipse
-from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated
+from tympan.geometry.outlines.outline import OUTLINES, Outline, Rotated, check_outline
 from tympan.geometry.outlines.pieces import Array
 from tympan.geometry.outlines.polygons import Polygon, RegularPolygon, RoundedRectangle, Stadium
 from tympan.geometry.toml_reader import Table

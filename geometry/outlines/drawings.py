@@ -119,7 +119,7 @@ def _of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[
 
         size = float(np.ptp(poles, axis=0).max())
         knots = within_part if exact else graded(within, within_part, size)
-        result.append(spline_through(within, knots))
+        result.append(spline_through(knots, *within(knots)))
     return result
 
 

@@ -139,10 +139,8 @@ def _ends(pieces: Sequence[Piece]) -> Array:
 def joined(pieces: list[Piece], which: str = "only") -> Drawn:
     """The closed curve that pieces in any order make, or the ``outer`` or ``inner`` one of two.
 
-    Raises
-    ------
-    InputError
-        Naming the place, where a curve is open or branches, or where there is not one curve.
+    A curve that is open or branches, or is not the only one, is an :class:`InputError` with its
+    place.
     """
     starts, ends = _ends(pieces)
     both = np.stack([starts, ends])

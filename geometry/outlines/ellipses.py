@@ -10,7 +10,7 @@ import numpy as np
 
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines.curve import Curve
-from tympan.geometry.outlines.outline import OUTLINES, SIZE, Symmetric
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Outline
 from tympan.geometry.outlines.pieces import Arc, Array, Piece, graded, spline_through
 from tympan.geometry.toml_reader import Rule
 
@@ -19,7 +19,7 @@ _EXPONENT: Rule = (lambda x: 2 <= x <= 20, "must be from 2 (an ellipse) to 20 (n
 
 @OUTLINES.register
 @dataclass(frozen=True)
-class Circle(Symmetric):
+class Circle(Outline):
     """A circle of given radius [m]."""
 
     shape: ClassVar[str] = "circle"
@@ -42,7 +42,7 @@ class Circle(Symmetric):
 
 @OUTLINES.register
 @dataclass(frozen=True)
-class Ellipse(Symmetric):
+class Ellipse(Outline):
     """An ellipse with given semi-axes along x and y [m]; either may be the longer one."""
 
     shape: ClassVar[str] = "ellipse"
@@ -66,7 +66,7 @@ class Ellipse(Symmetric):
 
 @OUTLINES.register
 @dataclass(frozen=True)
-class Superellipse(Symmetric):
+class Superellipse(Outline):
     """The curve |x/a|ⁿ + |y/b|ⁿ = 1, as splines within 1e-9 of its size."""
 
     shape: ClassVar[str] = "superellipse"
@@ -76,34 +76,27 @@ class Superellipse(Symmetric):
     def pieces(self) -> tuple[Piece, ...]:
         """One spline in each quadrant, through points at eccentric angles graded alike in all."""
         angles = _angles(float(np.real(self.exponent)))
-        return tuple(spline_through(self._quadrant(number), angles) for number in range(4))
+        quadrant, splines = _quadrant(angles, self.exponent), []
+        for _ in range(4):
+            points, slopes = (part * np.array(self.semi_axes) for part in quadrant)
+            splines.append(spline_through(angles, points, slopes))
+            quadrant = tuple(np.column_stack([-part[:, 1], part[:, 0]]) for part in quadrant)
+        return tuple(splines)
 
     def level(self, x: Array, y: Array) -> Array:
         """Signed distance [m]; the nearest point lies in the quadrant of the place."""
         return Curve(self.curve.pieces[:1]).level(np.abs(x), np.abs(y))
 
-    def _quadrant(self, number: int) -> Any:
-        """Points and derivatives by the eccentric angle from the quadrant's start."""
-        a, b = self.semi_axes
 
-        def curve(angle: Array) -> tuple[Array, Array]:
-            values = [np.array(part) for part in _unit(angle, self.exponent)]
-            for _ in range(number):
-                values = [np.array([-y, x]) for x, y in values]
-            first, second = ((part * np.array([[a], [b]])).T for part in values)
-            return first, second
-
-        return curve
-
-
-def _unit(angle: Array, exponent: Any) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """The first quadrant for semi-axes 1, and its derivative by the angle."""
+def _quadrant(angle: Array, exponent: Any) -> tuple[Array, ...]:
+    """The first quadrant for semi-axes 1, and its derivative by the angle, shape (n, 2) each."""
     c, s = np.maximum(np.cos(angle), 0.0), np.maximum(np.sin(angle), 0.0)
     c = np.where(c < 1e-15, 0.0, c)
     total = _power(c, exponent) + _power(s, exponent)
     radius = total ** (-1 / exponent)
     rate = -radius / total * (_power(s, exponent - 1) * c - _power(c, exponent - 1) * s)
-    return (radius * c, radius * s), (rate * c - radius * s, rate * s + radius * c)
+    return (np.column_stack([radius * c, radius * s]),
+            np.column_stack([rate * c - radius * s, rate * s + radius * c]))
 
 
 def _power(base: Array, exponent: Any) -> Array:
@@ -114,9 +107,5 @@ def _power(base: Array, exponent: Any) -> Array:
 
 @lru_cache(maxsize=1024)
 def _angles(exponent: float) -> Array:
-    def half(angle: Array) -> tuple[Array, Array]:
-        value, slope = _unit(angle, exponent)
-        return np.column_stack(value), np.column_stack(slope)
-
-    low = graded(half, np.linspace(0, np.pi / 4, 9), 1.0)
+    low = graded(lambda angle: _quadrant(angle, exponent), np.linspace(0, np.pi / 4, 9), 1.0)
     return np.concatenate([low, (np.pi / 2 - low[-2::-1])])

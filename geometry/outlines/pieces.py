@@ -101,7 +101,8 @@ class Curved(ABC):
             return value + distance * normals(slope), slope * (1 + distance * turn[:, None])
 
         size = float(np.abs(np.diff(self.at(self.breaks)[0], axis=0)).sum())
-        return spline_through(curve, graded(curve, self.breaks, size))
+        knots = graded(curve, self.breaks, size)
+        return spline_through(knots, *curve(knots))
 
     @cached_property
     def _samples(self) -> Array:
@@ -258,14 +259,13 @@ def subdivided(breaks: Array, each: int) -> Array:
     return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * steps).ravel(), 1.0)
 
 
-def spline_through(curve: Callable[[Array], tuple[Array, Array]], knots: Array) -> Spline:
-    """The spline through a curve, which gives points and derivatives, (n, 2) each, at knots."""
-    points, slopes = curve(knots)
+def spline_through(knots: Array, points: Array, slopes: Array) -> Spline:
+    """The spline through points, with given derivatives at both ends; shape (n, 2) each."""
     first, last = _pairs(slopes[[0, -1]])
     return Spline(tuple(knots.tolist()), _pairs(points), (first, last))
 
 
-def graded(curve: Callable[[Array], tuple[Array, Array]], start: Array, size: float) -> Array:
+def graded(curve: Callable[[Array], tuple[Array, ...]], start: Array, size: float) -> Array:
     """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve."""
     knots = start
     for _ in range(40):

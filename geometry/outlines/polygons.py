@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
-from tympan.geometry.outlines.outline import OUTLINES, SIZE, Boxed, Symmetric
+from tympan.geometry.outlines.outline import OUTLINES, SIZE, Boxed, Outline
 from tympan.geometry.outlines.pieces import Arc, Line, Piece, Point, direction
 from tympan.geometry.toml_reader import Rule
 
@@ -21,7 +21,7 @@ _ROUNDING: Rule = (lambda x: x == 0 or 1e-6 <= x <= 10,
 
 @OUTLINES.register
 @dataclass(frozen=True)
-class Stadium(Symmetric):
+class Stadium(Outline):
     """Half circles at both ends of the longer half extent, of the shorter one's radius."""
 
     shape: ClassVar[str] = "stadium"
@@ -43,7 +43,7 @@ class Stadium(Symmetric):
 
 @OUTLINES.register
 @dataclass(frozen=True)
-class RoundedRectangle(Symmetric):
+class RoundedRectangle(Outline):
     """A rectangle with rounded or sharp corners."""
 
     shape: ClassVar[str] = "rounded_rectangle"
@@ -148,7 +148,5 @@ def _unit(start: Point, end: Point) -> Point:
     return (end[0] - start[0]) / length, (end[1] - start[1]) / length
 
 
-def _distance(start: Point, end: Point) -> float:
-    squared: float = (end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2
-    distance: float = squared**0.5
-    return distance
+def _distance(start: Point, end: Point) -> Any:
+    return ((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2) ** 0.5
