@@ -13,6 +13,7 @@ from matplotlib.tri import Triangulation
 
 from tympan.geometry.errors import InputError
 from tympan.reports import look
+from tympan.reports.diagnosis.page import cause_label
 from tympan.reports.figures.path import draw_stations
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
@@ -154,7 +155,7 @@ def _(result: BuildResult, axes: Axes) -> None:
 def _(result: Diagnosis, axes: Axes) -> None:
     content = result.json()
     causes = content["causes"][::-1]
-    axes.barh([cause["effect"].replace("_", " ") for cause in causes],
+    axes.barh([cause_label(cause).replace("_", " ") for cause in causes],
               [cause["probability"] for cause in causes], color=look.PALETTE[0])
     axes.set(xlabel="probability", xlim=(0, 1), title=f"verdict: {content['verdict']}")
 

@@ -87,14 +87,9 @@ def paper_scale(rows: Sequence[Sequence[float]], width: float, gap: float, least
                 most: float) -> float:
     """Millimetres on paper for one millimetre of film, the same for all films of all rows.
 
-    Parameters
-    ----------
-    rows
-        Widths of the films in each row [mm].
-    width, gap
-        Of the page, and between two columns [mm].
-    least, most
-        No column is narrower than ``least`` and no film wider than ``most`` on paper [mm].
+    ``rows`` holds the widths of the films in each row; ``width`` is that of the page, ``gap``
+    between columns; no column is narrower than ``least``, no film wider than ``most`` on paper; all
+    in mm.
     """
     bound = most / max(max(row) for row in rows)
     for row in rows:

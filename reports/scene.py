@@ -1,7 +1,4 @@
-"""Pictures of deformed films: pyvista, off screen.
-
-In parallel projection, so that millimetres are the same in all.
-"""
+"""Pictures of deformed films: pyvista, off screen, in parallel projection, all to one scale."""
 
 from __future__ import annotations
 
@@ -33,7 +30,8 @@ class View:
     """How all films of a figure are looked at.
 
     ``elevation`` [degrees] above the frame's plane, ``resolution`` [pixels per mm of film],
-    ``line`` width of the outlines [pixels], and the colours' name and scale [kPa].
+    ``line`` width of the outlines [pixels], the colours' name and scale [kPa], and the mesh width
+    of the ``net`` on the flat film [mm].
     """
 
     resolution: float

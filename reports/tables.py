@@ -83,10 +83,10 @@ def _(result: BuildResult) -> Any:
 
 @table.register
 def _(result: Diagnosis) -> Any:
-    return pd.DataFrame([{key: cause[key] for key in ("effect", "probability")}
-                   | {"parameter": name, **sizes}
-                   for cause in result.json()["causes"]
-                   for name, sizes in cause["parameters"].items()])
+    return pd.DataFrame([{key: cause[key] for key in ("effect", "which", "probability")}
+                         | {"parameter": name, **sizes}
+                         for cause in result.json()["causes"]
+                         for name, sizes in cause["parameters"].items()])
 
 
 @table.register

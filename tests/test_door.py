@@ -152,16 +152,16 @@ def test_studies_and_lumped_models_have_pictures_and_tables(tmp_path: Path) -> N
 def test_a_diagnosis_has_a_picture_and_a_table() -> None:
     size = {"value": 4.0, "unit": "mm", "low": 3.5, "high": 4.4}
     diagnosis = Mock(spec=Diagnosis)  # one is made in tests/studies/diagnosis
+    loss = {"effect": "prestretch_loss", "parameters": {"d": size}}
     diagnosis.json.return_value = {"verdict": "named", "causes": [
-        {"effect": "electrode_margin", "probability": 0.9, "parameters": {"d": size}},
-        {"effect": "parallel_spring", "probability": 0.04, "parameters": {"k": size}}]}
+        loss | {"which": "A", "probability": 0.9}, loss | {"which": "B", "probability": 0.04}]}
     result = tympan.Result(diagnosis)
-    assert result.to_pandas().loc[0].to_dict() == {"effect": "electrode_margin",
-                                                   "probability": 0.9, "parameter": "d", **size}
+    assert result.to_pandas().loc[0].to_dict() == {
+        "effect": "prestretch_loss", "which": "A", "probability": 0.9, "parameter": "d", **size}
     axes = result.plot(Figure().add_subplot())
     assert axes.get_title() == "verdict: named"
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["parallel spring",
-                                                                      "electrode margin"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        "prestretch loss of B", "prestretch loss of A"]
     assert [bar.get_width() for bar in axes.patches] == [0.04, 0.9]
 
 

@@ -70,12 +70,7 @@ def output(help_text: str | None = None, **settings: Any) -> Argument:
     return argument("-o", "--output", type=Path, metavar="DIR", help=help_text, **settings)
 
 
-def json_argument(help_text: str = "print one JSON object") -> Argument:
-    """Whether to print for programs, ``options.json``."""
-    return argument("--json", action="store_true", help=help_text)
-
-
-JSON = json_argument()
+JSON = argument("--json", action="store_true", help="print one JSON object")
 SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
 RIG = argument("--rig", type=Path, metavar="RIG.toml",
                help="gravity, springs, pressure, amplifier, sensor and what else acts")
@@ -92,7 +87,7 @@ def case_arguments(*, mass: str = "on the plate",
 
 
 def read_settings(options: argparse.Namespace) -> Settings:
-    """Settings of the options that :func:`mesh_argument` adds."""
+    """Settings of the option that :data:`MESH` adds."""
     from tympan.geometry.mesher import MeshSettings
     from tympan.studies.case import Settings
 

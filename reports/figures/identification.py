@@ -49,10 +49,7 @@ def draw_profiles(judgement: Identifiability, folder: Path, name: str = "profile
 
 def draw_correlations(judgement: Identifiability, folder: Path,
                       name: str = "correlations") -> list[Path]:
-    """Draw folder/name: the linearised correlations of the constants.
-
-    Those not determined are grey.
-    """
+    """Draw folder/name: the linearised correlations of the constants; grey: not determined."""
     return style.save_figure(folder, name, lambda: _correlations(judgement))
 
 

@@ -18,10 +18,7 @@ _SHOWN = {"corrected": ("-", "lumped, corrected"), "membrane": (":", "lumped, α
 
 
 def draw_built(result: BuildResult, folder: Path) -> list[Path]:
-    """Draw folder/build.png and .svg, a column for each mass; answers the files.
-
-    All models above; below, the errors of those with membrane circles.
-    """
+    """Draw folder/build.png and .svg: a column for each mass, all models above, errors below."""
     return style.save_figure(folder, "build", lambda: _compose(result.statics))
 
 

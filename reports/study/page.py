@@ -51,9 +51,9 @@ def render_study(run: StudyView, fig4: str, curves_: str) -> str:
         fig4=fig4, curves=curves_,
         hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
         design=figure4.lay_out(run.specimens, run.stress_range),
-        alphas=[item for item in run.alphas if len(item.circles) > 1],
-        circles=[item for item in run.alphas if len(item.circles) == 1],
-        settings=list(settings(run.record)))
+        alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
+        circles=[item for item in run.stored.alphas if len(item.circles) == 1],
+        settings=list(settings(run.stored.json())))
 
 
 def settings(record: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -92,7 +92,7 @@ def study_summary(run: StudyView) -> str:
         _say("tension", [item for item in run.specimens if item.loose]),
         _say("breakdown", [item for item in run.specimens
                            if item.result.breakdown_margin is not None]),
-        strokes(run), _mixtures(run.alphas))
+        strokes(run), _mixtures(run.stored.alphas))
     # Numbers and their units stay on one line.
     return re.sub(r"(?<=\d) (?=(?:mm|kPa|kV|g)\b)", "\N{NO-BREAK SPACE}",
                   " ".join(filter(None, sentences)))
@@ -167,7 +167,7 @@ def study_warnings(run: StudyView) -> list[str]:
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for curve in item.curves
               for text in _curve_warnings(item.name, curve)),
-            *(f"{item.specimen}, α: {text}" for item in run.alphas for text in item.warnings
+            *(f"{item.specimen}, α: {text}" for item in run.stored.alphas for text in item.warnings
               if not text.startswith("the semi-axes are equal"))]
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.alpha import AlphaResult
 from tympan.studies.case import CaseResult
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.study import SpecimenResult, StudyResult
@@ -148,16 +146,12 @@ class SpecimenView:
 
 @dataclass(frozen=True, eq=False)
 class StudyView:
-    """A finished study: ``mass`` [g], ``voltage`` [kV] of the picture, ``record`` as stored."""
+    """A finished study as stored; ``mass`` [g] and ``voltage`` [kV] of the picture."""
 
-    name: str
-    version: str
-    finished: str
+    stored: StudyResult
     mass: float
     voltage: float
     specimens: tuple[SpecimenView, ...]
-    alphas: tuple[AlphaResult, ...]
-    record: Mapping[str, Any]
 
     @cached_property
     def stress_range(self) -> tuple[float, float]:
@@ -168,10 +162,8 @@ class StudyView:
 
 def view_study(stored: StudyResult, folder: Path) -> StudyView:
     """A stored study in the units of the pictures; ``folder`` is what messages name."""
-    return StudyView(
-        stored.name, stored.version, stored.finished, stored.mass_kg * 1e3, stored.voltage_V / 1e3,
-        tuple(_specimen(specimen, folder) for specimen in stored.specimens), stored.alphas,
-        stored.json())
+    return StudyView(stored, stored.mass_kg * 1e3, stored.voltage_V / 1e3,
+                     tuple(_specimen(specimen, folder) for specimen in stored.specimens))
 
 
 def _specimen(stored: SpecimenResult, folder: Path) -> SpecimenView:

@@ -13,6 +13,7 @@ import meshio
 import numpy as np
 import pytest
 
+from tests.support.specimens import ROUND, SOFT, specimen_toml
 from tympan.cli import main
 from tympan.reports.rebuild import KINDS
 from tympan.studies.paper.actuators import FILES as ACTUATORS
@@ -23,23 +24,7 @@ SOLVE_KEYS = {"specimen", "mass_kg", "voltage_V", "status", "deflection_m", "rea
               "wall_s", "warnings"}
 ALPHA_KEYS = {"specimen", "circles", "alpha", "basis", "fit_error", "held_out_error", "from_fields",
               "warnings"}
-SOFT = """
-name = "soft"
-[frame]
-shape = "circle"
-radius = "4.5 cm"
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.2360679775, 2.2360679775]
-relative_permittivity = 4.7
-[membrane.material]
-law = "ogden"
-mu = ["15 kPa"]
-alpha = [2]
-"""
+SOFT_FILM = specimen_toml("soft", ROUND, SOFT, 2.2360679775)
 
 
 def printed(capsys: pytest.CaptureFixture[str]) -> dict:
@@ -69,7 +54,7 @@ def test_solve_json(name: str, capsys) -> None:
 
 def test_solve_past_pull_in(tmp_path, capsys) -> None:
     file = tmp_path / "soft.toml"
-    file.write_text(SOFT)
+    file.write_text(SOFT_FILM)
     assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", "7 kV", "--json"]) == 0
     result = printed(capsys)
     assert result["status"] == "no_equilibrium"
@@ -118,7 +103,7 @@ def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
 
 def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
     file = tmp_path / "soft.toml"
-    file.write_text(SOFT)
+    file.write_text(SOFT_FILM)
     for voltage, names in (("3 kV", ["soft.json", "soft.vtu"]), ("20 kV", ["soft.json"])):
         assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o",
                      str(tmp_path / "out")]) == 0
@@ -130,7 +115,7 @@ def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> 
 @pytest.mark.parametrize("mass", ["0 g", "0.001 g", "17.9 g"])
 def test_slack_films_end_with_a_status(tmp_path, capsys, prestretch: str, mass: str) -> None:
     file = tmp_path / "slack.toml"
-    file.write_text(SOFT.replace("2.2360679775, 2.2360679775", prestretch))
+    file.write_text(SOFT_FILM.replace("2.2360679775, 2.2360679775", prestretch))
     assert main(["solve", str(file), "--mass", mass, "--json"]) == 0
     result = printed(capsys)
     assert result["status"] in ("equilibrium", "not_converged")

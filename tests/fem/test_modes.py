@@ -16,7 +16,15 @@ from skfem.helpers import dot
 
 from tests.oracles import annulus_modes, axisymmetric
 from tests.support.models import model, potential, structured_quarter
-from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film, skewed
+from tests.support.specimens import (
+    NEO_HOOKE,
+    VHB,
+    circular,
+    elliptical,
+    reference_film,
+    skewed,
+    specimen_toml,
+)
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.equilibrium.ramp import equilibrium, held
@@ -452,26 +460,9 @@ def test_refusals() -> None:
         solve_modes(Case(circular(), mass=1e-3, voltage=0.0), Settings(), point_mass=2e-3)
 
 
-OVAL = """
-name = "oval"
-[frame]
-shape = "ellipse"
-semi_axes = ["6 cm", "4.5 cm"]
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.236, 2.236]
-relative_permittivity = 4.7
-material = "vhb-4910"
-density = "960 kg/m^3"
-"""
-
-
 def test_command(tmp_path, capsys) -> None:
     file, out = tmp_path / "oval.toml", tmp_path / "out"
-    file.write_text(OVAL)
+    file.write_text(specimen_toml(film=f'{VHB}\ndensity = "960 kg/m^3"'))
     arguments = ["modes", str(file), "--mass", "17.9 g", "--voltage", "3.5 kV", "--count", "4"]
     assert main([*arguments, "--json", "-o", str(out)]) == 0
     printed, err = capsys.readouterr()
@@ -496,7 +487,7 @@ def test_command(tmp_path, capsys) -> None:
 
 def test_command_past_pull_in_leaves_no_old_files(tmp_path, capsys) -> None:
     file = tmp_path / "oval.toml"
-    file.write_text(OVAL)
+    file.write_text(specimen_toml(film=f'{VHB}\ndensity = "960 kg/m^3"'))
     (tmp_path / "oval-modes.vtu").write_text("old")
     assert main(["modes", str(file), "--mass", "17.9 g", "--voltage", "30 kV", "--json", "-o",
                  str(tmp_path)]) == 0

@@ -9,29 +9,14 @@ from pathlib import Path
 import pytest
 
 from tests.support.datasets import write_dataset
+from tests.support.specimens import SOFT, specimen_toml
 from tympan.cli import main
 from tympan.reports.figures.alpha import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
 
-SPECIMEN = """
-name = "oval"
-[frame]
-shape = "ellipse"
-semi_axes = ["6 cm", "4 cm"]
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.236, 2.236]
-relative_permittivity = 4.7
-[membrane.material]
-law = "ogden"
-mu = ["15 kPa"]
-alpha = [2]
-"""
+SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
 PROBLEM = """
 specimen = "elliptical-large"
 voltage = "6.5 kV"

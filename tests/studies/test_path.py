@@ -13,7 +13,7 @@ import pytest
 
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import branch_voltage, slack_voltage
-from tests.support.specimens import ROOT5, circular, elliptical
+from tests.support.specimens import ROOT5, ROUND, circular, elliptical, specimen_toml
 from tympan.cli import main
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.membrane.loading import Magnet
@@ -26,16 +26,7 @@ G = 9.80665
 SOFT = circular(NeoHooke(15e3))
 ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
 FORCE = 17.9e-3 * G
-SOFT_TOML = """
-name = "soft"
-frame = { shape = "circle", radius = "4.5 cm" }
-plate = { shape = "circle", radius = "1 cm" }
-[membrane]
-thickness = "1 mm"
-prestretch = [2.23606797749979, 2.23606797749979]
-relative_permittivity = 4.7
-material = { law = "neo_hooke", mu = "15 kPa" }
-"""
+SOFT_TOML = specimen_toml("soft", ROUND, 'material = { law = "neo_hooke", mu = "15 kPa" }', ROOT5)
 
 
 @pytest.fixture(scope="module")

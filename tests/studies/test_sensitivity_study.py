@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.specimens import circular, skewed
+from tests.support.specimens import ROUND, circular, skewed, specimen_toml
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden
@@ -22,27 +22,13 @@ COARSE = Settings(MeshSettings(order=2).refined(0.7))
 RIG = Rig(9.81, 1e-3, 3.0, 0.02, 9e3, weight_offset=(1e-3, 0.0), plate_pressure=100.0,
           gas_pressure=5.0,
           biases=(Magnet(0.05, 20e-3, 8e-3),), lag_voltage=200.0)
-FILE = """
-name = "round"
-[frame]
-shape = "circle"
-radius = "45 mm"
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.236, 2.236]
-relative_permittivity = 4.7
-[membrane.material]
-law = "neo_hooke"
-mu = "25 kPa"
-"""
+NEO_HOOKE_TOML = '[membrane.material]\nlaw = "neo_hooke"\nmu = "25 kPa"'
 
 
 @pytest.fixture
 def specimen(tmp_path: Path) -> str:
-    (tmp_path / "round.toml").write_text(FILE, encoding="utf-8")
+    (tmp_path / "round.toml").write_text(
+        specimen_toml("round", ROUND, NEO_HOOKE_TOML), encoding="utf-8")
     return str(tmp_path / "round.toml")
 
 

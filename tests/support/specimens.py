@@ -12,20 +12,33 @@ from tympan.geometry.specimen import Electrode, Film, Material, Plate, Specimen
 ROOT5 = 5**0.5
 NEO_HOOKE = Ogden((25e3,), (2.0,))
 
-#: A film with an electrode of its own outline, as a file.
-PATCH_TOML = """
-name = "patch"
+#: Frames and films of specimen files.
+ROUND = 'shape = "circle"\nradius = "4.5 cm"'
+OVAL = 'shape = "ellipse"\nsemi_axes = ["6 cm", "4.5 cm"]'
+VHB = 'material = "vhb-4910"'
+SOFT = '[membrane.material]\nlaw = "ogden"\nmu = ["15 kPa"]\nalpha = [2]'
+
+
+def specimen_toml(name: str = "oval", frame: str = OVAL, film: str = VHB,
+                  prestretch: float = 2.236) -> str:
+    """A specimen's file: a frame, a plate of 1 cm, and 1 mm of film."""
+    return f"""
+name = "{name}"
 [frame]
-shape = "circle"
-radius = "45 mm"
+{frame}
 [plate]
 shape = "circle"
 radius = "1 cm"
 [membrane]
 thickness = "1 mm"
-prestretch = [2.2, 2.2]
+prestretch = [{prestretch}, {prestretch}]
 relative_permittivity = 4.7
-material = "vhb-4910"
+{film}
+"""
+
+
+#: A film with an electrode of its own outline.
+PATCH_TOML = specimen_toml("patch", ROUND, VHB, 2.2) + """
 [electrode]
 margin_plate = "1 mm"
 [electrode.outline]

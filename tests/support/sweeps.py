@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from tests.support.specimens import specimen_toml
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings
 from tympan.studies.sweep.plan import Sweep, read_sweep
@@ -20,21 +21,6 @@ from tympan.studies.sweep.run import Checkpoint
 from tympan.studies.sweep.task import SweepTask
 
 CHEAP = Settings(MeshSettings(order=2).refined(0.6))
-
-OVAL = """
-name = "oval"
-[frame]
-shape = "ellipse"
-semi_axes = ["6 cm", "4.5 cm"]
-[plate]
-shape = "circle"
-radius = "1 cm"
-[membrane]
-thickness = "1 mm"
-prestretch = [2.236, 2.236]
-relative_permittivity = 4.7
-material = "vhb-4910"
-"""
 
 SWEEP = """
 specimen = "oval.toml"
@@ -53,7 +39,7 @@ seed = 3
 def written(folder: Path, text: str = SWEEP, **files: str) -> Path:
     """A sweep file, its specimen, and further files beside it."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, content in {"oval": OVAL, "SWEEP": text, **files}.items():
+    for name, content in {"oval": specimen_toml(), "SWEEP": text, **files}.items():
         folder.joinpath(f"{name}.toml").write_text(content)
     return folder / "SWEEP.toml"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
 from tympan.options import (
@@ -18,9 +17,6 @@ from tympan.options import (
     read_case,
     read_settings,
 )
-
-if TYPE_CHECKING:
-    from tympan.studies.sensitivity import Answer
 
 
 @command("solve", *case_arguments(),
@@ -91,9 +87,8 @@ def sensitivity(options: argparse.Namespace) -> None:
 
     names = tuple(name.strip() for name in options.of.split(","))
     result = sensitivity(read_case(options), read_settings(options), names)
-    print_record(options, result.json(), result=result, strongest_first=_strongest_first)
-
-
-def _strongest_first(answers: dict[str, Answer]) -> list[tuple[str, Answer]]:
-    """What is zero has no per cent of itself, and comes last."""
-    return sorted(answers.items(), key=lambda item: -abs(item[1].elasticity or 0.0))
+    # What is zero has no per cent of itself, and comes last.
+    strongest_first = {quantity: sorted(answers.by.items(),
+                                        key=lambda item: -abs(item[1].elasticity or 0.0))
+                       for quantity, answers in result.quantities.items()}
+    print_record(options, result.json(), result=result, strongest_first=strongest_first)

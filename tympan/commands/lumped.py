@@ -14,7 +14,6 @@ from tympan.options import (
     argument,
     command,
     finish,
-    json_argument,
     naming_options,
     output,
     parse_numbers,
@@ -261,7 +260,8 @@ def lumped_identify(options: argparse.Namespace) -> None:
          argument("--period",
                   help="of figure 13's sines, which the paper does not give (default: that at "
                        "which the circle lags most)"),
-         json_argument("print one JSON object, which paper.json holds too"))
+         argument("--json", action="store_true",
+                  help="print one JSON object, which paper.json holds too"))
 def lumped_paper(options: argparse.Namespace) -> None:
     """The paper's figures 7 to 14 and tables, its numbers beside ours."""
     import time

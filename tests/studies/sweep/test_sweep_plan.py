@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.sweeps import CHEAP, OVAL, read, written
+from tests.support.specimens import specimen_toml
+from tests.support.sweeps import CHEAP, read, written
 from tympan.cli import main
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
@@ -73,7 +74,7 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_ids_follow_every_number_of_the_specimen(tmp_path, change: str) -> None:
     [task] = tasks(tmp_path / "a", LOADS)
-    [other] = tasks(tmp_path / "b", LOADS, oval=OVAL.replace(*CHANGES[change]))
+    [other] = tasks(tmp_path / "b", LOADS, oval=specimen_toml().replace(*CHANGES[change]))
     assert task.id != other.id
     assert not set(task.ids) & set(other.ids)
 
@@ -87,7 +88,7 @@ def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_pat
         assert not set(task.ids) & set(changed.ids)
     assert replace(task, fields=True).ids == task.ids
     assert replace(task, fields=True).id != task.id
-    same = OVAL.replace('"oval"', '"other"').replace("1 mm", "1000 um")
+    same = specimen_toml().replace('"oval"', '"other"').replace("1 mm", "1000 um")
     [equal] = tasks(tmp_path / "b", LOADS, oval=same)
     assert equal.ids == task.ids
 
@@ -147,6 +148,6 @@ def test_mistakes_are_one_message(tmp_path, mistake: str, capsys) -> None:
 
 
 def test_a_mistake_in_the_specimen_names_its_file(tmp_path) -> None:
-    broken = OVAL.replace('"1 mm"', '"1 kg"')
+    broken = specimen_toml().replace('"1 mm"', '"1 kg"')
     with pytest.raises(InputError, match=r"oval.toml: membrane.thickness: given '1 kg'"):
         read(tmp_path, LOADS + '[grid]\n"plate.radius" = ["1 cm"]', oval=broken)
