@@ -165,21 +165,18 @@ def membrane_forces(specimen: Specimen, settings: Settings, loading: Loading, ra
 
 def cone_forces(specimen: Specimen, radii: Radii, samples: Samples) -> Array:
     """Force [N] of straight cones (Eq. 5), shape (samples, circles)."""
-    cones = [ConeCircle(specimen, radius) for radius in radii]
+    cones = ConeCircle(specimen, np.array(radii))
     pairs = zip(samples.deflection, samples.voltage, strict=True)
-    forces = np.array([[cone.force(y, u) for cone in cones] for y, u in pairs])
-    return forces.reshape(-1, len(radii))
-
-
-def _spread(low: float, high: float, count: int) -> Radii:
-    return (low, *(float(radius) for radius in np.geomspace(low, high, count)[1:-1]), high)
+    return np.array([cones.force(y, u) for y, u in pairs]).reshape(-1, len(radii))
 
 
 def _semi_axes(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
     radii = radii_of(specimen.frame)
     if len(radii) == 1:
         return radii
-    return (float(np.sqrt(np.prod(radii))),) if count == 1 else _spread(radii[0], radii[-1], count)
+    if count == 1:
+        return (float(np.sqrt(np.prod(radii))),)
+    return tuple(np.geomspace(radii[0], radii[-1], count).tolist())
 
 
 def _sectors(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
@@ -190,9 +187,9 @@ def _sectors(specimen: Specimen, count: int, forces: Forces, samples: Samples) -
 def _fit(specimen: Specimen, count: int, forces: Forces, samples: Samples) -> Radii:
     distance = frame_distances(specimen)
     low = max(distance.min() / _BEYOND, 1.05 * max(specimen.plate.outline.semi_axes))
-    radii = _spread(low, max(distance.max() * _BEYOND, 1.2 * low), _GRID)
+    radii = np.geomspace(low, max(distance.max() * _BEYOND, 1.2 * low), _GRID)
     logarithms = np.log(radii)
-    spline = CubicSpline(logarithms, np.log(forces(radii, samples)), axis=1)
+    spline = CubicSpline(logarithms, np.log(forces(tuple(radii.tolist()), samples)), axis=1)
 
     def misfit(logarithms: Array) -> float:
         force = np.asarray(np.exp(spline(logarithms)))

@@ -86,8 +86,12 @@ class DesignEvaluator:
         problem, path = self.problem, self.settings.path
         try:
             specimen = problem.design(values)
-            model = (build_model(specimen, self.settings, problem.rig.loading) if renew
-                     else self._moved_model(specimen))
+            if renew:
+                model = build_model(specimen, self.settings, problem.rig.loading)
+            else:
+                assert self.model is not None
+                motion = motion_between(self.model.discretisation, self.model.specimen, specimen)
+                model, _ = moved_by(self.model, self.model.mounted(), specimen, motion)
         except InputError as error:
             return Design(values, reason=str(error)), None
         if not renew and folded(model.discretisation.mesh):
@@ -116,12 +120,6 @@ class DesignEvaluator:
                                        *(slope for *_, slope in evaluations.values())])
         return Design(values, specimen, "", stroke, rest, limited, owners), Linearisation(
             stroke, (slopes[1] - slopes[0]) * problem.widths, limits, limit_slopes * problem.widths)
-
-    def _moved_model(self, specimen: Specimen) -> Model:
-        model = self.model
-        assert model is not None
-        motion = motion_between(model.discretisation, model.specimen, specimen)
-        return moved_by(model, model.mounted(), specimen, motion)[0]
 
 
 def check_derivatives(problem: OptimiseProblem, settings: Settings) -> None:
@@ -153,8 +151,7 @@ def _edge(specimen: Specimen, part: str) -> Array:
 
 def _edge_slope(specimen: Specimen, path: tuple[str, ...]) -> Array | None:
     """Derivative of the edge's points, None where the outline takes no complex step."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         try:
             return np.asarray(complex_step(
                 lambda change: _edge(with_change(specimen, path, change), path[0]), 0.0))

@@ -146,12 +146,12 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
 def run_from(problem: OptimiseProblem, measure: str, number: int, values: NDArray[np.float64],
              settings: Settings, descent: DescentSettings = DescentSettings()) -> StartRun:
     """One descent, every point on its way kept."""
-    reason = f"no design within the bounds has the {measure} of the reference's frame"
-    nowhere = Design(values, reason=reason)
+    nowhere = Design(values, reason=f"no design within the bounds has the {measure} of the "
+                                    "reference's frame")
     evaluator = DesignEvaluator(problem, settings, measure)
     trials: list[Design] = []
 
-    def note(x: NDArray[np.float64], accepted: bool) -> None:
+    def note(accepted: bool) -> None:
         trials.append(replace(evaluator.last or nowhere, accepted=accepted))
 
     ended = maximise(evaluator, (values - problem.lows) / problem.widths, descent, note)

@@ -101,13 +101,13 @@ class Descent:
 
 
 def maximise(objective: Objective, start: Array, settings: DescentSettings = DescentSettings(),
-             note: Callable[[Array, bool], None] = lambda x, accepted: None) -> Descent:
-    """Maximise an objective from a start; ``note`` is told every point and if it was gone to."""
+             note: Callable[[bool], None] = lambda accepted: None) -> Descent:
+    """Maximise an objective from a start; ``note`` is told of every point if it was gone to."""
     x = restored(objective, start)
     here = None if x is None else objective.at(x, renew=True)
     if x is None or here is None:
         return Descent("no_start", start, None, None, 1, 1)
-    note(x, True)
+    note(True)
     unit = abs(here.value) or 1.0
     centre, radius, price = x, settings.radius, 10.0
     bend = BFGS("damp_update", min_curvature=0.2, init_scale=1.0)  # Powell's damping
@@ -131,7 +131,7 @@ def maximise(objective: Objective, start: Array, settings: DescentSettings = Des
         gained = -np.inf if there is None else there.merit(unit, price) - here.merit(unit, price)
         accepted = gained > 0.05 * promised
         if ahead is not None:
-            note(ahead, accepted)
+            note(accepted)
         if not accepted or ahead is None or there is None:
             radius = 0.4 * np.abs(step).max()
             continue

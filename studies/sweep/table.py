@@ -122,10 +122,8 @@ def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
 
 
 def _column(name: str, values: list[Any]) -> np.ndarray:
-    if name == "warnings":
-        return _texts([" | ".join(value) for value in values])
-    if name in ("status", "id"):
-        return _texts(values)
+    if name in ("status", "id", "warnings"):
+        return _texts([" | ".join(value) if name == "warnings" else value for value in values])
     return np.array([np.nan if value is None else float(value) for value in values])
 
 
