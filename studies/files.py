@@ -11,6 +11,7 @@ import io
 import json
 import os
 import tempfile
+import tomllib
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
@@ -89,6 +90,11 @@ def read_text(file: Path) -> str:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from None
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+
+
+def words_beside(module: str) -> dict[str, str]:
+    """Sentences by key, from the .toml beside a module's ``__file__``."""
+    return tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def read_json(file: Path) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,10 @@ from tympan.geometry.specimen import Specimen
 from tympan.studies.columns import Sheet
 from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import repeat_groups, repeat_noise, stated_ratio
+from tympan.studies.files import words_beside
+
+#: What to beware of, by key.
+WORDS = words_beside(__file__)
 
 #: Fields in the mounted film between which the largest voltage is no slip of a unit [V/m]. Below,
 #: the Maxwell stress is under 1 Pa; VHB, the strongest film of the library, breaks down far before
@@ -54,9 +58,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 
 def dataset_warnings(dataset: Dataset) -> list[str]:
     """One sentence for each thing that limits, or may spoil, what the data can tell."""
-    checks: tuple[Callable[[Dataset], Iterator[str]], ...] = (
-        _too_little, _ramps, _noise_warnings, slips_of_unit)
-    return [*dataset.remarks, *(words for check in checks for words in check(dataset))]
+    return [*dataset.remarks, *_too_little(dataset), *_static_warnings(dataset),
+            *slips_of_unit(dataset)]
 
 
 def _distinct(values: list[NDArray[np.float64]]) -> list[float]:
@@ -69,38 +72,41 @@ def _too_little(dataset: Dataset) -> Iterator[str]:
             for name in table.specimen.tolist()}
     idle = [specimen.name for specimen in dataset.specimens if specimen.name not in read]
     if read and idle:
-        yield f"no readings of {', '.join(idle)}"
+        yield WORDS["no_readings"].format(names=", ".join(idle))
     if not tables:
         return
     if len(read) == 1:
-        yield "one specimen only: what the shape does cannot be told from what the specimen does"
+        yield WORDS["one_specimen"]
     if len(_distinct([table.mass for table in tables])) == 1:
-        yield "one mass only: what grows with the load cannot be told from what is always there"
+        yield WORDS["one_mass"]
     static = dataset.static if dataset.ranges is None else None
     if static is not None and len(_distinct([static.voltage])) == 1:
-        yield "one voltage only: what the voltage does cannot be seen"
-    if sum(map(len, tables)) < 5:
-        yield (f"{sum(map(len, tables))} readings only: stiffness and permittivity alone take two "
-               "of them")
+        yield WORDS["one_voltage"]
+    count = sum(map(len, tables))
+    if count < 5:
+        yield WORDS["few"].format(count=count)
 
 
-def _ramps(dataset: Dataset) -> Iterator[str]:
+def _static_warnings(dataset: Dataset) -> Iterator[str]:
     static = dataset.static
     if static is None:
         return
     timed = np.isfinite(static.order) | np.isfinite(static.elapsed)
     if not timed.any():
-        yield ("neither order nor elapsed_s is recorded: drift and creep cannot be told from the "
-               "voltage's effect")
+        yield WORDS["no_times"]
     elif not timed.all():
-        yield f"order and elapsed_s are recorded for {timed.sum()} of {len(static)} readings only"
+        yield WORDS["some_times"].format(timed=timed.sum(), count=len(static))
     directions = set(static.direction.tolist()) - {""}
     if len(directions) == 1 or (not directions and timed.all() and _only_up(static)):
-        yield (f"only {'up' if directions != {'down'} else 'down'} ramps: creep looks like an "
-               "effect of the voltage; measure the way back too")
+        yield WORDS["one_way"].format(way="down" if directions == {"down"} else "up")
     elif not directions:
-        yield ("direction is not recorded: if the voltage went up and down, hysteresis counts as "
-               "noise")
+        yield WORDS["no_direction"]
+    if dataset.noise is None and np.isnan(static.sigma).any() and repeat_noise(dataset) is None:
+        repeats = (np.bincount(repeat_groups(static)) > 1).any()
+        yield WORDS["rounded" if repeats else "no_noise"]
+    ratio = stated_ratio(dataset)
+    if ratio is not None and not ratio.low <= 1 <= ratio.high:
+        yield WORDS["scatter"].format(ratio=ratio)
 
 
 def _only_up(static: Sheet) -> bool:
@@ -115,24 +121,6 @@ def _only_up(static: Sheet) -> bool:
     return True
 
 
-def _noise_warnings(dataset: Dataset) -> Iterator[str]:
-    static = dataset.static
-    if static is None:
-        return
-    bare = dataset.noise is None and bool(np.isnan(static.sigma).any())
-    repeats = bool((np.bincount(repeat_groups(static)) > 1).any())
-    if bare and repeat_noise(dataset) is None:
-        yield ("repeats agree to the last digit, which measures the rounding, not the noise: give "
-               "noise in dataset.toml"
-               if repeats else
-               "nothing repeats and no noise is given: a misfit cannot be judged without it; "
-               "repeat some readings, or give noise in dataset.toml")
-    ratio = stated_ratio(dataset)
-    if ratio is not None and not ratio.low <= 1 <= ratio.high:
-        yield (f"repeats scatter by {ratio.sigma:.3g} times the stated noise (95 %: "
-               f"{ratio.low:.3g} to {ratio.high:.3g})")
-
-
 def slips_of_unit(dataset: Dataset) -> Iterator[str]:
     """Numbers a thousand times too large or small for actuators of this size."""
     for name, table in dataset.tables.items():
@@ -145,10 +133,9 @@ def slips_of_unit(dataset: Dataset) -> Iterator[str]:
                     continue
                 largest = float(np.abs(np.nan_to_num(table[column][rows])).max())
                 if largest and not low <= largest <= high:
-                    yield (f"{name}: the largest {column} of {specimen.name} is "
-                           f"{largest * factor:.4g} {unit}, where {low * factor:.2g} to "
-                           f"{high * factor:.4g} {unit} can be: is the unit in the column's name "
-                           "right?")
+                    yield WORDS["slip"].format(
+                        file=name, column=column, specimen=specimen.name, unit=unit,
+                        largest=largest * factor, low=low * factor, high=high * factor)
 
 
 def _limits(specimen: Specimen) -> dict[str, tuple[float, float, str, float]]:

@@ -33,7 +33,7 @@ from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup
-from tympan.studies.files import read_json, write_json, write_text
+from tympan.studies.files import read_json, words_beside, write_json, write_text
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
@@ -52,10 +52,8 @@ _CLEAR = 1e-3
 #: Scatter about smooth curves over the stated noise from which it is worth a word.
 _ROUGH = 1.4
 
-#: The next experiment where no effect explains a misfit.
-AGAIN = ("mount the specimens again and repeat the readings, up and down: see whether the misfit "
-         "is there again, and how large the noise is, before looking for an effect nobody has "
-         "thought of")
+#: Sentences, by key.
+WORDS = words_beside(__file__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +165,6 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def _causes(self, posterior: Posterior) -> list[Json]:
-        """The causes in question, most probable first, with their parameters."""
         listed = []
         for cause, probability in posterior.of_causes().items():
             if probability < _LEAST and cause not in self.judgement.suspects:
@@ -180,7 +177,6 @@ class Diagnosis:
         return listed
 
     def _misfit(self) -> Json:
-        """What the calibrated nominal model leaves."""
         judged, table = self.judgement, self.judgement.table
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = table.value - judged.nominal.residual * table.sigma
@@ -201,7 +197,8 @@ class Diagnosis:
     def _next_experiment(self) -> Json | None:
         """The best experiment; None where nothing is to be told apart."""
         if self.verdict == "unexplained":
-            return {"what": AGAIN, "separates": [], "expected_chi_squared": None, "menu": []}
+            return {"what": WORDS["again"], "separates": [], "expected_chi_squared": None,
+                    "menu": []}
         if not self.proposals:
             return None
         menu = [{"what": proposal.what, "separates": list(proposal.separates),
@@ -216,17 +213,13 @@ class Diagnosis:
         words = [*dataset_warnings(self.dataset), *self.readings.remarks]
         noise, scatter = float(np.median(self.judgement.table.sigma)), self.judgement.test.noise
         if self.readings.assumed:
-            words.append("the noise is not known but assumed, so no cause is named")
+            words.append(WORDS["assumed"])
         if self.model_error > 0.5 * noise:
-            words.append(f"the reduced model is off by up to {1e6 * self.model_error:.2g} um, "
-                         f"which is not small beside the noise of {1e6 * noise:.2g} um")
+            words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
         if scatter > _ROUGH and self.readings.stated:
-            words.append(f"the readings scatter {scatter:.2g} times as much about smooth curves as "
-                         "stated: the noise is understated, or something jumps, such as a plate "
-                         "that rubs")
+            words.append(WORDS["rough"].format(scatter=scatter))
         if moves:
-            words.append("the verdict depends on how wide the effects' priors are taken (half or "
-                         "twice as wide)")
+            words.append(WORDS["moves"])
         return words
 
 

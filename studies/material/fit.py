@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,12 +18,12 @@ from tympan.studies.data.coupon import MODES, Coupons
 from tympan.studies.estimation.identifiability import Noise, covariance
 from tympan.studies.estimation.least_squares import LeastSquares, minima, seeded_starts
 from tympan.studies.estimation.profile import profile
+from tympan.studies.files import words_beside
 from tympan.studies.material.families import FAMILIES, Family, largest_excess
 
 Array = NDArray[Any]
 #: What to tell the reader, by key.
-NOTES: dict[str, str] = tomllib.loads(
-    Path(__file__).with_name("notes.toml").read_text(encoding="utf-8"))
+NOTES = words_beside(__file__)
 
 #: 95 % limits, None where the readings set none.
 Limits = tuple[float | None, float | None]
@@ -126,14 +124,14 @@ def compare(coupons: Coupons, names: Sequence[str] | None = None,
     return tuple(sorted(fits, key=lambda fit: fit.criterion))
 
 
-def best_of(fits: Sequence[LawFit]) -> LawFit | None:
+def best_offered(fits: Sequence[LawFit]) -> LawFit | None:
     """The first that may be offered."""
     return next((fit for fit in fits if fit.offered), None)
 
 
 def warnings(coupons: Coupons, fits: Sequence[LawFit]) -> list[str]:
     """What stands between the best fit and its use."""
-    best, first = best_of(fits), fits[0]
+    best, first = best_offered(fits), fits[0]
     if best is None:
         return [NOTES["none_offered"]]
     words = [f"{best.family.name}: {note}" for note in best.notes]
@@ -149,7 +147,6 @@ def warnings(coupons: Coupons, fits: Sequence[LawFit]) -> list[str]:
 
 
 def _overfitted(best: LawFit, offered: Sequence[LawFit]) -> Iterator[str]:
-    """Modes that the best law foretells far worse than another does."""
     for mode, error in best.held_out.items():
         errors = ((fit.held_out.get(mode), fit.family.name) for fit in offered)
         rivals = [(rival, name) for rival, name in errors if rival is not None]
@@ -220,12 +217,10 @@ def _squares(family: Family, coupons: Coupons, values: Array) -> float:
 
 
 def _size(coupons: Coupons) -> float:
-    """Size of the readings [Pa]."""
     return float(np.sqrt(np.mean(coupons.stress**2))) or 1.0
 
 
 def _minima(family: Family, coupons: Coupons, count: int) -> list[Array]:
-    """Local minima from ``count`` starts for each shape constant, best first."""
     linear, shaped = len(family.linear), len(family.shape)
     least, most = family.starts(largest_excess(*coupons.in_plane))
     shapes = seeded_starts(least, most, shaped, count * max(1, shaped))
@@ -295,7 +290,6 @@ def _family(name: str, readings: int) -> Family:
 
 
 def _admissible(ends: list[Array], family: Family, coupons: Coupons) -> Judged:
-    """The best admissible minimum, or the best."""
     judged = [_judged(family, values, coupons) for values in ends]
     return next((item for item in judged if item[1] is not None and item[2] is None), judged[0])
 
@@ -321,7 +315,6 @@ def _criterion(squares: float, readings: int, constants: int, noise: float | Non
 
 
 def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float | None]:
-    """Error on each mode after a fit to the others."""
     errors: dict[str, float | None] = {}
     for mode in coupons.modes:
         rest, tested = coupons[coupons.mode != mode], coupons[coupons.mode == mode]
@@ -334,7 +327,6 @@ def _held_out(coupons: Coupons, family: Family, starts: int) -> dict[str, float 
 
 
 def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
-    """What a reader of the fit must know."""
     yield from _open_constants(fit)
     yield from _open_modes(fit, coupons)
     if fit.material is None:
@@ -348,7 +340,6 @@ def _notes(fit: LawFit, coupons: Coupons, worse: bool) -> Iterator[str]:
 
 
 def _open_constants(fit: LawFit) -> Iterator[str]:
-    """Constants and pairs of constants that the readings do not settle."""
     names, linear = fit.family.constants, len(fit.family.linear)
     for index, (name, value, (low, high)) in enumerate(zip(names, fit.values, fit.limits,
                                                            strict=True)):

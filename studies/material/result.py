@@ -14,7 +14,7 @@ from tympan.geometry.errors import InputError
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.coupon import COLUMNS, MODES, Coupons, read_coupons
 from tympan.studies.files import read_json, remove, write_json, write_text
-from tympan.studies.material.fit import LawFit, best_of, compare, material_lines, warnings
+from tympan.studies.material.fit import LawFit, best_offered, compare, material_lines, warnings
 
 #: The columns of curves.csv: nominal stress of each law and half its 95 % band.
 CURVES: tuple[Column, ...] = (
@@ -65,7 +65,7 @@ class MaterialFitResult:
                    read_own_sheet(folder / "curves.csv", CURVES))
 
 
-def material_fit(file: Path, names: Sequence[str] | None = None,
+def fit_coupons(file: Path, names: Sequence[str] | None = None,
                  noise: float | None = None) -> MaterialFitResult:
     """What laws fitted to a file of readings say; see :func:`~tympan.studies.material.fit.compare`.
 
@@ -76,7 +76,7 @@ def material_fit(file: Path, names: Sequence[str] | None = None,
         fits = compare(coupons, names, noise)
     except InputError as error:
         raise error.located(file=file) from None
-    best = best_of(fits)
+    best = best_offered(fits)
     numbers = {
         "file": str(file),
         "readings": {mode: int((coupons.mode == mode).sum()) for mode in coupons.modes},

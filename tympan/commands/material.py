@@ -48,10 +48,10 @@ def material_show(options: argparse.Namespace) -> None:
                 "specimen files (TOML)"), JSON)
 def material_fit(options: argparse.Namespace) -> None:
     """Fit laws to uniaxial, equibiaxial and pure-shear tests."""
-    from tympan.studies.material.result import material_fit
+    from tympan.studies.material.result import fit_coupons
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
     if noise is not None and not 0 < noise < float("inf"):
         raise InputError("must be positive", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
-    finish(options, material_fit(options.coupons, names, noise))
+    finish(options, fit_coupons(options.coupons, names, noise))

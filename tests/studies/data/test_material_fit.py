@@ -21,7 +21,7 @@ from tympan.studies.estimation.profile import profile
 from tympan.studies.material.families import FAMILIES
 from tympan.studies.material.fit import (
     _admissible,
-    best_of,
+    best_offered,
     compare,
     coupon_problem,
     fit_law,
@@ -204,11 +204,11 @@ def test_a_law_that_softens_is_not_offered() -> None:
     assert not softening.offered
     assert softening.inadmissible is not None
     assert any("true stress falls with stretch at" in note for note in softening.notes)
-    best = best_of(fits)
+    best = best_offered(fits)
     assert best is not None
     assert best.family.name == "neo_hooke"
     assert any("not admissible" in words for words in warnings(data, fits))
-    assert best_of(compare(data, ["yeoh"])) is None
+    assert best_offered(compare(data, ["yeoh"])) is None
 
 
 def test_of_several_minima_the_best_admissible_is_taken() -> None:
@@ -234,7 +234,7 @@ def test_the_criterion_prefers_the_law_of_the_readings() -> None:
     data = coupons(*KNOWN["gent"], noise=200.0, seed=3)
     fits = compare(data, ["neo_hooke", "mooney_rivlin", "gent", "arruda_boyce"])
     assert fits[0].family.name == "gent"
-    assert best_of(fits) is fits[0]
+    assert best_offered(fits) is fits[0]
     assert fits[0].held_out["equibiaxial"] < 600.0
 
 
