@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
 from tympan.fem.film.density import plane_stress, virtual_work
-from tympan.fem.membrane.enclosed_volume import film_volume
+from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
 

@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.fem.discretisation.assembly import SparsityPattern
-from tympan.fem.discretisation.isoparametric import isoparametric
+from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import CurvedTriangles
@@ -44,14 +44,13 @@ class Discretisation:
         """With quadrature that is exact for the square of the shape functions."""
         basis = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order))
         flat = basis.doflocs.T
-        shapes = [np.atleast_2d(np.asarray(shape[0]))[0] for shape in basis.basis]
         return cls(
             mesh, planes, basis,
             boundaries={name: basis.get_dofs(facets).flatten()
                         for name, facets in (mesh.boundaries or {}).items()},
             reference=np.column_stack([flat, np.zeros(len(flat))]),
             connectivity=np.ascontiguousarray(basis.element_dofs.T),
-            shapes=np.stack(shapes, axis=1))
+            shapes=np.ascontiguousarray(tabulated(mesh.order, basis.X)[0].T))
 
     def moved(self, motion: Array) -> Discretisation:
         """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].

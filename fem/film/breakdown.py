@@ -37,12 +37,6 @@ class PowerStrength:
 
     h is the stretched thickness. The strengths of films were measured in equibiaxial stretch; λ
     carries them to other stretches by the area.
-
-    Examples
-    --------
-    >>> law = PowerStrength(30e6, 1.0, 0.5, 1e-3)
-    >>> print(f"{law.field(4.0, 1.0, 0.25e-3) / 1e6:.6g} MV/m")
-    120 MV/m
     """
 
     law: ClassVar[str] = "power"

@@ -29,11 +29,6 @@ def tension_state(stress_1: Array, stress_2: Array, tense: Array) -> NDArray[np.
 
     ``tense`` is in how many directions a film that wrinkles is tense; there its stress is positive,
     but no more than the residual tension of :class:`TensionField`.
-
-    Examples
-    --------
-    >>> tension_state(np.array([2.0, 1.0, -1.0]), np.array([1.0, -0.5, -2.0]), np.array([2, 2, 2]))
-    array([0, 1, 2])
     """
     pressed = (np.asarray(stress_1) <= 0).astype(np.int64) + (np.asarray(stress_2) <= 0)
     return np.asarray(np.maximum(pressed, 2 - np.asarray(tense)))

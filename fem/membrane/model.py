@@ -14,8 +14,7 @@ from tympan.fem.complex_step import complex_step
 from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
-from tympan.fem.membrane.enclosed_volume import film_volume, plate_volume
-from tympan.fem.membrane.loading import GUIDES, Loading
+from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
 from tympan.geometry.outlines import area
 from tympan.geometry.specimen import Specimen
@@ -45,7 +44,6 @@ class Model:
     wrinkles: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a weight that the mirror planes would repeat."""
         if any(arm and plane in self.discretisation.planes
                for plane, arm in zip("xy", self.loading.arm, strict=True)):
             raise ValueError("a weight beside a mirror plane needs a mesh not mirrored there")
@@ -226,10 +224,7 @@ class Model:
                           corner + self.plate_curvature(forces, state))
 
     def plate_curvature(self, forces: Array, state: State) -> Array:
-        """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p).
-
-        ``forces`` are those on the nodes, shape (nodes, 3) [N].
-        """
+        """Stiffness of the plate's allowed freedoms by the bending of their motions, (p, p)."""
         mesh, allowed = self.discretisation, self.plate_freedoms
         bend = state.plate.curvature(self.arms, forces[mesh.plate_nodes])
         bend = bend + self._on_plate(state)[2] / mesh.mirrored

@@ -27,8 +27,6 @@ from tympan.geometry.specimen import Film
 
 Array = NDArray[Any]
 
-_RIMS = ("plate", "frame")
-
 #: Where a reference triangle's edges start, and their directions, in scikit-fem's order 01, 12, 02.
 _EDGES = (((0, 0), (1, 0)), ((1, 0), (-1, 1)), ((0, 0), (0, 1)))
 
@@ -65,7 +63,6 @@ class Fields:
         return self.electric_field / self.breakdown_strength
 
     def __getitem__(self, choice: Any) -> Fields:
-        """Some of the points."""
         return Fields(*(getattr(self, item.name)[choice] for item in fields(self)))
 
 
@@ -121,7 +118,8 @@ def edge_fields(model: Model, state: State, name: str, points: int = 9, *,
             slopes = tabulated(mesh.order, edge)[1] @ along
             nodes = discretisation.reference[discretisation.connectivity[cells], :2]
             tangent = np.matmul(slopes, nodes)
-            parts.append(_fields(model, [state], cells, edge, tangent if name in _RIMS else None))
+            cut = tangent if name in ("plate", "frame") else None
+            parts.append(_fields(model, [state], cells, edge, cut))
             weights.append((np.linalg.norm(tangent, axis=-1) * weight).ravel())
     joined = Fields(*(np.concatenate([getattr(part, item.name) for part in parts])
                       for item in fields(Fields)))

@@ -13,7 +13,7 @@ from tympan.fem.derivatives.sensitivity import gradient
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.membrane.enclosed_volume import film_volume
+from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.mesh import ELEMENTS, curved_mesh

@@ -86,13 +86,6 @@ class NeoHooke(FirstInvariantLaw):
 
     W = μ/2 (I₁ − 3), μ in Pa. It follows unfilled rubber up to stretches of about 1.5 to 2, and
     does not stiffen beyond as rubber does.
-
-    Examples
-    --------
-    Equibiaxial true stress at λ₁ = λ₂ = 2 is μ (λ² − λ⁻⁴):
-
-    >>> 2 * NeoHooke(mu=16e3).derivatives(2.0, 2.0)[1]
-    63000.0
     """
 
     law: ClassVar[str] = "neo_hooke"

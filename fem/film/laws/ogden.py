@@ -47,13 +47,7 @@ class Ogden:
 
     @classmethod
     def from_abaqus(cls, mu: tuple[float, ...], alpha: tuple[float, ...]) -> Ogden:
-        """From the convention Σ 2μ_p/α_p² (…) of Abaqus, CalculiX and FElupe.
-
-        Examples
-        --------
-        >>> Ogden.from_abaqus((10.0,), (4.0,))
-        Ogden(mu=(5.0,), alpha=(4.0,))
-        """
+        """From the convention Σ 2μ_p/α_p² (…) of Abaqus, CalculiX and FElupe."""
         return cls(tuple(2 * m / a for m, a in zip(mu, alpha, strict=True)), alpha)
 
     def derivatives(self, l1: Any, l2: Any) -> tuple[Any, ...]:
@@ -120,14 +114,6 @@ class Separable(Prestretched):
     Incompressibility gives the thickness but λ₃ does not enter the energy. With all β, γ > 0 it is
     admissible everywhere; with the paper's Table 1 (γ < 0) stress falls with stretch at the mounted
     state. It does not lock.
-
-    Examples
-    --------
-    The stress at the reference is Σ (β − γ):
-
-    >>> film = Separable((20e3,), (4e3,), (2.0,), reference=2.0)
-    >>> 2.0 * film.derivatives(2.0, 2.0)[1]
-    16000.0
     """
 
     law: ClassVar[str] = "separable"
@@ -159,11 +145,6 @@ class PrestretchedOgden(Prestretched):
     Ogden's law of a virgin film stretched by λ_r has this form with β = μ λ_r^α and γ = μ λ_r^−2α,
     so both of one sign and β/γ = λ_r^3α; β = γ is an Ogden film mounted without prestretch. The
     paper's Table 1 (γ < 0 < β) is neither.
-
-    Examples
-    --------
-    >>> PrestretchedOgden((20e3,), (20e3,), (2.0,), reference=1.0).derivatives(2.0, 1.0)[1]
-    37500.0
     """
 
     law: ClassVar[str] = "prestretched_ogden"

@@ -16,8 +16,7 @@ from tests.support.models import loaded, model, potential
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.ramp import equilibrium
-from tympan.fem.membrane.enclosed_volume import plate_volume
-from tympan.fem.membrane.loading import Loading
+from tympan.fem.membrane.loading import Loading, plate_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.outlines import Circle
