@@ -194,7 +194,7 @@ def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, alo
         station = _station(branch.model, point)
         if what == "limit":
             # The path's direction there is the critical mode.
-            mode = moved(branch.model, point.state, point.direction[:2])
+            mode = moved(branch.model, point.state, point.direction)
             change = replace(point.state, positions=mode.positions - point.state.positions)
             limits.append(film_surface(branch.model, point.state,
                                        critical_mode=whole(branch.model, change)[1].positions))

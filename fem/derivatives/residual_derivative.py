@@ -106,12 +106,13 @@ class Stiffness:
         return self.model.plate_curvature(self.forces, self.state)
 
 
-@dataclass(frozen=True, eq=False)
 class ResidualDerivative:
     """Derivatives of the residual, times motions from a state, by what it depends on."""
 
-    at: Stiffness
-    motions: Sequence[Parts]
+    def __init__(self, at: Stiffness, motions: Sequence[Parts]) -> None:
+        self.at = at
+        self._nodal = np.stack([at.spread(motion) for motion in motions])
+        self._plate = np.stack([motion[1] for motion in motions])
 
     def by(self, model: Model, state: State) -> Array:
         """Imaginary part of the virtual work for an imaginary step, shape (motions,).
@@ -137,7 +138,7 @@ class ResidualDerivative:
 
     def _by_film(self, model: Model, state: State) -> Array:
         """By materials that are not those at the start, and by the film's virgin thickness."""
-        film, result = model.specimen.membrane, np.zeros(len(self.motions))
+        film, result = model.specimen.membrane, np.zeros(len(self._plate))
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
         thickness = film.thickness / film.area_prestretch
@@ -193,13 +194,6 @@ class ResidualDerivative:
             result.append(mesh.scatter(elements))
         return np.stack(result)
 
-    @cached_property
-    def _nodal(self) -> Array:
-        return np.stack([self.at.spread(motion) for motion in self.motions])
-
-    @cached_property
-    def _plate(self) -> Array:
-        return np.stack([motion[1] for motion in self.motions])
 
     @cached_property
     def _strains(self) -> Array:

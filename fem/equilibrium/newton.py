@@ -52,7 +52,6 @@ class Solution:
     state: State
     converged: bool
     iterations: int
-    residual: float
     tangent: Tangent | None
     advice: str = ""
     _responses: dict[tuple[Model, Load], Parts] = field(default_factory=dict, repr=False)
@@ -99,29 +98,27 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
     so it does not depend on units or on the stiffness of the film.
     """
     state = replace(guess, positions=model.place(guess.positions, guess.plate))
-    damping, balance = 1.0, np.inf
+    damping = 1.0
     tangent: Tangent | None = None
     for iteration in range(1, settings.iterations + 1):
         with np.errstate(all="ignore"):  # a prediction may overshoot; what comes of it is looked at
             part = model.linearised(state)
         if not np.isfinite(part.forces).all():
-            return Solution(state, False, iteration, np.inf, None,
-                            f"{STRAINED}: take smaller steps")
+            return Solution(state, False, iteration, None, f"{STRAINED}: take smaller steps")
         equations = [constraint(model, state) for constraint in constraints]
-        residual = model.residual(part.forces, state)
-        balance = _balance(model, subspace, residual, part.forces)
         tangent = None  # two at once would double the memory
         try:
             tangent = Tangent(model, part, state, free, equations, subspace)
-            motion, loads = tangent.correct(residual, [equation.miss for equation in equations])
+            motion, loads = tangent.correct(model.residual(part.forces, state),
+                                            [equation.miss for equation in equations])
         except (RuntimeError, ValueError, np.linalg.LinAlgError):
-            return Solution(state, False, iteration, balance, None,
+            return Solution(state, False, iteration, None,
                             "the tangent is singular: a limit point is near")
         before, damping = length(model, motion), min(1.0, 4 * damping)
         while True:
             if not (np.isfinite(before) and damping >= settings.damping):
-                return Solution(state, False, iteration, balance, tangent, "no step reduces the "
-                                "error: a limit point or a loss of tension is near")
+                return Solution(state, False, iteration, tangent, "no step reduces the error: a "
+                                "limit point or a loss of tension is near")
             trial = moved(model, state, motion, damping, loads)
             # A step too long may press an element flat; it is then halved.
             with np.errstate(all="ignore"):
@@ -136,11 +133,9 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
         state = trial
         if damping == 1.0 and after < settings.correction:
             state = moved(model, state, simplified, 1.0, changes)
-            forces = model.nodal_forces(state)
-            balance = _balance(model, subspace, model.residual(forces, state), forces)
-            if balance < settings.residual:
-                return Solution(state, True, iteration, balance, tangent)
-    return Solution(state, False, settings.iterations, balance, tangent,
+            if _unbalanced(model, subspace, state) < settings.residual:
+                return Solution(state, True, iteration, tangent)
+    return Solution(state, False, settings.iterations, tangent,
                     "the iteration limit was reached: start closer or take smaller steps")
 
 
@@ -156,9 +151,10 @@ def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,
     return replace(state.under(**changed), positions=model.place(positions, plate), plate=plate)
 
 
-def _balance(model: Model, subspace: Subspace, residual: Parts, forces: Array) -> float:
+def _unbalanced(model: Model, subspace: Subspace, state: State) -> float:
     """Largest unbalanced force over the largest nodal one; moments over the half extent."""
-    inner, plate = subspace.project(residual)
+    forces = model.nodal_forces(state)
+    inner, plate = subspace.project(model.residual(forces, state))
     arms = np.where(np.array(model.plate_freedoms, dtype=int) < 3, 1.0, model.size)
     largest = max(np.abs(inner).max(initial=0.0), (np.abs(plate) / arms).max(initial=0.0))
     return float(largest / max(np.abs(forces).max(), np.finfo(float).tiny))
