@@ -16,9 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from statistics import median
 
-from tympan.fem.derivatives.parameters import parameters, shape_names
 from tympan.fem.derivatives.quantities import QUANTITIES
-from tympan.fem.derivatives.sensitivity import gradient
+from tympan.fem.derivatives.sensitivity import gradient, parameters, shape_names
 from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.film.laws import Ogden
 from tympan.fem.membrane.model import Model

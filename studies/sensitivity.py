@@ -9,9 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from tympan.fem.derivatives.parameters import ModelParameter, film_names, parameters, shape_names
 from tympan.fem.derivatives.quantities import named_quantity
-from tympan.fem.derivatives.sensitivity import gradient_many, limit_gradient
+from tympan.fem.derivatives.sensitivity import (
+    ModelParameter,
+    film_names,
+    gradient_many,
+    limit_gradient,
+    parameters,
+    shape_names,
+)
 from tympan.fem.derivatives.shape import edge_nodes
 from tympan.fem.equilibrium.ramp import Status
 from tympan.fem.membrane.model import Model

@@ -1,6 +1,6 @@
 """Scalar results of an equilibrium: their values, and how they change when film and plate move.
 
-A quantity works for complex models and states (:mod:`tympan.fem.derivatives.parameters`), so its
+A quantity works for complex models and states (:mod:`tympan.fem.derivatives.sensitivity`), so its
 own dependence on material, loads and shape needs no further code. :data:`QUANTITIES` has those with
 a name.
 """

@@ -9,19 +9,24 @@ rounding; but what lengths do to the forces is read off those of λ
 
 Newton's factors are of an iterate some 1e-4 of the frame's extent before the equilibrium. Iterative
 refinement with the equilibrium's own tangent, which needs no factors, gains three digits a step.
+
+A parameter says how model and state change with it, for a real change and for an imaginary one. So
+the same few lines serve the complex step and finite changes, which check it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.parameters import ModelParameter, parameters
 from tympan.fem.derivatives.quantities import Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
+from tympan.fem.derivatives.shape import moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
 from tympan.fem.equilibrium.newton import Solution, Tangent
 from tympan.fem.equilibrium.ramp import Outcome
@@ -29,6 +34,11 @@ from tympan.fem.equilibrium.subspace import FULL
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.state import Load, State
 from tympan.geometry.errors import InputError
+from tympan.geometry.paths import at, numbers, with_change
+from tympan.geometry.specimen import Specimen
+
+#: Loads by name: node positions hold, the load changes.
+LOADS: tuple[Load, ...] = ("force", "voltage", "pressure")
 
 #: Relative error of an adjoint solution.
 _EXACT = 1e-10
@@ -39,12 +49,93 @@ _REFINEMENTS = 12
 _FOLD = 1e-2
 
 
+@dataclass(frozen=True)
+class ModelParameter:
+    """One number that model or state depend on.
+
+    ``value`` gives it [SI]; ``changed`` model and state after a change, real or imaginary, in which
+    every node keeps its displacement from its own place. ``odd``: the axes whose reversal turns it
+    into its opposite.
+    """
+
+    value: Callable[[Model, State], float]
+    changed: Callable[[Model, State, Any], tuple[Model, State]]
+    odd: frozenset[str] = frozenset()
+
+
+def parameters(model: Model, names: Sequence[str] | None = None) -> dict[str, ModelParameter]:
+    """The parameters of a model by name, or those named: film, loads, surroundings and shape."""
+    loading = {name: _number(name.split(".")) for name in numbers(model.loading, "loading")
+               if isfinite(at(model, name.split(".")))}
+    parameters = {name: _number(["specimen", *name.split(".")])
+                  for name in film_names(model.specimen)}
+    parameters |= {name: _load(name) for name in LOADS} | loading
+    parameters |= {name: _length(name.split(".")) for name in shape_names(model.specimen)}
+    for name in names or ():
+        if name not in parameters:
+            raise InputError(f"must be one of {', '.join(parameters)}", key="parameter", given=name)
+    return parameters if names is None else {name: parameters[name] for name in names}
+
+
+def _number(path: Sequence[str]) -> ModelParameter:
+    """A number of film, electrode or surroundings; odd along the axis of an arm."""
+    return ModelParameter(
+        lambda model, state: float(at(model, path)),
+        lambda model, state, change: (with_change(model, path, change), state),
+        frozenset("xy"[int(path[-1])]) if "arm" in path else frozenset())
+
+
+def _load(name: Load) -> ModelParameter:
+    """The force on the plate [N], the voltage [V] or the gas pressure [Pa]."""
+    def value(model: Model, state: State) -> float:
+        return float(np.sqrt(state.load(name))) if name == "voltage" else state.load(name)
+
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        load = value(model, state) + change
+        return model, state.under(**{name: load**2 if name == "voltage" else load})
+
+    return ModelParameter(value, changed)
+
+
+def _length(path: Sequence[str]) -> ModelParameter:
+    """A length of frame, plate or electrode; odd along an offset's axis, or in both if an angle."""
+    def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
+        motion = velocity(model.discretisation, model.specimen, tuple(path))
+        return moved_by(model, state, with_change(model.specimen, path, change), change * motion)
+
+    odd = "xy"[int(path[-1])] if path[-2] == "offset" else "xy" if path[-1] == "rotation" else ""
+    return ModelParameter(lambda model, state: float(at(model.specimen, path)), changed,
+                          frozenset(odd))
+
+
+def film_names(specimen: Specimen) -> tuple[str, ...]:
+    """Names of numbers of film and electrode that move nothing, such as membrane.material.mu.0."""
+    # Strength decides nothing but breakdown.
+    return (*numbers(replace(specimen.membrane, strength=None), "membrane"), "electrode.stiffness")
+
+
+def shape_names(specimen: Specimen) -> tuple[str, ...]:
+    """Names of the lengths of frame and plate, and of an electrode with edges within the film.
+
+    Corners and points that an outline is drawn through are among them where the specimen has no
+    mirror plane.
+    """
+    electrode = specimen.electrode
+    margins = (f"electrode.{name}" for name in ("margin_frame", "margin_plate")
+               if getattr(electrode, name) > 0)
+    names = (*numbers(specimen.frame, "frame"), *numbers(specimen.plate, "plate"), *margins,
+             *numbers(electrode.outline, "electrode.outline"))
+    # Moving one corner alone would break a mirror symmetry that the model may use.
+    drawn = {"vertices", "through"} if specimen.mirror_planes else set()
+    return tuple(name for name in names if drawn.isdisjoint(name.split(".")))
+
+
 def gradient(model: Model, equilibrium: Outcome | Solution | State, quantity: Quantity,
              names: Sequence[str]) -> dict[str, float]:
     """Derivatives of a quantity at constant loads by each named parameter [SI unit per SI unit].
 
     An outcome or a solution brings its factors; a bare state is factorised anew. The names are
-    those of :func:`~tympan.fem.derivatives.parameters.parameters`. InputError for any other, and
+    those of :func:`~tympan.fem.derivatives.sensitivity.parameters`. InputError for any other, and
     for quantities that have no derivative there.
     """
     return gradient_many(model, equilibrium, {"": quantity}, parameters(model, names))[""]
@@ -90,11 +181,11 @@ def nearby_tangent(model: Model, equilibrium: Outcome | Solution | State) -> Tan
 def solve_adjoint(stiffness: Stiffness, nearby: Tangent, right: Parts) -> Parts:
     """Refined until the next correction would not matter, or be no shorter than the last."""
     solution = nearby.respond(right)
-    size = last = _length(solution)
+    size = last = _extent(solution)
     for _ in range(_REFINEMENTS):
         product = stiffness.product(solution)
         more = nearby.respond((right[0] - product[0], right[1] - product[1]))
-        length = _length(more)
+        length = _extent(more)
         if not length < last:
             break
         solution = solution[0] + more[0], solution[1] + more[1]
@@ -103,10 +194,6 @@ def solve_adjoint(stiffness: Stiffness, nearby: Tangent, right: Parts) -> Parts:
             break
         last = length
     return solution
-
-
-def _length(motion: Parts) -> float:
-    return float(max(np.abs(part).max(initial=0.0) for part in motion))
 
 
 def limit_gradient(model: Model, critical: PathPoint, load: Load,
@@ -135,3 +222,7 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
             stepped = parameter.changed(model, state, 1j * STEP)
             result[name] = float(-residual.by(*stepped)[0] / share)
     return result
+
+
+def _extent(motion: Parts) -> float:
+    return float(max(np.abs(part).max(initial=0.0) for part in motion))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.complex_step import complex_step
-from tympan.fem.derivatives.parameters import shape_names
 from tympan.fem.derivatives.quantities import QUANTITIES
+from tympan.fem.derivatives.sensitivity import shape_names
 from tympan.fem.derivatives.shape import edge_nodes, motion_between, moved_by
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State

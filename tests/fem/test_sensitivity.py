@@ -10,13 +10,16 @@ import pytest
 
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import circular, elliptical, skewed
-from tympan.fem.derivatives.parameters import LOADS, film_names, parameters, shape_names
 from tympan.fem.derivatives.quantities import QUANTITIES, named_quantity
 from tympan.fem.derivatives.residual_derivative import Stiffness
 from tympan.fem.derivatives.sensitivity import (
+    LOADS,
+    film_names,
     gradient,
     gradient_many,
     nearby_tangent,
+    parameters,
+    shape_names,
     solve_adjoint,
 )
 from tympan.fem.equilibrium.newton import Tangent, newton

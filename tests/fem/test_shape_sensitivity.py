@@ -12,9 +12,8 @@ import pytest
 from tests.oracles import axisymmetric
 from tests.support.models import deflection_gradient, model
 from tests.support.specimens import ROOT5, circular, skewed
-from tympan.fem.derivatives.parameters import parameters
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
-from tympan.fem.derivatives.sensitivity import limit_gradient
+from tympan.fem.derivatives.sensitivity import limit_gradient, parameters
 from tympan.fem.derivatives.shape import edge_nodes, velocity
 from tympan.fem.discretisation.isoparametric import isoparametric
 from tympan.fem.equilibrium.newton import newton
