@@ -256,7 +256,6 @@ def summaries(model: Model, cases: Iterable[tuple[Case, Outcome]]
 
 
 def _state_numbers(model: Model, states: Sequence[State]) -> Iterator[dict[str, Any]]:
-    """What a :class:`CaseResult` says of each equilibrium alone."""
     if not states:
         return
     points = ELEMENTS[model.discretisation.mesh.order].doflocs.T

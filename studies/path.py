@@ -203,7 +203,6 @@ def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, alo
 
 
 def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], float]]:
-    """Functions of a point that change sign where something happens."""
     def rate(point: PathPoint) -> float:
         if along != "charge":
             return point.rate

@@ -156,7 +156,6 @@ def _under_pressure(length: ModelParameter, case: Case) -> ModelParameter:
 
 
 def _immovable(model: Model) -> list[str]:
-    """Why the mesh cannot follow the lengths of the specimen, if it cannot."""
     try:
         edge_nodes(model.discretisation, model.specimen)
     except InputError as error:

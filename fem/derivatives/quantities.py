@@ -159,7 +159,6 @@ def named_quantity(name: str) -> Quantity:
 
 
 def _of_plate(model: Model, values: dict[int, float]) -> Parts:
-    """Derivatives by plate freedoms alone."""
     plate = np.array([values.get(freedom, 0.0) for freedom in model.plate_freedoms])
     return np.zeros(model.discretisation.free_count), plate
 

@@ -86,7 +86,6 @@ def _number(path: Sequence[str]) -> ModelParameter:
 
 
 def _load(name: Load) -> ModelParameter:
-    """The force on the plate [N], the voltage [V] or the gas pressure [Pa]."""
     def value(model: Model, state: State) -> float:
         return float(np.sqrt(state.load(name))) if name == "voltage" else state.load(name)
 

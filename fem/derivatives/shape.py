@@ -115,7 +115,6 @@ class Edge:
 
 
 def _edges(specimen: Specimen) -> dict[str, Edge]:
-    """The edges nodes may lie on, by name."""
     electrode, plate = specimen.electrode, specimen.plate
     edges = {"frame": Edge(specimen.frame, (0.0, 0.0)), "plate": Edge(plate.outline, plate.offset)}
     if electrode.margin_frame != 0:

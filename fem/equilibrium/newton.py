@@ -251,21 +251,20 @@ class Tangent:
         The tangent times them is minus that.
         """
         inner, plate = self.subspace.project(residual)
-        particular = self._factor.solve(-inner)
-        border = np.linalg.solve(self._schur,
-                                 -np.concatenate([plate, misses]) - self._rows @ particular)
-        motion = self.subspace.expand((particular - self._influence @ border,
-                                       border[: self._plates]))
+        film, border = self._solved(-inner, -np.concatenate([plate, misses]))
+        motion = self.subspace.expand((film, border[: self._plates]))
         return motion, dict(zip(self.free, border[self._plates :].tolist(), strict=True))
 
     def respond(self, forces: Parts) -> Parts:
         """Motion of film and plate under forces, at given loads."""
-        count = self._plates
-        inner, plate = self.subspace.project(forces)
+        return self.subspace.expand(self._solved(*self.subspace.project(forces)))
+
+    def _solved(self, inner: Array, border: Array) -> Parts:
+        count = len(border)
         particular = self._factor.solve(inner)
-        border = np.linalg.solve(self._schur[:count, :count],
-                                 plate - self._rows[:count] @ particular)
-        return self.subspace.expand((particular - self._influence[:, :count] @ border, border))
+        solution = np.linalg.solve(self._schur[:count, :count],
+                                   border - self._rows[:count] @ particular)
+        return particular - self._influence[:, :count] @ solution, solution
 
     def along(self) -> tuple[Parts, dict[Load, float]]:
         """Motion and changes of the free loads as the last equation's value grows by one."""
@@ -284,16 +283,12 @@ def _factorise(matrix: Any, model: Model) -> Any:
 
 
 class _Dense:
-    """A small dense symmetric matrix."""
-
     def __init__(self, matrix: Array) -> None:
         self._matrix, self._lu = matrix, lu_factor(matrix)
 
     def solve(self, right: Array) -> Array:
-        """The solution for one or several right-hand sides."""
         return np.asarray(lu_solve(self._lu, right))
 
     @property
     def negative(self) -> int:
-        """Number of negative eigenvalues."""
         return int((np.linalg.eigvalsh((self._matrix + self._matrix.T) / 2) < 0).sum())

@@ -96,7 +96,6 @@ class SmoothSubspace(Subspace):
 
 
 def _orthonormal(columns: Array) -> Array:
-    """An orthonormal basis of what the columns span."""
     values, vectors = np.linalg.eigh(columns.T @ columns)
     kept = values > _DEPENDENT * values[-1]
     basis = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
