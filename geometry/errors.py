@@ -15,10 +15,8 @@ class InputError(ValueError):
     "a.toml: plate.radius: given '-1 cm': must be positive"
     """
 
-    def __init__(
-        self, allowed: str, *, file: Path | str | None = None, key: str | None = None,
-        given: object = None
-    ) -> None:
+    def __init__(self, allowed: str, *, file: Path | str | None = None, key: str | None = None,
+                 given: object = None) -> None:
         self.allowed, self.file, self.key, self.given = allowed, file, key, given
         parts = [str(part) for part in (file, key) if part is not None]
         if given is not None:

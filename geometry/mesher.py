@@ -265,9 +265,6 @@ def _to_meshio(gmsh: Any, groups: Groups, order: int) -> meshio.Mesh:
             cells.append((_CELLS[order][dim - 1],
                           number[nodes[0].astype(np.int64)].reshape(-1, nodes_of[dim])))
             names.append(name)
-    sets = {
-        name: [np.arange(len(data) if owner == name else 0)
-               for owner, (_, data) in zip(names, cells, strict=True)]
-        for name in groups
-    }
+    sets = {name: [np.arange(len(data) if owner == name else 0)
+                   for owner, (_, data) in zip(names, cells, strict=True)] for name in groups}
     return meshio.Mesh(xyz.reshape(-1, 3)[:, :2] / METRE, cells, cell_sets=sets)

@@ -6,12 +6,9 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import Any
 
 from tympan.geometry.errors import InputError
-
-if TYPE_CHECKING:
-    import pint
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)
 
 
 @cache
-def _registry() -> pint.UnitRegistry[float]:
+def _registry() -> Any:
     import pint
 
     return pint.UnitRegistry()

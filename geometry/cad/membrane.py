@@ -86,15 +86,14 @@ def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
     """The ring's part within the region, and what is left of the film."""
     disc = cq.Face.makeFromWires(outline_wire(region.outline, region.offset), [])
     inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
-    missing = ring.Area() - sum(face.Area() for face in (*inside, *outside))
+    faces = (*inside, *outside)
+    missing = ring.Area() - sum(face.Area() for face in faces)
     narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
-                     for face in (*inside, *outside)),
-                    default=0.0)
+                     for face in faces), default=0.0)
     if not inside or abs(missing) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode "
                          "and what it leaves bare must be wider than 1 % of the gap between plate "
-                         "and frame",
-                         key="electrode.outline", given=str(region))
+                         "and frame", key="electrode.outline", given=str(region))
     return {"covered": inside, "bare": [*bare, *outside]}
 
 

@@ -29,10 +29,6 @@ class ClosedSpline(Boxed):
     through: Annotated[tuple[tuple[float, float], ...],
                        Key("points on it, counterclockwise", "length", least=3)]
 
-    @property
-    def simple(self) -> bool:
-        return False
-
     def pieces(self) -> tuple[Piece, ...]:
         """One spline; its knots, the lengths of chords, move with the points."""
         points = np.array([*self.through, self.through[0]])
@@ -80,10 +76,6 @@ class Drawn(Boxed):
                               f"must be closed: the piece that ends at {x:.4g}, {y:.4g} mm is "
                               f"{miss.max() * 1e3:.3g} mm away from the start of the next")
         return drawn
-
-    @property
-    def simple(self) -> bool:
-        return False
 
     def pieces(self) -> tuple[Piece, ...]:
         return self.segments

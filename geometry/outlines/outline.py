@@ -73,7 +73,11 @@ class Outline(ABC):
 
 
 class Boxed(Outline):
-    """Shapes that are not given by half extents along axes that mirror them."""
+    """Shapes not given by half extents along axes that mirror them; they may cross themselves."""
+
+    @property
+    def simple(self) -> bool:
+        return False
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -205,5 +209,4 @@ def _meeting(points: Array, first: int, second: int) -> Array | None:
 
 def _error(outline: Outline, place: Array, words: str) -> InputError:
     x, y = np.round(1e3 * place, 9) + 0.0
-    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre",
-                      given=outline.shape)
+    return InputError(f"{words} at {x:.4g}, {y:.4g} mm from its centre", given=outline.shape)

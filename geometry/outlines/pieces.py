@@ -122,9 +122,8 @@ class Curved(ABC):
             away = value - places
             steepness = (slope * slope).sum(axis=1)
             curvature = steepness + (away * bend).sum(axis=1)
-            t = np.clip(t - (away * slope).sum(axis=1) / np.where(curvature > 0.1 * steepness,
-                                                                  curvature, steepness),
-                        low, high)
+            curvature = np.where(curvature > 0.1 * steepness, curvature, steepness)
+            t = np.clip(t - (away * slope).sum(axis=1) / curvature, low, high)
             if np.abs(t - before).max(initial=0.0) < _SETTLED:
                 break
         return t

@@ -53,8 +53,7 @@ class RoundedRectangle(Outline):
     def __post_init__(self) -> None:
         if np.real(self.corner_radius) > min(np.real(self.semi_axes)) * (1 + 1e-12):
             raise InputError("must not exceed the smaller half side: use a stadium or a circle "
-                             "there",
-                             key="corner_radius",
+                             "there", key="corner_radius",
                              given=f"{np.real(self.corner_radius) * 1e3:.4g} mm")
 
     def pieces(self) -> tuple[Piece, ...]:
@@ -92,10 +91,6 @@ class Polygon(Boxed):
     vertices: Annotated[tuple[tuple[float, float], ...],
                         Key("its corners, counterclockwise", "length", least=3)]
     fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
-
-    @property
-    def simple(self) -> bool:
-        return False
 
     def pieces(self) -> tuple[Piece, ...]:
         return _filleted(self.vertices, self.fillet)
