@@ -163,7 +163,6 @@ class DynamicProblem:
         return (0.0, first)[int(np.argmin(away))]
 
     def until(self, length: float) -> DynamicProblem:
-        """The same up to so long after each run's voltage first changes [s]."""
         return replace(self, records=tuple(record.until(record.begins + length)
                                            for record in self.records))
 

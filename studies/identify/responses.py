@@ -50,7 +50,6 @@ class Record:
         return replace(self, time=self.time[kept], displacement=self.displacement[kept])
 
     def until(self, time: float) -> Record:
-        """What was read up to a time [s]."""
         kept = self.time <= time
         points, volts = self.drive.time, self.drive.voltage
         inside = points < time

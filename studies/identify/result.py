@@ -65,7 +65,6 @@ class IdentifyResult:
         return cls(numbers, fits)
 
     def json(self) -> dict[str, Any]:
-        """The object of ``lumped identify --json``."""
         return self.numbers
 
     def save(self, folder: Path) -> None:

@@ -75,7 +75,6 @@ class StaticProblem:
 
     @classmethod
     def of(cls, dataset: Dataset, law: Law = "eq8", alpha: Sharing = "each") -> StaticProblem:
-        """Of the readings at rest of a dataset."""
         static = dataset.static
         if static is None:
             raise InputError("has no static.csv: the static constants need readings at rest",
@@ -144,7 +143,6 @@ class StaticProblem:
         return [constant.name for constant in self.constants].index(self._alphas[number])
 
     def specimen(self, number: int, values: Any) -> Specimen:
-        """A specimen whose film follows the constants."""
         specimen = self.specimens[number]
         film = specimen.membrane
         if self.law == "film":
@@ -195,7 +193,6 @@ class StaticProblem:
 
     @property
     def load(self) -> Array:
-        """Weights [N]."""
         return np.asarray(self.rig.force(self.mass))
 
     def rest(self, values: Array) -> tuple[Array, Array]:

@@ -223,7 +223,6 @@ class Actuator:
 
 
 def _each(values: Any) -> Any:
-    """One for each circle: a last axis."""
     return np.asarray(values)[..., None]
 
 

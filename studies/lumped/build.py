@@ -127,7 +127,6 @@ class Built:
 
     @cached_property
     def capacitance(self) -> dict[str, Array]:
-        """The same of the capacitance [F]."""
         return {kind: np.asarray(self.actuator(kind, 1.0).capacitance(deflection))
                 for kind, deflection in self.deflection.items()}
 
@@ -151,7 +150,6 @@ class Built:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader must know."""
         warnings, errors = [], np.abs(self.errors("corrected"))
         if np.isnan(errors).any():
             warnings.append("the lumped model pulls in at a load at which the field model does not")
@@ -180,7 +178,6 @@ class Built:
                              **{name: values.ravel() for name, values in columns.items()}})
 
     def json(self) -> dict[str, Any]:
-        """The object of ``lumped build --json`` for one specimen."""
         model = self.model
         circles = zip(model.radii, model.weights, model.circles.membrane_factor.tolist(),
                       strict=True)
@@ -210,7 +207,6 @@ class Built:
 
 
 def _largest(errors: Array) -> float | None:
-    """The largest magnitude, None if there is none or not everywhere."""
     return float(np.abs(errors).max()) if errors.size and np.isfinite(errors).all() else None
 
 
@@ -299,7 +295,6 @@ class BuildResult:
 
     @classmethod
     def of(cls, models: Sequence[Built]) -> BuildResult:
-        """Of models built with the same settings."""
         chosen = models[0].settings
         numbers = {"masses_kg": list(chosen.masses), "voltages_V": list(chosen.voltages),
                    "fitted_masses_kg": list(chosen.fit.masses),
@@ -309,7 +304,6 @@ class BuildResult:
                    pd.concat([built.statics for built in models], ignore_index=True))
 
     def json(self) -> dict[str, Any]:
-        """The object of ``lumped build --json``."""
         return self.numbers
 
     def save(self, folder: Path) -> None:

@@ -62,7 +62,6 @@ class Pieces:
 
     @cached_property
     def _begins(self) -> NDArray[np.int64]:
-        """The first point of each piece."""
         return np.flatnonzero(np.diff(self.time) > 0)
 
     def within(self, piece: Any, time: Any) -> Any:

@@ -125,7 +125,6 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
 
 
 def _leaves(motion: Motion, reach: float) -> float | None:
-    """When a motion first leaves the model's reach [s]."""
     beyond = np.flatnonzero(np.abs(motion.nodes[:, 0]) >= reach)
     if not len(beyond):
         return None
@@ -261,7 +260,6 @@ class SimulationResult:
     responses: tuple[SampledResponse, ...]
 
     def json(self) -> dict[str, Any]:
-        """The object of ``lumped simulate --json``."""
         return {"responses": [response.numbers for response in self.responses]}
 
     def save(self, folder: Path) -> None:

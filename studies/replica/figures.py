@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
-from tympan.studies.files import write_csv
 from tympan.studies.lumped.actuator import Actuator
 from tympan.studies.lumped.equilibria import linearise
 from tympan.studies.lumped.signals import Pieces, Sine, random_steps, step
@@ -23,16 +21,16 @@ from tympan.studies.replica.missing_parameters import (
     deflections,
     fit_levels,
     fit_rests,
-    worst_misfit,
 )
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 Reading = Literal["rest", "levels"]
 
+#: Voltages of figures 7 and 8 [V].
+VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)
 #: The paper's sampling interval [s].
 INTERVAL = 1e-3
-_VOLTAGES = np.linspace(published.LOWEST, published.HIGHEST, 71)  # of figures 7 and 8
 _STEP_END, ZOOM = 30.0, 3.0  # [s]; the time axes of figures 9–12 are lost
 _PRECISION = 1e-10  # of responses [m]; the sensor sees 1 µm
 _BUCKETS = 3000
@@ -202,7 +200,7 @@ def run(choices: Choices = Choices(), progress: Progress = lambda _: None) -> Re
     missing = fits[reading]
     models = [missing.actuators(mass) for mass in MASSES]
     progress("figures 7 and 8")
-    static = deflections(missing.permittivity, missing.alpha, _VOLTAGES[:, None, None])
+    static = deflections(missing.permittivity, missing.alpha, VOLTAGES[:, None, None])
     progress("figures 9 to 12")
     time, steps = _responses(models, step(*published.STEP, 0.0, _STEP_END))
     traces = [[thinned(time, y, ZOOM) for y in row] for row in steps]
@@ -260,33 +258,3 @@ def nearest(decays: list[list[Decay]], kind: str) -> Criterion:
     thresholds = np.geomspace(largest, smallest, 402)[1:-1]
     return min((settling_times(decays, kind, threshold) for threshold in thresholds),
                key=lambda criterion: criterion.rms)
-
-
-def write_curves(replica: Replica, folder: Path) -> None:
-    """The curves as CSV files, from which the figures are drawn."""
-    names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
-    shapes, distance = ("mass_g", "specimen"), "distance_mm"
-    rests = replica.static.reshape(len(names), -1)
-    _write_curves(folder / "static.csv", (*shapes, "voltage_kV", distance), names,
-                  [(1e-3 * _VOLTAGES, 1e3 * y) for y in rests])
-    for stem, traces in (("step", replica.steps), ("random", replica.random)):
-        _write_curves(folder / f"{stem}.csv", (*shapes, "t_s", distance), names,
-                      [(time, 1e3 * y) for row in traces for time, y in row])
-    _write_curves(folder / "hysteresis.csv",
-                  ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", distance),
-                  [(1e-3 * offset, 1e-3 * amplitude, name)
-                   for offset, amplitude in published.SINES for name in NAMES],
-                  [(1e-3 * volts, 1e3 * y) for row in replica.loops for volts, y in row])
-    _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
-                  [(replica.signal.time, 1e-3 * replica.signal.voltage)])
-    permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
-    _write_curves(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
-                  [(value,) for value in permittivities.tolist()],
-                  [(alphas, 1e3 * row) for row in worst_misfit(permittivities, alphas)])
-
-
-def _write_curves(file: Path, header: Sequence[str], names: Sequence[tuple[Any, ...]],
-                  curves: Sequence[tuple[Array, Array]]) -> None:
-    write_csv(file, header, ((*name, x, "" if np.isnan(y) else y)
-                             for name, curve in zip(names, curves, strict=True)
-                             for x, y in zip(*(axis.tolist() for axis in curve), strict=True)))

@@ -87,7 +87,6 @@ class MissingParameters:
     @classmethod
     def of(cls, permittivity: float, alpha: Sequence[float],
            rows: tuple[int, ...] = (0, 1)) -> MissingParameters:
-        """With their ranges at rest."""
         small, large = alpha
         ours = rest_ranges(permittivity, (small, large))
         return cls(float(permittivity), (float(small), float(large)), ours, ours - ranges(), rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,14 @@ from tympan.studies.files import remove, write_csv, write_json
 from tympan.studies.lumped.equilibria import linearise
 from tympan.studies.paper import published
 from tympan.studies.paper.published import MASSES, NAMES, ranges
-from tympan.studies.replica.figures import (
-    INTERVAL,
-    ZOOM,
-    Criterion,
-    Replica,
-    criteria,
-    write_curves,
-)
+from tympan.studies.replica.figures import INTERVAL, VOLTAGES, ZOOM, Criterion, Replica, criteria
 from tympan.studies.replica.findings import findings, sentences
-from tympan.studies.replica.missing_parameters import allowed, other_fits, smallest_worst
+from tympan.studies.replica.missing_parameters import (
+    allowed,
+    other_fits,
+    smallest_worst,
+    worst_misfit,
+)
 
 Array = NDArray[np.float64]
 _READINGS = {"rest": "from 0 to 7 kV at rest", "levels": "at the ends of figure 14's levels"}
@@ -41,6 +40,36 @@ def store(replica: Replica, seconds: float, folder: Path) -> dict[str, Any]:
         write_csv(folder / f"{name}.csv", rows[0], (row.values() for row in rows))
     write_json(folder / "paper.json", content)
     return content
+
+
+def write_curves(replica: Replica, folder: Path) -> None:
+    """The curves as CSV files, from which the figures are drawn."""
+    names = [(f"{1e3 * mass:g}", name) for mass in MASSES for name in NAMES]
+    shapes, distance = ("mass_g", "specimen"), "distance_mm"
+    rests = replica.static.reshape(len(names), -1)
+    _write_curves(folder / "static.csv", (*shapes, "voltage_kV", distance), names,
+                  [(1e-3 * VOLTAGES, 1e3 * y) for y in rests])
+    for stem, traces in (("step", replica.steps), ("random", replica.random)):
+        _write_curves(folder / f"{stem}.csv", (*shapes, "t_s", distance), names,
+                      [(time, 1e3 * y) for row in traces for time, y in row])
+    _write_curves(folder / "hysteresis.csv",
+                  ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", distance),
+                  [(1e-3 * offset, 1e-3 * amplitude, name)
+                   for offset, amplitude in published.SINES for name in NAMES],
+                  [(1e-3 * volts, 1e3 * y) for row in replica.loops for volts, y in row])
+    _write_curves(folder / "signal.csv", ("t_s", "voltage_kV"), [()],
+                  [(replica.signal.time, 1e-3 * replica.signal.voltage)])
+    permittivities, alphas = np.linspace(7.0, 10.0, 61), np.linspace(0.0, 1.0, 41)
+    _write_curves(folder / "misfit.csv", ("relative_permittivity", "alpha_1", "worst_mm"),
+                  [(value,) for value in permittivities.tolist()],
+                  [(alphas, 1e3 * row) for row in worst_misfit(permittivities, alphas)])
+
+
+def _write_curves(file: Path, header: Sequence[str], names: Sequence[tuple[Any, ...]],
+                  curves: Sequence[tuple[Array, Array]]) -> None:
+    write_csv(file, header, ((*name, x, "" if np.isnan(y) else y)
+                             for name, curve in zip(names, curves, strict=True)
+                             for x, y in zip(*(axis.tolist() for axis in curve), strict=True)))
 
 
 def paper_numbers(replica: Replica, seconds: float) -> dict[str, Any]:
