@@ -96,7 +96,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
         "noise_from": readings.noise_from,
         "not_visible": sorted({str(cause) for cause in invisible}),
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
-        "effects": [effect.json() for effect in detectable_effects(signs)],
+        "effects": detectable_effects(signs),
     }
 
 

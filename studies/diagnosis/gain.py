@@ -49,20 +49,13 @@ MOST_ROWS = 400
 class SplitGain:
     """Errors on the readings of a split that were held out.
 
-    Parameters
-    ----------
-    chosen, wrong
-        The causes chosen on the training part, and the best ones there that share none with them
-        nor with their class; empty where there are none.
-    errors
-        Shape (rows,) [m] each: "noise" is the standard deviation of the readings; "before",
-        "after", "process" and "rival" are readings minus predictions of the nominal model refitted,
-        of the extended model, of the nominal model plus a Gaussian process, and of the best wrong
-        cause. Readings where the nominal or the extended model has no equilibrium are left out.
-    ramp
-        Number of each row's specimen and mass.
-    note
-        Why the split says nothing of the gain; empty where it does.
+    ``chosen`` are the causes chosen on the training part, ``wrong`` the best ones there that share
+    none with them nor with their class. ``errors`` [m], shape (rows,) each: "noise" is the standard
+    deviation of the readings; "before", "after", "process" and "rival" are readings minus
+    predictions of the nominal model refitted, of the extended model, of the nominal model plus a
+    Gaussian process, and of the best wrong cause. Readings where the nominal or the extended model
+    has no equilibrium are left out. ``ramp`` numbers specimen and mass of each row; ``note`` says
+    why the split says nothing of the gain, if so.
     """
 
     kind: str
@@ -80,13 +73,6 @@ class SplitGain:
         finite = {name: values[np.isfinite(values)] for name, values in self.errors.items()}
         return {name: float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
                 for name, values in finite.items()}
-
-    @property
-    def ratio(self) -> float:
-        """Error beyond noise after over before."""
-        before, after, noise = (float(np.sum(self.errors[name]**2))
-                                for name in ("before", "after", "noise"))
-        return float(excess_ratio(before, after, noise, len(self.errors["noise"])))
 
     def json(self) -> dict[str, Any]:
         """As a JSON object."""
@@ -175,22 +161,21 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
             classes: tuple[tuple[Cause, ...], ...], best: Hypothesis) -> SplitGain:
     kind, held_out, rows = split
-    train = compact(table[~rows])
+    train = table[~rows].compact()
     counted = rows & table.lengths
-    test = compact(table[counted])
+    test = table[counted].compact()
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
-    fitted, wrong, odds = choose(simulation, train, trained, nominal, classes)
+    fitted, wrong, odds = _choose(simulation, train, trained, nominal, classes)
     chosen = fitted or nominal
 
-    def error(fit: Fit) -> Array:
-        return test.value - simulation.predict(fit.hypothesis, fit.unknowns, test)
-
-    before, after = error(nominal), error(chosen)
+    before, after, rival = (
+        test.value - simulation.predict(fit.hypothesis, fit.unknowns, test) if fit
+        else np.full(len(test), np.nan) for fit in (nominal, chosen, wrong))
     process = GaussianProcess.trained(train, nominal.residual * train.sigma)
     errors = {"before": before, "after": after, "process": before - process.predicted(test),
-              "rival": error(wrong) if wrong else np.full(len(test), np.nan), "noise": test.sigma}
+              "rival": rival, "noise": test.sigma}
     solved = np.isfinite(before + after)
     signs = signatures(simulation, train, nominal.unknowns, best)
     hidden = [cause for cause in signs if visibility(signs[cause]) < SAME]
@@ -205,8 +190,8 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
                      table.ramp[counted][solved], note)
 
 
-def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
-           classes: Sequence[Sequence[Cause]] = ()) -> tuple[Fit | None, Fit | None, float]:
+def _choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
+            classes: Sequence[Sequence[Cause]]) -> tuple[Fit | None, Fit | None, float]:
     """The most probable causes, the best that share none with them nor their class, and odds.
 
     The odds are that there is a cause at all. Each cause alone, the best of them with every other,
@@ -231,17 +216,8 @@ def choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     taken |= {cause for group in classes if taken & set(group) for cause in group}
     weights = [fit.evidence + prior[fit.hypothesis] - nominal.evidence - np.log(NOTHING)
                for fit in fits]
-    return (fits[0], next((fit for fit in fits if not taken & set(fit.hypothesis)), None),
-            float(np.exp(min(logsumexp(weights), 700.0))))
-
-
-def compact(table: ReadingTable) -> ReadingTable:
-    """The rows with only the states they are of."""
-    used, numbers = np.unique(np.r_[table.state, table.since[table.since >= 0]],
-                              return_inverse=True)
-    since = table.since.copy()
-    since[since >= 0] = numbers[len(table) :]
-    return replace(table, states=table.states[used], state=numbers[: len(table)], since=since)
+    wrong = next((fit for fit in fits if not taken & set(fit.hypothesis)), None)
+    return fits[0], wrong, float(np.exp(min(logsumexp(weights), 700.0)))
 
 
 def excess_ratio(before: Array | float, after: Array | float, noise: Array | float,

@@ -16,14 +16,8 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import Lumped
-from tympan.studies.diagnosis.reduced.axes import HeldFilm, edited, film_axes
-from tympan.studies.diagnosis.reduced.force_law import (
-    ForceLaw,
-    Grid,
-    law_through,
-    sampled_film,
-    samples,
-)
+from tympan.studies.diagnosis.reduced.axes import HeldFilm, film_axes, sampled_film
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, law_through, samples
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -56,7 +50,7 @@ def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
                          "the lumped model", key="specimen", given=name)
     nominal = lumped_nodes(film.specimen, grid)
     axes = tuple(axis for axis in film_axes(setup, name) if not np.array_equal(
-        lumped_nodes(edited(setup, name, (axis,), (axis.span,)).specimen, grid), nominal))
+        lumped_nodes(sampled_film(setup, name, (axis,), ((0, 1.0),)).specimen, grid), nominal))
     return law_through(grid, axes, {
         sample: lumped_nodes(sampled_film(setup, name, axes, sample).specimen, grid.at(sample))
         for sample in samples(axes)})

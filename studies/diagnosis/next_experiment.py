@@ -52,8 +52,7 @@ class Readout:
     @cached_property
     def states(self) -> States:
         """The states whose displacement was read, each once."""
-        used = np.unique(np.r_[self.table.state, self.table.since[self.table.since >= 0]])
-        states = self.table.states[used]
+        states = self.table.compact().states
         states = states[np.isnan(states.heave)]
         keys = np.stack([states.specimen, states.mass, states.voltage, states.elapsed,
                          states.direction], 1)
@@ -311,8 +310,7 @@ def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -
     for fit in fits:
         heave = simulation.heaves(fit.hypothesis, fit.unknowns, table.states)
         values.append(simulation.values(fit.hypothesis, fit.unknowns, table, heave))
-        jacobians.append(simulation.jacobian(fit.hypothesis, fit.unknowns, table, heave,
-                                             fit.bounds))
+        jacobians.append(simulation.jacobian(fit.hypothesis, fit.unknowns, table, heave))
     losses = np.zeros((len(fits), len(fits)))
     for true, other in permutations(range(len(fits)), 2):
         losses[true, other] = _loss(fits[other], (values[true] - values[other]) / table.sigma,

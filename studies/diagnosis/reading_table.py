@@ -124,6 +124,14 @@ class ReadingTable:
         """Rows of each kind."""
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
 
+    def compact(self) -> ReadingTable:
+        """The rows with only the states they are of."""
+        used, numbers = np.unique(np.r_[self.state, self.since[self.since >= 0]],
+                                  return_inverse=True)
+        since = self.since.copy()
+        since[since >= 0] = numbers[len(self) :]
+        return replace(self, states=self.states[used], state=numbers[: len(self)], since=since)
+
     def with_values(self, value: Array) -> ReadingTable:
         """The same rows with other readings."""
         return replace(self, value=value)

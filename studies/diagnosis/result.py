@@ -17,7 +17,7 @@ from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.fit import Fit
-from tympan.studies.diagnosis.inference.identifiability import Detectable, detectable_effects
+from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.residual_tests import words_of
@@ -78,7 +78,7 @@ class Diagnosis:
     proposals: tuple[Proposal, ...]
     advice: str
     single_effects: tuple[SingleEffect, ...]
-    detectable: tuple[Detectable, ...]
+    detectable: list[Json]
 
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, simulation: Simulation,
@@ -138,7 +138,7 @@ class Diagnosis:
                          for name, values in factors.items()},
             "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
-            "knowable": [effect.json() for effect in self.detectable],
+            "knowable": self.detectable,
             "warnings": self._limitations(moves),
         }
 

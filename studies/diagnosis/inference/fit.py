@@ -43,9 +43,8 @@ class Fit:
 
     ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
     derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
-    of the cost with the priors, by which the unknowns are about normal; ``cost``: minus the
-    logarithm of posterior density, up to what all hypotheses share; ``evidence``: logarithm of the
-    probability of the readings, up to the same; ``heave``: of the states [m].
+    of the cost; ``cost``: minus the logarithm of posterior density, and ``evidence``: logarithm of
+    the readings' probability, up to what all hypotheses share; ``heave``: of the states [m].
     """
 
     hypothesis: Hypothesis
@@ -82,16 +81,10 @@ def prior_widths(hypothesis: Hypothesis, widen: float = 1.0) -> Array:
 
 def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
         start: Array | None = None, widen: float = 1.0) -> Fit:
-    """The best fit of a hypothesis to readings.
+    """The best fit of a hypothesis to readings, the effects' priors ``widen`` times as wide.
 
-    It begins with no effects and, where a sign changes nothing, with some of the prior's width.
-
-    Parameters
-    ----------
-    start
-        Unknowns to start from; those of the nominal hypothesis serve all others.
-    widen
-        Factor on the widths of the effects' priors.
+    It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
+    else, or, where a sign changes nothing, with some of the prior's width.
     """
     widths, bounds = prior_widths(hypothesis, widen), bounds_of(simulation, hypothesis)
 
@@ -101,8 +94,7 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
         values = simulation.values(hypothesis, unknowns, table, heave)
 
         def slopes() -> Array:
-            by_unknowns = simulation.jacobian(hypothesis, unknowns, table, heave, bounds)
-            return -by_unknowns / table.sigma[:, None]
+            return -simulation.jacobian(hypothesis, unknowns, table, heave) / table.sigma[:, None]
 
         return Evaluation((table.value - values) / table.sigma, slopes, heave)
 
@@ -167,11 +159,10 @@ def best_of(fits: Sequence[Fit]) -> Fit:
 
 def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
     """The nominal model fitted, from the first start that has equilibria everywhere."""
-    nominal = fit(simulation, (), table)
-    for start in _STARTS[1:]:
+    for start in _STARTS:
+        nominal = fit(simulation, (), table, np.array(start))
         if nominal.possible:
             break
-        nominal = fit(simulation, (), table, np.array(start))
     return nominal
 
 
@@ -182,12 +173,10 @@ def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> 
     lower = np.clip(np.minimum(centre - reach, 0.0), low, high)
     upper = np.clip(np.maximum(centre + reach, 0.0), low, high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES if len(slope) < 4 else 10)
-    at = [(first + last) / 2 + (last - first) / 2 * nodes
-          for first, last in zip(lower, upper, strict=True)]
-    grid = np.stack([axis.ravel() for axis in np.meshgrid(*at, indexing="ij")], axis=1)
-    weight = np.ones(1)
-    for first, last in zip(lower, upper, strict=True):
-        weight = np.multiply.outer(weight, (last - first) / 2 * weights).ravel()
+    half = ((upper - lower) / 2)[:, None]
+    at = ((lower + upper) / 2)[:, None] + half * nodes
+    grid = np.stack(np.meshgrid(*at, indexing="ij"), axis=-1).reshape(-1, len(slope))
+    weight = np.prod(np.meshgrid(*(half * weights), indexing="ij"), axis=0).ravel()
     exponent = -grid @ slope - 0.5 * np.einsum("ni,ij,nj->n", grid, precision, grid)
     top = exponent.max()
     return float(top + np.log(max(float(weight @ np.exp(exponent - top)), 1e-300)))

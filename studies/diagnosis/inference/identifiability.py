@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from tympan.studies.diagnosis.inference.residual_tests import orthonormal, witho
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, SIZES, Cause
 from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
+from tympan.studies.effects import EffectParameter
 
 Array = NDArray[np.float64]
 
@@ -29,33 +29,11 @@ SEEN, TOLD, SAME = 25.0, 9.2, 0.5
 TYPICAL = 2.0
 
 
-@dataclass(frozen=True)
-class Detectable:
-    """What one effect must reach, in its value's unit; None where nothing it may reach is enough.
-
-    ``seen``: to be noticed; ``told``: to be told from ``rival``, the one most like it.
-    """
-
-    cause: Cause
-    parameter: str
-    unit: str
-    seen: float | None
-    told: float | None
-    rival: str | None
-    prior: float
-
-    def json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return {"effect": str(self.cause), "parameter": self.parameter, "unit": self.unit,
-                "seen_from": self.seen, "told_from": self.told, "rival": self.rival,
-                "prior_width": self.prior}
-
-
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
     heave = simulation.heaves((), unknowns, table.states)
-    jacobian = simulation.jacobian((), unknowns, table, heave, bounds_of(simulation, ()))
+    jacobian = simulation.jacobian((), unknowns, table, heave)
     taken = orthonormal(jacobian / table.sigma[:, None])
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))
@@ -114,33 +92,35 @@ def classes_of(signs: Signatures) -> tuple[tuple[Cause, ...], tuple[tuple[Cause,
     return invisible, tuple(tuple(group) for group in classes if len(group) > 1)
 
 
-def detectable_effects(signs: Signatures) -> tuple[Detectable, ...]:
-    """What each cause must reach to be seen and told, whatever the readings will be."""
+def detectable_effects(signs: Signatures) -> list[dict[str, Any]]:
+    """What each effect must reach, in its value's "unit", whatever the readings will be.
+
+    "seen_from": to be noticed; "told_from": to be told from its "rival", the one most like it; None
+    where nothing it may reach is enough.
+    """
     invisible, classes = classes_of(signs)
     alike = {cause: group for group in classes for cause in group}
     effects = []
-    for cause in signs:
-        rivals = {other: distance(signs[cause], signs[other]) for other in signs
-                  if other.name != cause.name and other not in invisible
-                  and other not in alike.get(cause, ())}
-        effects.append(_detectable(cause, signs[cause], rivals))
-    return tuple(effects)
+    for cause, signature in signs.items():
+        distances = {other: distance(signature, signs[other]) for other in signs
+                     if other.name != cause.name and other not in invisible
+                     and other not in alike.get(cause, ())}
+        rival = min(distances, key=lambda other: distances[other], default=None)
+        parameter = cause.effect.parameters[int(np.argmax((signature**2).sum(0)))]
+        told = visibility(signature) if rival is None else distances[rival]
+        effects.append({"effect": str(cause), "parameter": parameter.name, "unit": parameter.unit,
+                        "seen_from": _reached(parameter, SEEN, visibility(signature)),
+                        "told_from": _reached(parameter, TOLD, told),
+                        "rival": None if rival is None else str(rival),
+                        "prior_width": parameter.shown(parameter.width)})
+    return effects
 
 
-def _detectable(cause: Cause, signature: Array, rivals: dict[Cause, float]) -> Detectable:
-    """Sizes at which the strongest parameter is seen, and told from the nearest of the rivals."""
-    parameter = cause.effect.parameters[int(np.argmax((signature**2).sum(0)))]
+def _reached(parameter: EffectParameter, needed: float, have: float) -> float | None:
+    """The value at which χ² is what is needed, of what it is at the typical size."""
+    power = 0.25 if parameter.sign == "even" else 0.5
     typical = TYPICAL * parameter.deviation
-    rival = min(rivals, key=lambda other: rivals[other], default=None)
-
-    def reached(needed: float, have: float) -> float | None:
-        power = 0.25 if parameter.sign == "even" else 0.5
-        size = typical * (needed / have) ** power if have > 1e-9 else np.inf
-        if size > max(map(abs, parameter.limits)):
-            return None
-        return parameter.shown(parameter.value(size))
-
-    return Detectable(
-        cause, parameter.name, parameter.unit, reached(SEEN, visibility(signature)),
-        reached(TOLD, visibility(signature) if rival is None else rivals[rival]),
-        None if rival is None else str(rival), parameter.shown(parameter.width))
+    size = typical * (needed / have) ** power if have > 1e-9 else np.inf
+    if size > max(map(abs, parameter.limits)):
+        return None
+    return parameter.shown(parameter.value(size))

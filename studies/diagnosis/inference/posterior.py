@@ -28,10 +28,10 @@ _SIZES = np.geomspace(0.3, 100.0, 12)
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Probabilities given the readings.
+    """Probabilities given the readings, which add up to 1.
 
     ``fits`` are the hypotheses with an effect, ``probabilities`` theirs; ``nothing`` that of the
-    nominal model; ``discrepancy`` that of some discrepancy no effect makes. They add up to 1.
+    nominal model; ``discrepancy`` that of some discrepancy no effect makes.
     """
 
     fits: tuple[Fit, ...]

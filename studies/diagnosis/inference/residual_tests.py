@@ -76,14 +76,12 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
 
 
 def _legendre(squared: Array) -> Array:
-    """Legendre polynomials in U², shape (rows, up to 5)."""
     share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
     degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
     return np.asarray(legendre.legvander(share, degree), float)
 
 
 def _standard(values: Array) -> Array:
-    """Values with mean 0 and deviation 1; 0 where they do not differ."""
     spread = float(values.std())
     if spread <= 1e-12 * float(np.abs(values).max()):
         return 0 * values
@@ -131,14 +129,10 @@ class ResidualTests:
     def of(cls, table: ReadingTable, jacobian: Array, columns: dict[str, Array],
            further: dict[str, Array] | None = None, one_sided: frozenset[str] = frozenset(),
            stated: float = STATED) -> ResidualTests:
-        """For a table, patterns and the model's derivatives over the noise, shape (rows, unknowns).
+        """For patterns' columns, and ``further`` ones over the noise, by name.
 
-        Parameters
-        ----------
-        further
-            Columns over the noise to test too, by name.
-        stated
-            Degrees of freedom of the stated noise; 0 where there is none.
+        ``jacobian`` is the model's over the noise, shape (rows, unknowns); ``stated`` are degrees
+        of freedom of the stated noise, 0 where there is none.
         """
         taken = orthonormal(jacobian)
         columns = {name: values / table.sigma[:, None] for name, values in columns.items()}
@@ -199,10 +193,7 @@ class ResidualTests:
 
 
 def orthonormal(columns: Array, scale: float = 0.0) -> Array:
-    """An orthonormal basis of the columns' span.
-
-    What is small beside ``scale`` or the largest is left out.
-    """
+    """A basis of the columns' span, without what is small beside ``scale`` or the largest."""
     if not columns.shape[1]:
         return columns
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit
+from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit, prior_widths
 from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
 from tympan.studies.diagnosis.inference.posterior import Posterior, discrepancy_evidence
 from tympan.studies.diagnosis.inference.residual_tests import (
@@ -33,7 +33,6 @@ _AT_BOUND = 1e-6
 _WIDE = 10.0
 
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
-
 
 #: What it takes: the probability by noise alone below which something is wrong, and below which
 #: what a cause leaves is not explained by it; the probability from which a cause is named, and that
@@ -77,27 +76,21 @@ class Judgement:
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
           stated: float = STATED, widen: float = 1.0, seed: int = 0) -> Judgement:
-    """Judge a table's readings, their noise as far as it is stated.
+    """Judge a table's readings by what may be wrong, the effects' priors ``widen`` times as wide.
 
-    Parameters
-    ----------
-    causes
-        What may be wrong.
-    stated
-        Degrees of freedom the stated noise counts as; 0 where it is made up.
-    widen
-        Factor on the widths of the effects' priors.
+    The noise is the table's as far as it is ``stated``: by so many degrees of freedom, 0 where it
+    is made up.
     """
     generator = np.random.default_rng(seed)
-    names = [specimen.name for specimen in simulation.setup.specimens]
     nominal = nominal_fit(simulation, table)
     if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
+    names = [specimen.name for specimen in simulation.setup.specimens]
     columns = patterns(table, names, table.value - nominal.residual * table.sigma)
     signs = signatures(simulation, table, nominal.unknowns, causes)
-    one_sided = frozenset(str(cause) for cause in causes
-                          if [parameter.sign for parameter in cause.effect.parameters]
-                          == ["positive"])
+    one_sided = frozenset(
+        str(cause) for cause in causes
+        if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
     tests = ResidualTests.of(table, nominal.jacobian, columns,
                              {str(cause): signature for cause, signature in signs.items()},
                              one_sided, stated)
@@ -112,8 +105,7 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
                      invisible=invisible)
     if test.p_value >= ALARM:
         return base
-    seen = [cause for cause in causes if cause not in invisible]
-    hypotheses = hypotheses_of(seen)
+    hypotheses = hypotheses_of([cause for cause in causes if cause not in invisible])
     fits = [fit for fit in fit_all(simulation, hypotheses, table, nominal.unknowns, widen)
             if fit.possible]
     posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, columns, table.sigma))
@@ -123,7 +115,6 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
 def _weighed(base: Judgement, posterior: Posterior, freedom: float,
              generator: np.random.Generator) -> Judgement:
     """The verdict when something is wrong."""
-    probability = posterior.of_causes()
     after = _adequacy(base, posterior.best, freedom, generator)
     suspects = tuple(dict.fromkeys(cause for fit in posterior.credible()
                                    for cause in fit.hypothesis))
@@ -131,11 +122,10 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float,
     unlike_any = posterior.discrepancy > DISCREPANCY * posterior.wrong
     if unlike_any or after.p_value < ADEQUATE:
         return replace(weighed, verdict="unexplained")
-    sure = tuple(cause for cause, share in probability.items() if share >= SURE)
+    sure = tuple(cause for cause, share in posterior.of_causes().items() if share >= SURE)
     alone = posterior.fit_of(sure) if sure else None
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
-    if (alone is None or alike
-            or _adequacy(base, alone, freedom, generator).p_value < ADEQUATE):
+    if alone is None or alike or _adequacy(base, alone, freedom, generator).p_value < ADEQUATE:
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
 
@@ -153,9 +143,8 @@ def interval(fit: Fit, number: int, share: float = 0.95) -> tuple[float, float, 
     low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
     below, above = ndtr(low), ndtr(high)
     tail = (1 - share) / 2
-    parts = (tail, 1 - tail)
-    if low >= -_AT_BOUND or high <= _AT_BOUND:
-        parts = (0.0, share) if low >= -_AT_BOUND else (1 - share, 1.0)
+    parts = ((0.0, share) if low >= -_AT_BOUND else (1 - share, 1.0) if high <= _AT_BOUND
+             else (tail, 1 - tail))
     limits = [float(centre + width * ndtri(below + part * (above - below))) for part in parts]
     return centre, min(limits[0], centre), max(limits[1], centre)
 
@@ -165,8 +154,7 @@ class SingleEffect:
     """One effect fitted with hardly any prior.
 
     ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
-    parameter in standard deviations of its prior; ``bounded``: whether it stopped at a limit of its
-    parameters or of the reduced model.
+    parameter in standard deviations of its prior; ``bounded``: whether it stopped at a limit.
     """
 
     cause: Cause
@@ -196,8 +184,7 @@ def single_effects(simulation: Simulation, judged: Judgement,
         if wide.possible:
             share = (judged.nominal.chi_squared - wide.chi_squared) / excess
             sizes, (low, high) = wide.unknowns[SIZES], wide.bounds[:, SIZES]
-            widths = max(abs(size) / parameter.deviation for size, parameter
-                         in zip(sizes.tolist(), cause.effect.parameters, strict=True))
+            widths = float((np.abs(sizes) / prior_widths((cause,))[SIZES]).max())
             bounded = bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
             effects.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), widths, bounded))
     return tuple(sorted(effects, key=lambda effect: -effect.share))

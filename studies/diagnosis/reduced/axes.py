@@ -10,6 +10,9 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
+#: Where a film is solved: numbers of some axes and the coordinates there, the others 0.
+Sample = tuple[tuple[int, float], ...]
+
 #: How far from no effect a force law reaches, in standard deviations of the prior.
 REACH = 3.0
 
@@ -72,12 +75,13 @@ class HeldFilm:
         return not self.loading.gravity and not self.gas_pressure and self.loading.arm == (0.0, 0.0)
 
 
-def edited(setup: Setup, name: str, axes: Sequence[Axis], sizes: Sequence[float]) -> HeldFilm:
-    """The film with some effects; sizes of parameters of the same effect are applied together."""
+def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
+    """A specimen's film at a sample; parameters of the same effect are applied together."""
     together: dict[str, list[float]] = {}
-    for axis, size in zip(axes, sizes, strict=True):
-        values = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
-        values[axis.index] = size
+    for index, at in sample:
+        axis = axes[index]
+        sizes = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
+        sizes[axis.index] = axis.size(at)
     for effect in EFFECTS.values():
         if effect.name in together:
             setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
@@ -90,7 +94,7 @@ def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
     axes = (_axis(setup, name, effect, index) for effect in EFFECTS.values()
             for index in range(len(effect.parameters)))
     return tuple(axis for axis in axes
-                 if axis and edited(setup, name, (axis,), (axis.span,)) != nominal)
+                 if axis and sampled_film(setup, name, (axis,), ((0, 1.0),)) != nominal)
 
 
 def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis | None:
@@ -104,8 +108,8 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis | None:
                 parameter.dimension == "stress")
     while axis.span > _LEAST_SHARE * reach:
         try:
-            for size in (axis.span, -axis.span) if axis.two_sided else (axis.span,):
-                edited(setup, name, (axis,), (size,))
+            for at in (1.0, -1.0) if axis.two_sided else (1.0,):
+                sampled_film(setup, name, (axis,), ((0, at),))
         except InputError:
             axis = replace(axis, span=0.7 * axis.span)
         else:

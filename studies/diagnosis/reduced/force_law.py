@@ -9,7 +9,6 @@ and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -18,13 +17,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, edited
-from tympan.studies.effects import Setup
+from tympan.studies.diagnosis.reduced.axes import Axis, Sample
 
 Array = NDArray[np.float64]
-
-#: Where a film is solved: numbers of some axes and the coordinates there, the others 0.
-Sample = tuple[tuple[int, float], ...]
 
 #: Coordinates at which pairs of axes are sampled.
 _CORNERS = (-0.6, 0.6)
@@ -60,11 +55,6 @@ class Grid:
         """The grid on which a sample is solved."""
         return self if len(sample) < 2 else self.coarse
 
-    def coefficients(self, values: Array) -> Array:
-        """Chebyshev coefficients of what has these values at the nodes, (heaves, voltages)."""
-        v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in values.shape)
-        return np.asarray(v @ values @ q.T)
-
     def of_heave(self, heave: Array) -> tuple[Array, Array]:
         """Chebyshev polynomials of heaves [m] and their derivatives by it, each (n, count)."""
         share = heave / self.heave
@@ -95,7 +85,7 @@ def _points(count: int) -> Array:
 
 @lru_cache
 def _derivative(count: int) -> Array:
-    """Matrix D with T'(x) = T(x) D for the first Chebyshev polynomials."""
+    """D with T'(x) = T(x) D for the first Chebyshev polynomials."""
     matrix = np.zeros((count, count))
     matrix[: count - 1] = chebyshev.chebder(np.eye(count))
     return matrix
@@ -172,12 +162,6 @@ def samples(axes: tuple[Axis, ...]) -> list[Sample]:
         elif axes[second].two_sided:
             places.append(((first, high), (second, low)))
     return places
-
-
-def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
-    """A specimen's film at a sample."""
-    return edited(setup, name, [axes[index] for index, _ in sample],
-                  [axes[index].size(at) for index, at in sample])
 
 
 def law_through(grid: Grid, axes: tuple[Axis, ...],
@@ -261,10 +245,11 @@ def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
 
 
 def _flat(grid: Grid, values: list[Array]) -> Array:
-    """Coefficients on the fine grid, shape (count, heaves · voltages)."""
+    """Chebyshev coefficients of values at either grid's nodes, shape (count, heaves · voltages)."""
     full = np.zeros((len(values), grid.heaves, grid.voltages))
     for row, item in zip(full, values, strict=True):
-        row[: item.shape[0], : item.shape[1]] = grid.coefficients(item)
+        v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in item.shape)
+        row[: item.shape[0], : item.shape[1]] = v @ item @ q.T
     return full.reshape(len(values), -1)
 
 

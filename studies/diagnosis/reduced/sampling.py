@@ -16,15 +16,14 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, film_axes
-from tympan.studies.diagnosis.reduced.force_law import (
-    ForceLaw,
-    Grid,
+from tympan.studies.diagnosis.reduced.axes import (
+    Axis,
+    HeldFilm,
     Sample,
-    law_through,
+    film_axes,
     sampled_film,
-    samples,
 )
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, law_through, samples
 from tympan.studies.effects import Setup
 from tympan.studies.parallel import mapped
 

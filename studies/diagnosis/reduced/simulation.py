@@ -82,8 +82,8 @@ class Simulation:
         return self.values(hypothesis, unknowns, table,
                            self.heaves(hypothesis, unknowns, table.states))
 
-    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable, heave: Array,
-                 bounds: Array) -> Array:
+    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable,
+                 heave: Array) -> Array:
         """Derivatives of the rows by the unknowns, shape (rows, unknowns).
 
         By the implicit function theorem: differences are taken of the balance of forces at fixed
@@ -96,10 +96,10 @@ class Simulation:
         # Right for rows of one state; a range is of two.
         by_heave = (here.shown(table, heave + tiny) - here.shown(table, heave - tiny)) / (2 * tiny)
         free, ranges = np.isnan(table.states.heave), table.since >= 0
-        columns = []
+        columns, most = [], bounds_of(self, hypothesis)[1]
         deviations = [parameter.deviation for parameter in parameters_of(hypothesis)]
         for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
-            step = -step if unknowns[number] + step > bounds[1, number] else step
+            step = -step if unknowns[number] + step > most[number] else step
             moved = unknowns.copy()
             moved[number] += step
             there = _View(self, hypothesis, moved, table.states)

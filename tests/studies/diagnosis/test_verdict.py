@@ -103,15 +103,16 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     done in full."""
     table = design(SIGMA)
     causes = every_cause(three_shapes)
-    for one in detectable_effects(signatures(three_shapes, table, np.zeros(2), causes)):
-        parameters = one.cause.effect.parameters
-        if one.seen is None or len(parameters) > 1 or one.cause.name in ("voltage_sag",
-                                                                           "strain_stiffening"):
+    signs = signatures(three_shapes, table, np.zeros(2), causes)
+    for cause, effect in zip(signs, detectable_effects(signs), strict=True):
+        parameters, seen = cause.effect.parameters, effect["seen_from"]
+        if seen is None or len(parameters) > 1 or cause.name in ("voltage_sag",
+                                                                 "strain_stiffening"):
             continue
-        size = one.seen * parameters[0].value(parameters[0].size(parameters[0].width)) / one.prior
-        exact = table.with_values(three_shapes.predict((one.cause,), np.array([0.0, 0.0, size]),
+        unit = parameters[0].value(parameters[0].size(parameters[0].width)) / effect["prior_width"]
+        exact = table.with_values(three_shapes.predict((cause,), np.array([0.0, 0.0, seen * unit]),
                                                        table))
-        assert fit(three_shapes, (), exact).chi_squared == pytest.approx(25.0, rel=0.5), one
+        assert fit(three_shapes, (), exact).chi_squared == pytest.approx(25.0, rel=0.5), effect
 
 
 def test_intervals_begin_at_the_limit_a_value_lies_on(three_shapes: Simulation) -> None:
