@@ -22,8 +22,8 @@ from benchmarks.trials.synthetic_trials import (
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.studies.diagnosis.gain import gain_of
-from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
+from tympan.studies.diagnosis.inference.posterior import Fit, fit, fit_all
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of

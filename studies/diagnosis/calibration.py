@@ -13,7 +13,7 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import build_model
-from tympan.studies.diagnosis.inference.fit import Fit, nominal_fit
+from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
 from tympan.studies.diagnosis.reduced.hypothesis import (

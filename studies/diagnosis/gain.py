@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.fit import Fit, fit_all, nominal_fit
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
-from tympan.studies.diagnosis.inference.posterior import NOTHING, priors
+from tympan.studies.diagnosis.inference.posterior import NOTHING, Fit, fit_all, nominal_fit, priors
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from tympan.studies.diagnosis.inference.fit import Fit, prior_widths
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Posterior
+from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, prior_widths
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, Cause, Hypothesis
@@ -247,12 +246,10 @@ def rivals(posterior: Posterior, causes: Sequence[Cause]) -> tuple[tuple[Fit, ..
 
     What holds another, or is held by it, counts for the more probable of the two.
     """
-    order = sorted(zip(posterior.fits, posterior.probabilities.tolist(), strict=True),
-                   key=lambda item: -item[1])
     credible = {fit.hypothesis for fit in posterior.credible()}
     chosen: list[Fit] = []
     shares: list[float] = []
-    for fit, share in order:
+    for fit, share in zip(posterior.fits, posterior.probabilities.tolist(), strict=True):
         members = set(fit.hypothesis)
         if not members <= set(causes):
             continue

@@ -16,9 +16,8 @@ from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.gain import GainReport, gain_of
-from tympan.studies.diagnosis.inference.fit import Fit
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
-from tympan.studies.diagnosis.inference.posterior import Posterior
+from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.residual_tests import words_of
 from tympan.studies.diagnosis.inference.verdict import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.fit import fit
+from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, SIZES, Cause

@@ -75,6 +75,11 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
             if np.abs(values).max(initial=0.0) > 0}
 
 
+def over(columns: dict[str, Array], table: ReadingTable) -> dict[str, Array]:
+    """Patterns' columns over the noise of a table."""
+    return {name: values / table.sigma[:, None] for name, values in columns.items()}
+
+
 def _legendre(squared: Array) -> Array:
     share = 2 * squared / max(float(squared.max(initial=0.0)), 1.0) - 1
     degree = max(0, min(_DEGREE, len(np.unique(squared)) - 2))
@@ -126,23 +131,19 @@ class ResidualTests:
     stated: float
 
     @classmethod
-    def of(cls, table: ReadingTable, jacobian: Array, columns: dict[str, Array],
-           further: dict[str, Array] | None = None, one_sided: frozenset[str] = frozenset(),
-           stated: float = STATED) -> ResidualTests:
-        """For patterns' columns, and ``further`` ones over the noise, by name.
+    def of(cls, jacobian: Array, columns: dict[str, Array], stated: float = STATED,
+           one_sided: frozenset[str] = frozenset()) -> ResidualTests:
+        """For patterns' columns by name and a model's jacobian, both over the noise.
 
-        ``jacobian`` is the model's over the noise, shape (rows, unknowns); ``stated`` are degrees
-        of freedom of the stated noise, 0 where there is none.
+        ``stated`` are degrees of freedom of the stated noise, 0 where there is none.
         """
         taken = orthonormal(jacobian)
-        columns = {name: values / table.sigma[:, None] for name, values in columns.items()}
-        columns |= further or {}
         free = {name: without(taken, values) for name, values in columns.items()}
         bases = {name: orthonormal(values, np.abs(columns[name]).max())
                  for name, values in free.items()}
         bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
-        smooth = orthonormal(np.concatenate([*bases.values(), np.zeros((len(table), 1))], axis=1))
-        freedom = len(table) - taken.shape[1] - smooth.shape[1]
+        smooth = orthonormal(np.hstack([*bases.values(), np.zeros((len(jacobian), 1))]))
+        freedom = len(jacobian) - taken.shape[1] - smooth.shape[1]
         signs = {name: basis * np.sign(basis[:, 0] @ free[name][:, 0])
                  for name, basis in bases.items()
                  if name in one_sided and basis.shape[1] == 1}

@@ -10,13 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.fit import Fit, fit, fit_all, nominal_fit, prior_widths
 from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
-from tympan.studies.diagnosis.inference.posterior import Posterior, discrepancy_evidence
+from tympan.studies.diagnosis.inference.posterior import (
+    Fit,
+    Posterior,
+    discrepancy_evidence,
+    fit,
+    fit_all,
+    nominal_fit,
+    prior_widths,
+)
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
     ResidualTests,
     TestResult,
+    over,
     patterns,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -71,7 +79,7 @@ class Judgement:
         """
         if self.posterior is None or not self.posterior.fits:
             return None
-        return self.posterior.fit_of(self.named) or self.posterior.best
+        return self.posterior.fit_of(self.named) or self.posterior.fits[0]
 
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
@@ -91,9 +99,8 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     one_sided = frozenset(
         str(cause) for cause in causes
         if [parameter.sign for parameter in cause.effect.parameters] == ["positive"])
-    tests = ResidualTests.of(table, nominal.jacobian, columns,
-                             {str(cause): signature for cause, signature in signs.items()},
-                             one_sided, stated)
+    tests = ResidualTests.of(nominal.jacobian, over(columns, table) | {
+        str(cause): signature for cause, signature in signs.items()}, stated, one_sided)
     if not tests.able:
         raise ArithmeticError("there are too few readings to tell a misfit from noise")
     test = tests(nominal.residual, generator)
@@ -108,14 +115,14 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     hypotheses = hypotheses_of([cause for cause in causes if cause not in invisible])
     fits = [fit for fit in fit_all(simulation, hypotheses, table, nominal.unknowns, widen)
             if fit.possible]
-    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, columns, table.sigma))
+    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, over(columns, table)))
     return _weighed(base, posterior, tests.freedom + stated, generator)
 
 
 def _weighed(base: Judgement, posterior: Posterior, freedom: float,
              generator: np.random.Generator) -> Judgement:
     """The verdict when something is wrong."""
-    after = _adequacy(base, posterior.best, freedom, generator)
+    after = _adequacy(base, posterior.fits[0], freedom, generator)
     suspects = tuple(dict.fromkeys(cause for fit in posterior.credible()
                                    for cause in fit.hypothesis))
     weighed = replace(base, posterior=posterior, after=after, suspects=suspects)
@@ -133,18 +140,17 @@ def _weighed(base: Judgement, posterior: Posterior, freedom: float,
 def _adequacy(base: Judgement, fit: Fit, freedom: float,
               generator: np.random.Generator) -> TestResult:
     """Whether what a hypothesis leaves is noise, known as well as before."""
-    tests = ResidualTests.of(base.table, fit.jacobian, base.patterns, stated=0.0)
+    tests = ResidualTests.of(fit.jacobian, over(base.patterns, base.table), stated=0.0)
     return tests(fit.residual, generator, known=freedom)
 
 
-def interval(fit: Fit, number: int, share: float = 0.95) -> tuple[float, float, float]:
-    """An unknown's most probable value and its limits; a bound that the value lies on is one."""
+def interval(fit: Fit, number: int) -> tuple[float, float, float]:
+    """An unknown's most probable value and 95 % limits; a bound that the value lies on is one."""
     centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
     low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
     below, above = ndtr(low), ndtr(high)
-    tail = (1 - share) / 2
-    parts = ((0.0, share) if low >= -_AT_BOUND else (1 - share, 1.0) if high <= _AT_BOUND
-             else (tail, 1 - tail))
+    parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
+             else (0.025, 0.975))
     limits = [float(centre + width * ndtri(below + part * (above - below))) for part in parts]
     return centre, min(limits[0], centre), max(limits[1], centre)
 

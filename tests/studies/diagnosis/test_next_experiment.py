@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tests.support.trials import design, every_cause, read, size_of
-from tympan.studies.diagnosis.inference.fit import Fit, fit
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Posterior
+from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.next_experiment import (
     MENU,

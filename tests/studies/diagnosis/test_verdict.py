@@ -12,12 +12,12 @@ from scipy.stats import kstest, multivariate_t
 
 from tests.support.trials import design, every_cause, read
 from tympan.studies.diagnosis.inference import residual_tests
-from tympan.studies.diagnosis.inference.fit import NUISANCE, fit
 from tympan.studies.diagnosis.inference.identifiability import (
     classes_of,
     detectable_effects,
     signatures,
 )
+from tympan.studies.diagnosis.inference.posterior import NUISANCE, fit
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -60,8 +60,8 @@ def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: 
 def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
     table = read(three_shapes, design(SIGMA), (), [], seed=0)
     nominal = fit(three_shapes, (), table)
-    groups = residual_tests.patterns(table, NAMES, table.value)
-    tests = residual_tests.ResidualTests.of(table, nominal.jacobian, groups)
+    columns = residual_tests.patterns(table, NAMES, table.value)
+    tests = residual_tests.ResidualTests.of(nominal.jacobian, residual_tests.over(columns, table))
     generator = np.random.default_rng(2)
     found = []
     for _ in range(120):
