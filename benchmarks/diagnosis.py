@@ -26,7 +26,7 @@ from tympan.studies.diagnosis.inference.identifiability import detectable_effect
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.next_experiment import propose
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.effects import EFFECTS, Setup, Use, extended
 from tympan.studies.paper.actuators import actuators
 

@@ -32,9 +32,8 @@ from tympan.geometry.specimen import Material, Plate, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
 from tympan.studies.diagnosis.reduced.sampling import force_laws
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
 from tympan.studies.effects import EFFECTS, Setup, extended
 
 Array = NDArray[np.float64]

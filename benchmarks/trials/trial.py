@@ -26,8 +26,7 @@ from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, fit, fit_all
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
 _LOOSE = 5.0

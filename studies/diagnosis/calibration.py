@@ -16,14 +16,15 @@ from tympan.studies.case import build_model
 from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
-from tympan.studies.diagnosis.reduced.hypothesis import (
+from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
+from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     PERMITTIVITY,
     STIFFNESS,
     Hypothesis,
+    Prediction,
+    Simulation,
 )
-from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
@@ -92,7 +93,7 @@ def _reach(setup: Setup, table: ReadingTable, simulation: Simulation | None = No
     """Heaves and U² needed, shape (2, specimens): by the readings, else by a fit where possible."""
     heave, share = None, 1.0
     if simulation is not None and fit is not None and fit.possible:
-        heave = np.nan_to_num(simulation.heaves((), fit.unknowns, table.states))
+        heave = np.nan_to_num(Prediction(simulation, (), fit.unknowns, table).heave)
         share = float(np.exp(fit.unknowns[PERMITTIVITY] - fit.unknowns[STIFFNESS]))
     reach = np.zeros((2, len(setup.specimens)))
     for number, specimen in enumerate(setup.specimens):

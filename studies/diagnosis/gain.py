@@ -21,8 +21,7 @@ from tympan.studies.diagnosis.inference.identifiability import SAME, signatures,
 from tympan.studies.diagnosis.inference.posterior import NOTHING, Fit, fit_all, nominal_fit, priors
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis, hypotheses_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]

@@ -22,8 +22,13 @@ from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, prior_widths
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, Cause, Hypothesis
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import (
+    FACTORS,
+    Cause,
+    Hypothesis,
+    Prediction,
+    Simulation,
+)
 
 Array = NDArray[np.float64]
 
@@ -86,7 +91,7 @@ class Readout:
         heave, voltage_squared = np.array([
             [law.grid.heave, law.grid.voltage_squared]
             for law in self.simulation.laws])[table.states.specimen].T
-        reached = self.simulation.heaves((), self.nominal.unknowns, table.states)
+        reached = Prediction(self.simulation, (), self.nominal.unknowns, table).heave
         seen = permittivity / stiffness * table.states.voltage**2
         inside = (reached <= heave) & (seen <= voltage_squared)
         return np.asarray(inside[table.state])
@@ -173,8 +178,8 @@ def _film_voltage(readout: Readout, share: float = 0.01) -> ReadingTable | None:
 
 def _blocked_force(readout: Readout, share: float = 0.01) -> ReadingTable:
     states = readout.states
-    unloaded = replace(states, voltage=np.zeros(len(states)))
-    heave = readout.simulation.heaves((), readout.nominal.unknowns, unloaded)
+    unloaded = readout.displacements(replace(states, voltage=np.zeros(len(states))))
+    heave = Prediction(readout.simulation, (), readout.nominal.unknowns, unloaded).heave
     table = rows(replace(states, heave=heave), "force", 1.0)
     return table.with_sigma(np.maximum(share * np.abs(readout.shown(table)), _FORCE))
 
@@ -305,9 +310,9 @@ def expected(simulation: Simulation, fits: Sequence[Fit], table: ReadingTable) -
     """
     values, jacobians = [], []
     for fit in fits:
-        heave = simulation.heaves(fit.hypothesis, fit.unknowns, table.states)
-        values.append(simulation.values(fit.hypothesis, fit.unknowns, table, heave))
-        jacobians.append(simulation.jacobian(fit.hypothesis, fit.unknowns, table, heave))
+        prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
+        values.append(prediction.values)
+        jacobians.append(prediction.jacobian)
     losses = np.zeros((len(fits), len(fits)))
     for true, other in permutations(range(len(fits)), 2):
         losses[true, other] = _loss(fits[other], (values[true] - values[other]) / table.sigma,

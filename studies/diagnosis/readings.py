@@ -15,7 +15,7 @@ from tympan.studies.data.dataset import Dataset, channels
 from tympan.studies.data.noise import reading_sigma, repeat_noise
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Cause
 from tympan.studies.effects import EFFECTS, Setup
 
 Array = NDArray[np.float64]

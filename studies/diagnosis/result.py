@@ -29,8 +29,7 @@ from tympan.studies.diagnosis.inference.verdict import (
 from tympan.studies.diagnosis.next_experiment import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, sizes_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, sizes_of
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 

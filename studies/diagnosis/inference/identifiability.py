@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import FACTORS, SIZES, Cause
-from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
+from tympan.studies.diagnosis.reduced.simulation import (
+    FACTORS,
+    SIZES,
+    Cause,
+    Prediction,
+    Simulation,
+    bounds_of,
+)
 from tympan.studies.effects import EffectParameter
 
 Array = NDArray[np.float64]
@@ -32,8 +38,7 @@ TYPICAL = 2.0
 def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
-    heave = simulation.heaves((), unknowns, table.states)
-    jacobian = simulation.jacobian((), unknowns, table, heave)
+    jacobian = Prediction(simulation, (), unknowns, table).jacobian
     taken = orthonormal(jacobian / table.sigma[:, None])
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))

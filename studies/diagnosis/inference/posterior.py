@@ -14,16 +14,18 @@ from scipy.special import logsumexp, ndtr
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import (
+from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     SIZES,
     Cause,
     Hypothesis,
+    Prediction,
+    Simulation,
+    bounds_of,
     parameters_of,
     sizes_of,
     unknown_count,
 )
-from tympan.studies.diagnosis.reduced.simulation import Simulation, bounds_of
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, Minimum, minimise
 
 Array = NDArray[np.float64]
@@ -101,14 +103,10 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
     widths, bounds = prior_widths(hypothesis, widen), bounds_of(simulation, hypothesis)
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
-        heave = simulation.heaves(hypothesis, unknowns, table.states,
-                                  None if near is None else near.state)
-        values = simulation.values(hypothesis, unknowns, table, heave)
-
-        def slopes() -> Array:
-            return -simulation.jacobian(hypothesis, unknowns, table, heave) / table.sigma[:, None]
-
-        return Evaluation((table.value - values) / table.sigma, slopes, heave)
+        prediction = Prediction(simulation, hypothesis, unknowns, table,
+                                None if near is None else near.state)
+        return Evaluation((table.value - prediction.values) / table.sigma,
+                          lambda: -prediction.jacobian / table.sigma[:, None], prediction.heave)
 
     problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=widths**-2.0)
     fits = []

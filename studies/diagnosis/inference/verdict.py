@@ -28,8 +28,7 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     patterns,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import SIZES, Cause, hypotheses_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import SIZES, Cause, Simulation, hypotheses_of
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,12 @@
-"""What a rig's sensors would show for given unknowns, by the films' force laws."""
+"""Hypotheses, and what a rig's sensors would show under them, by the films' force laws.
+
+Unknowns of a hypothesis are the logarithms of a factor on all films' stiffness and of one on their
+permittivity, then the sizes of its effects' parameters in its order.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,17 +15,9 @@ from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
-from tympan.studies.diagnosis.reading_table import ReadingTable, States
+from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
-from tympan.studies.diagnosis.reduced.hypothesis import (
-    FACTORS,
-    PERMITTIVITY,
-    STIFFNESS,
-    Hypothesis,
-    parameters_of,
-    sizes_of,
-)
-from tympan.studies.effects import EFFECTS, Setup, Use
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
 
 Array = NDArray[np.float64]
 
@@ -34,10 +31,58 @@ _FACTOR = np.log(20.0)
 #: How far beyond its largest heave and U² a force law is trusted, as shares.
 _BEYOND = 0.15
 
+#: What every hypothesis has: the two factors; and the sizes of its effects.
+STIFFNESS, PERMITTIVITY = 0, 1
+FACTORS, SIZES = slice(0, 2), slice(2, None)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """An effect by name, and the specimen it happens to, if it is on one."""
+
+    name: str
+    which: str | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """The effect of the registry."""
+        return EFFECTS[self.name]
+
+    def __str__(self) -> str:
+        return self.name if self.which is None else f"{self.name} of {self.which}"
+
+
+#: Effects that are there together; none for the nominal model.
+Hypothesis = tuple[Cause, ...]
+
+
+def parameters_of(hypothesis: Hypothesis) -> list[EffectParameter]:
+    """The parameters of its effects in the order of their sizes."""
+    return [parameter for cause in hypothesis for parameter in cause.effect.parameters]
+
+
+def unknown_count(hypothesis: Hypothesis) -> int:
+    """How many unknowns it has."""
+    return FACTORS.stop + len(parameters_of(hypothesis))
+
+
+def sizes_of(hypothesis: Hypothesis, cause: Cause) -> slice:
+    """Where among the unknowns the sizes of one of its causes stand."""
+    first = unknown_count(hypothesis[: hypothesis.index(cause)])
+    return slice(first, first + len(cause.effect.parameters))
+
+
+def hypotheses_of(causes: Sequence[Cause]) -> tuple[Hypothesis, ...]:
+    """Each cause alone, then every two together; not two specimens' share of the same effect."""
+    singles: list[Hypothesis] = [(cause,) for cause in causes]
+    pairs: list[Hypothesis] = [(first, second) for k, first in enumerate(causes)
+                               for second in causes[k + 1 :] if first.name != second.name]
+    return (*singles, *pairs)
+
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Predictions for a setup by the force laws of its films."""
+    """A setup with the force laws of its films."""
 
     setup: Setup
     laws: tuple[ForceLaw, ...]
@@ -50,65 +95,9 @@ class Simulation:
                 strict=True)), cause.which)
             for cause in hypothesis)
 
-    def heaves(self, hypothesis: Hypothesis, unknowns: Array, states: States,
-               start: Array | None = None) -> Array:
-        """Heave of each state [m], nan where the force laws reach no equilibrium."""
-        view = _View(self, hypothesis, unknowns, states)
-        free, reach, heave = np.isnan(states.heave), view.reach, view.first_guess()
-        if start is not None:
-            heave = np.where(np.isfinite(start), start, heave)
-        heave = np.where(free, heave, states.heave)
-        for _ in range(_ITERATIONS):
-            force, stiffness = view.balance(heave)
-            with np.errstate(all="ignore"):
-                step = np.where(free, -force / stiffness, 0.0)
-            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach,
-                            (1 + _BEYOND) * reach)
-            if np.all(np.abs(step) < _SMALL * reach):
-                break
-        force, stiffness = view.balance(heave)
-        with np.errstate(all="ignore"):
-            gone = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
-                           | (heave >= (1 + _BEYOND) * reach))
-        return np.where(gone | view.beyond, np.nan, heave)
-
-    def values(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable,
-               heave: Array) -> Array:
-        """What each row of a table shows when the states have these heaves [m]."""
-        return _View(self, hypothesis, unknowns, table.states).shown(table, heave)
-
     def predict(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable) -> Array:
         """What each row of a table shows."""
-        return self.values(hypothesis, unknowns, table,
-                           self.heaves(hypothesis, unknowns, table.states))
-
-    def jacobian(self, hypothesis: Hypothesis, unknowns: Array, table: ReadingTable,
-                 heave: Array) -> Array:
-        """Derivatives of the rows by the unknowns, shape (rows, unknowns).
-
-        By the implicit function theorem: differences are taken of the balance of forces at fixed
-        heaves only.
-        """
-        here = _View(self, hypothesis, unknowns, table.states)
-        force, stiffness = here.balance(heave)
-        value = here.shown(table, heave)
-        tiny = 1e-6 * np.mean(here.reach)
-        # Right for rows of one state; a range is of two.
-        by_heave = (here.shown(table, heave + tiny) - here.shown(table, heave - tiny)) / (2 * tiny)
-        free, ranges = np.isnan(table.states.heave), table.since >= 0
-        columns, most = [], bounds_of(self, hypothesis)[1]
-        deviations = [parameter.deviation for parameter in parameters_of(hypothesis)]
-        for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
-            step = -step if unknowns[number] + step > most[number] else step
-            moved = unknowns.copy()
-            moved[number] += step
-            there = _View(self, hypothesis, moved, table.states)
-            shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
-            change = by_heave * shift[table.state]
-            change[ranges] = (1 + here.rig.sensor_gain) * (
-                shift[table.state[ranges]] - shift[table.since[ranges]])
-            columns.append((there.shown(table, heave) - value + change) / step)
-        return np.stack(columns, axis=1)
+        return Prediction(self, hypothesis, unknowns, table).values
 
     @cached_property
     def rig_effects(self) -> frozenset[str]:
@@ -118,12 +107,16 @@ class Simulation:
                          != effect.at(bare, [item.deviation for item in effect.parameters]))
 
 
-class _View:
-    """The setup at given unknowns, seen from some states."""
+class Prediction:
+    """What a simulation shows at some unknowns; heaves are sought from ``start`` where it has any.
+
+    Rows of states in which the force laws reach no equilibrium show nan.
+    """
 
     def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
-                 states: States) -> None:
-        self.states = states
+                 table: ReadingTable, start: Array | None = None) -> None:
+        self.simulation, self.hypothesis, self.unknowns = simulation, hypothesis, unknowns
+        self.table, self.start, states = table, start, table.states
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
         self.rig = _rig(simulation, hypothesis, unknowns)
@@ -144,6 +137,59 @@ class _View:
         top = np.array([law.grid.voltage_squared for law in simulation.laws])[states.specimen]
         self.beyond = self.voltage_squared > (1 + _BEYOND) * top
 
+    @cached_property
+    def heave(self) -> Array:
+        """Heave of each state [m], nan where the force laws reach no equilibrium."""
+        free, reach, heave = np.isnan(self.table.states.heave), self.reach, self._first_guess()
+        if self.start is not None:
+            heave = np.where(np.isfinite(self.start), self.start, heave)
+        heave = np.where(free, heave, self.table.states.heave)
+        for _ in range(_ITERATIONS):
+            force, stiffness = self.balance(heave)
+            with np.errstate(all="ignore"):
+                step = np.where(free, -force / stiffness, 0.0)
+            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach,
+                            (1 + _BEYOND) * reach)
+            if np.all(np.abs(step) < _SMALL * reach):
+                break
+        force, stiffness = self.balance(heave)
+        with np.errstate(all="ignore"):
+            gone = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
+                           | (heave >= (1 + _BEYOND) * reach))
+        return np.where(gone | self.beyond, np.nan, heave)
+
+    @cached_property
+    def values(self) -> Array:
+        """What each row shows."""
+        return self.shown(self.heave)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivatives of the rows by the unknowns, shape (rows, unknowns).
+
+        By the implicit function theorem: differences are taken of the balance of forces at fixed
+        heaves only.
+        """
+        heave, table = self.heave, self.table
+        force, stiffness = self.balance(heave)
+        tiny = 1e-6 * np.mean(self.reach)
+        # Right for rows of one state; a range is of two.
+        by_heave = (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
+        free, ranges = np.isnan(table.states.heave), table.since >= 0
+        columns, most = [], bounds_of(self.simulation, self.hypothesis)[1]
+        deviations = [parameter.deviation for parameter in parameters_of(self.hypothesis)]
+        for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
+            step = -step if self.unknowns[number] + step > most[number] else step
+            moved = self.unknowns.copy()
+            moved[number] += step
+            there = Prediction(self.simulation, self.hypothesis, moved, table)
+            shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
+            change = by_heave * shift[table.state]
+            change[ranges] = (1 + self.rig.sensor_gain) * (
+                shift[table.state[ranges]] - shift[table.since[ranges]])
+            columns.append((there.shown(heave) - self.values + change) / step)
+        return np.stack(columns, axis=1)
+
     def balance(self, heave: Array) -> tuple[Array, Array]:
         """Force that is missing [N], and the stiffness of film and rig [N/m]."""
         force, rate = np.empty((2, len(heave)))
@@ -157,21 +203,21 @@ class _View:
             force, rate = force + more[:, 0], rate + more[:, 1]
         return force - self.load, rate
 
-    def first_guess(self) -> Array:
+    def _first_guess(self) -> Array:
         """Heaves by the stiffness of the flat film."""
-        rest = np.full(len(self.states), 0.02) * self.reach
+        rest = np.full(len(self.reach), 0.02) * self.reach
         force, rate = self.balance(rest)
         with np.errstate(all="ignore"):
             guess = rest - np.where(rate > 0, force / rate, 0.0)
         return np.asarray(np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach))
 
-    def shown(self, table: ReadingTable, heave: Array) -> Array:
-        """What the rows show."""
-        rig, shown = self.rig, np.empty(len(table))
+    def shown(self, heave: Array) -> Array:
+        """What the rows show when the states have these heaves [m]."""
+        table, rig, shown = self.table, self.rig, np.empty(len(self.table))
         for kind, rows in table.rows_of.items():
             at = table.state[rows]
             if kind == "displacement":
-                shown[rows] = rig.reading(heave[at], self.states.elapsed[at])
+                shown[rows] = rig.reading(heave[at], table.states.elapsed[at])
             elif kind == "range":
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind == "capacitance":

@@ -20,8 +20,7 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import averaged, prepared_readings
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 
 ROWS = "specimen,mass_g,voltage_kV,displacement_mm\n"

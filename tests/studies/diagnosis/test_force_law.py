@@ -14,9 +14,8 @@ from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.reading_table import States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
 from tympan.studies.diagnosis.reduced.sampling import FINE
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction, Simulation
 
 MASSES, VOLTAGES = (0.0179, 0.02245), (0.0, 3.5e3, 5e3, 6.5e3)
 
@@ -107,8 +106,7 @@ def test_derivatives_are_those_of_the_predictions(three_shapes: Simulation, hypo
     deviations = [item.deviation for cause in hypothesis for item in cause.effect.parameters]
     unknowns = np.array([0.1, 0.05, *(0.7 * one for one in deviations)])
     table = _table(specimen=2)
-    heave = three_shapes.heaves(hypothesis, unknowns, table.states)
-    jacobian = three_shapes.jacobian(hypothesis, unknowns, table, heave)
+    jacobian = Prediction(three_shapes, hypothesis, unknowns, table).jacobian
     for number, scale in enumerate([1.0, 1.0, *deviations]):
         step = np.zeros(len(unknowns))
         step[number] = 1e-3 * scale

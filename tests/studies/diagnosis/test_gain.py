@@ -21,8 +21,7 @@ from tympan.studies.diagnosis.gain import (
 )
 from tympan.studies.diagnosis.inference.verdict import Judgement, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
 
 SIGMA = 10e-6
 

@@ -32,7 +32,7 @@ from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
+from tympan.studies.diagnosis.reduced.simulation import Cause
 
 SEED = 11
 ROOT5 = 5**0.5

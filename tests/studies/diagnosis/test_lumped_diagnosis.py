@@ -29,8 +29,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.axes import film_axes
 from tympan.studies.diagnosis.reduced.force_law import Grid
-from tympan.studies.diagnosis.reduced.hypothesis import Cause
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
 from tympan.studies.effects import EFFECTS, Effect, Setup
 
 TAPE = MATERIALS["vhb-4910"].material

@@ -21,8 +21,7 @@ from tympan.studies.diagnosis.next_experiment import (
     rivals,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, Hypothesis
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
 
 SIGMA = 20e-6
 CAPACITANCE, PROBE = (next(one for one in MENU if part in one.what)

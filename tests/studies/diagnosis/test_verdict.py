@@ -21,8 +21,7 @@ from tympan.studies.diagnosis.inference.posterior import NUISANCE, fit
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.hypothesis import Cause, hypotheses_of
-from tympan.studies.diagnosis.reduced.simulation import Simulation
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6
