@@ -204,16 +204,11 @@ MENU = (
 class Proposal:
     """``what`` to do, and what it would tell.
 
-    Parameters
-    ----------
-    separates
-        The most probable pair of rivals that it tells apart, else the pair it comes nearest to
-        telling apart, in words; each without the causes they share.
-    expected
-        Expected Δχ² between these two, whichever of them is true.
-    value, mean
-        Mean Δχ² over which rival is true and which one is told from it, by their probabilities;
-        each pair counted up to where it is told beyond doubt, and in full.
+    ``separates``: the most probable pair of rivals that it tells apart, else the pair it comes
+    nearest to telling apart, in words, each without the causes they share; ``expected``: Δχ²
+    between these two, whichever of them is true; ``value`` and ``mean``: mean Δχ² over which rival
+    is true and which one is told from it, by their probabilities, each pair counted up to where it
+    is told beyond doubt, and in full.
     """
 
     what: str

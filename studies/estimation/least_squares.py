@@ -82,7 +82,7 @@ class LeastSquares:
         return cls(evaluate, low, high, linear)
 
     def at(self, unknowns: Array) -> Evaluation:
-        """The point at some unknowns."""
+        """What is there at some unknowns."""
         return self.evaluate(unknowns, None)
 
     def cost(self, unknowns: Array, point: Evaluation) -> float:
@@ -124,19 +124,11 @@ def minimise(problem: LeastSquares, start: Array, fixed: Mask | None = None,
              iterations: int = 100) -> Minimum:
     """The nearest minimum over the unknowns that are not ``fixed``.
 
-    Parameters
-    ----------
-    precision, exact
-        The search ends where derivatives promise to lower the cost by no more than this share of
-        it, or than ``exact``.
-    quick
-        For many rough searches: damped from the first step, and ended by the first that lowers the
-        cost by less than this, though unknowns that hardly matter may not have moved yet.
-
-    Raises
-    ------
-    InputError
-        When the model cannot answer where the search begins.
+    The search ends where derivatives promise to lower the cost by no more than the share
+    ``precision`` of it, or than ``exact``. A ``quick`` one, of many rough ones, is damped from the
+    first step, and ended by the first that lowers the cost by less than this, though unknowns that
+    hardly matter may not have moved yet. An :class:`InputError` says that the model cannot answer
+    where the search begins.
     """
     fixed = np.zeros(len(start), bool) if fixed is None else fixed
     separable = np.isin(np.arange(len(start)), problem.linear) & ~fixed
