@@ -59,7 +59,6 @@ class Coupons:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """The modes that have readings."""
         return tuple(mode for mode in MODES if mode in self.mode)
 
     @cached_property

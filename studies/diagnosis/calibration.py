@@ -81,11 +81,12 @@ def nominal_laws(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[Fo
                  for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
 
 
-def largest_voltage_squared(setup: Setup, table: ReadingTable, number: int) -> float:
-    """The largest U² a specimen's film sees."""
-    states = table.states[table.states.specimen == number]
-    seen = np.asarray(setup.rig.film_voltage(states.voltage, states.direction))
-    return float((seen**2).max(initial=0.0))
+def largest_voltage_squared(setup: Setup, table: ReadingTable) -> Array:
+    """The largest U² that each specimen's film sees, shape (specimens,)."""
+    states = table.states
+    seen = np.asarray(setup.rig.film_voltage(states.voltage, states.direction)) ** 2
+    return np.array([seen[states.specimen == number].max(initial=0.0)
+                     for number in range(len(setup.specimens))])
 
 
 def _reach(setup: Setup, table: ReadingTable, simulation: Simulation | None = None,
@@ -95,17 +96,15 @@ def _reach(setup: Setup, table: ReadingTable, simulation: Simulation | None = No
     if simulation is not None and fit is not None and fit.possible:
         heave = np.nan_to_num(Prediction(simulation, (), fit.unknowns, table).heave)
         share = float(np.exp(fit.unknowns[PERMITTIVITY] - fit.unknowns[STIFFNESS]))
-    reach = np.zeros((2, len(setup.specimens)))
+    heaves = []
     for number, specimen in enumerate(setup.specimens):
         read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         if heave is not None:
             read = np.maximum(heave[table.states.specimen == number], 0.0)
         largest = max(_ROOM[0] * float(np.abs(read).max(initial=0.0)), 0.01 * specimen.gap)
-        reach[0, number] = min(largest, _LARGEST * specimen.gap) if len(read) else (
-            0.2 * specimen.gap)
-        squared = _ROOM[1] * share * largest_voltage_squared(setup, table, number)
-        reach[1, number] = max(squared, 1e4)
-    return reach
+        heaves.append(min(largest, _LARGEST * specimen.gap) if len(read) else 0.2 * specimen.gap)
+    squared = _ROOM[1] * share * largest_voltage_squared(setup, table)
+    return np.array([heaves, np.maximum(squared, 1e4)])
 
 
 def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:

@@ -103,8 +103,7 @@ def plan_readings(dataset: Dataset, workers: int = 1,
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
     heave = np.array([0.2 * specimen.gap for specimen in setup.specimens])
     highest = np.array([0.8 * specimen.gap for specimen in setup.specimens])
-    voltage_squared = np.array([1.3 * largest_voltage_squared(setup, table, number) + 1e4
-                                for number in range(len(setup.specimens))])
+    voltage_squared = 1.3 * largest_voltage_squared(setup, table) + 1e4
     for _ in range(_ROUNDS):
         simulation = Simulation(setup, nominal_laws(setup, heave, voltage_squared))
         values = simulation.predict((), np.zeros(2), table)

@@ -51,7 +51,6 @@ class States:
 
     @cached_property
     def of_specimen(self) -> tuple[Numbers, ...]:
-        """Numbers of the states of each specimen."""
         count = int(self.specimen.max(initial=-1)) + 1
         return tuple(np.flatnonzero(self.specimen == number) for number in range(count))
 
@@ -59,7 +58,6 @@ class States:
         return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def joined(self, other: States) -> States:
-        """These and others."""
         return States(*(np.concatenate([getattr(self, name), getattr(other, name)])
                         for name in self.__dataclass_fields__))
 
@@ -95,22 +93,18 @@ class ReadingTable:
 
     @property
     def specimen(self) -> Numbers:
-        """Number of the specimen of each row."""
         return self.states.specimen[self.state]
 
     @property
     def mass(self) -> Array:
-        """Nominal mass of each row [kg]."""
         return self.states.mass[self.state]
 
     @property
     def voltage(self) -> Array:
-        """Nominal voltage of each row [V]."""
         return self.states.voltage[self.state]
 
     @property
     def lengths(self) -> NDArray[np.bool_]:
-        """Which rows are lengths."""
         return np.isin(self.kind, LENGTHS)
 
     @cached_property
@@ -121,7 +115,6 @@ class ReadingTable:
 
     @cached_property
     def rows_of(self) -> dict[str, Numbers]:
-        """Rows of each kind."""
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
 
     def compact(self) -> ReadingTable:
@@ -133,15 +126,12 @@ class ReadingTable:
         return replace(self, states=self.states[used], state=numbers[: len(self)], since=since)
 
     def with_values(self, value: Array) -> ReadingTable:
-        """The same rows with other readings."""
         return replace(self, value=value)
 
     def with_sigma(self, sigma: Array) -> ReadingTable:
-        """The same rows with another noise."""
         return replace(self, sigma=sigma)
 
     def joined(self, other: ReadingTable) -> ReadingTable:
-        """These rows and others."""
         count = len(self.states)
         moved = replace(other, state=other.state + count,
                         since=np.where(other.since < 0, -1, other.since + count))

@@ -35,13 +35,11 @@ class Setup:
         raise InputError(f"must be one of {names}", key="specimen", given=name)
 
     def with_films(self, change: Callable[[Film], Film], which: str | None = None) -> Setup:
-        """Every film changed, or that of one specimen."""
         return self.with_specimens(
             lambda specimen: replace(specimen, membrane=change(specimen.membrane)), which)
 
     def with_specimens(self, change: Callable[[Specimen], Specimen],
                        which: str | None = None) -> Setup:
-        """Every specimen changed, or one."""
         if which is not None:
             self.specimen(which)
         return replace(self, specimens=tuple(
@@ -49,7 +47,6 @@ class Setup:
             for specimen in self.specimens))
 
     def with_rig(self, **changes: Any) -> Setup:
-        """The rig with some of its numbers replaced."""
         return replace(self, rig=replace(self.rig, **changes))
 
 
@@ -78,7 +75,6 @@ class EffectParameter:
 
     @cached_property
     def _unit(self) -> tuple[float, str]:
-        """The SI value of the unit and its dimension."""
         return any_quantity(f"1 {self.unit}") or (1.0, "")
 
     @property
@@ -95,7 +91,6 @@ class EffectParameter:
         return inf if self.power < 0 and size == 0 else float(size ** (1 / self.power))
 
     def shown(self, value: float) -> float:
-        """A value in the unit to show."""
         return value / self._unit[0]
 
     @property

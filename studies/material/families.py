@@ -20,9 +20,7 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class Family:
-    """A law with free constants.
-
-    ``linear`` ones [Pa], in which its stress is linear, and ``shape`` ones (numbers).
+    """A law with free constants: ``linear`` ones [Pa], in which its stress is, and ``shape`` ones.
 
     ``bounds`` of a shape constant, and ``starts`` between which searches begin, given the largest
     I₁ − 3 of the readings.
@@ -38,13 +36,11 @@ class Family:
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """All names, linear ones first."""
         return self.linear + self.shape
 
     def material(self, values: Array) -> Material:
-        """The law with these constants."""
-        split = len(self.linear)
-        return self.make(_plain(values[:split]), _plain(values[split:]))
+        linear, shape = np.split(values, [len(self.linear)])
+        return self.make(_plain(linear), _plain(shape))
 
     def columns(self, l1: Array, l2: Array, shape: Array) -> Array:
         """Nominal stress ∂W/∂λ₁ by each linear constant, shape (readings, linear).
@@ -52,9 +48,9 @@ class Family:
         Complex-safe in ``shape``.
         """
         unit = np.eye(len(self.linear))
-        return np.stack([np.broadcast_to(self.make(_plain(row),
-                                                   _plain(shape)).derivatives(l1, l2)[1], l1.shape)
-                         for row in unit], axis=-1)
+        laws = [self.make(_plain(row), _plain(shape)) for row in unit]
+        return np.stack([np.broadcast_to(law.derivatives(l1, l2)[1], l1.shape) for law in laws],
+                        axis=-1)
 
     def jacobian(self, l1: Array, l2: Array, values: Array) -> Array:
         """Nominal stress by every constant, by the complex step in the shape constants."""
@@ -65,15 +61,16 @@ class Family:
 
     def stress(self, l1: Array, l2: Array, values: Array) -> Array:
         """Nominal stress [Pa]."""
-        split = len(self.linear)
-        return self.columns(l1, l2, values[split:]) @ values[:split]
+        linear, shape = np.split(values, [len(self.linear)])
+        return np.asarray(self.columns(l1, l2, shape) @ linear)
 
     def ordered(self, values: Array) -> Array:
         """The same law with its terms in order."""
         if not self.alike:
             return values
-        order = np.argsort(values[len(self.linear):])
-        return np.concatenate([values[:len(self.linear)][order], values[len(self.linear):][order]])
+        linear, shape = np.split(values, [len(self.linear)])
+        order = np.argsort(shape)
+        return np.concatenate([linear[order], shape[order]])
 
 
 def largest_excess(l1: Array, l2: Array) -> float:
