@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tympan.reports.paper.figures import read_paper
-from tympan.reports.paper.page import caption, number_text
+from tympan.reports.paper.page import caption, number_text, read_paper
 from tympan.studies.files import write_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices

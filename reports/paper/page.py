@@ -1,17 +1,42 @@
-"""The page of ``tympan lumped paper``: each figure, the paper's numbers beside ours, its faults."""
+"""The page of ``tympan lumped paper``: the paper's figures in its axes, its numbers beside ours."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tympan.reports.paper.figures import FIGURES, draw_paper, read_paper
-from tympan.reports.template import embedded_picture, sentence, template
-from tympan.studies.files import write_text
-from tympan.studies.paper.published import MASSES, NAMES, SETTLING
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-Content = Mapping[str, Any]
+from tympan.geometry.errors import InputError
+from tympan.reports import look as style
+from tympan.reports.template import embedded_picture, sentence, template
+from tympan.studies.columns import Column, read_own_sheet
+from tympan.studies.files import from_json, read_json, write_text
+from tympan.studies.paper.published import MASSES, NAMES, SETTLING, SINES, STEP
+from tympan.studies.replica.figures import ZOOM
+
+Content = dict[str, Any]
+#: Abscissa and ordinate of the curves of each file, by the cells of its first columns.
+Curves = dict[str, dict[tuple[str, ...], NDArray[np.float64]]]
+
+_LEFT, _RIGHT, _TOP, _AXIS, _HEIGHT = 14.0, 4.0, 6.0, 12.0, 70.0  # [mm]
+_LETTERS = "abcdef"
+#: The columns of the curves' files: what a curve is of, then its abscissa and ordinate.
+_COLUMNS = {
+    "static": ("mass_g", "specimen", "voltage_kV", "distance_mm"),
+    "step": ("mass_g", "specimen", "t_s", "distance_mm"),
+    "hysteresis": ("offset_kV", "amplitude_kV", "specimen", "voltage_kV", "distance_mm"),
+    "random": ("mass_g", "specimen", "t_s", "distance_mm"),
+    "signal": ("t_s", "voltage_kV"),
+    "misfit": ("relative_permittivity", "alpha_1", "worst_mm"),
+}
+
 
 def build_paper_page(folder: Path) -> Path:
     """Draw the figures of the folder and write folder/paper.html; answers that file."""
@@ -43,7 +68,7 @@ def caption(name: str) -> str:
     return sentence(template("reports/paper/words.txt"), "caption", name)
 
 
-def number_text(number: Mapping[str, Any]) -> str:
+def number_text(number: Content) -> str:
     """A number of a finding in its usual unit.
 
     Examples
@@ -54,3 +79,162 @@ def number_text(number: Mapping[str, Any]) -> str:
     units = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "kg": ("g", 1e3), "m²": ("cm²", 1e4)}
     unit, factor = units.get(number["unit"], (number["unit"], 1.0))
     return f"{factor * number['value']:.4g} {unit}".strip()
+
+
+def read_paper(folder: Path) -> Content:
+    """What paper.json holds."""
+    file = folder / "paper.json"
+    content = from_json(dict[str, Any], read_json(file), file)
+    if not {"lost", "chosen", "table_2", "settling", "hysteresis", "findings"} <= set(content):
+        raise InputError("cannot be read: something is missing; run tympan lumped paper again",
+                         file=file)
+    return content
+
+
+def draw_paper(folder: Path) -> list[Path]:
+    """Draw folder/fig7 … fig14 and folder/misfit; answers the files."""
+    content, curves = read_paper(folder), {name: _curves(folder, name) for name in _COLUMNS}
+    return [file for name, compose in FIGURES.items()
+            for file in style.save_figure(folder, name, partial(compose, content, curves))]
+
+
+def _curves(folder: Path, name: str) -> dict[tuple[str, ...], NDArray[np.float64]]:
+    *labels, across, up = _COLUMNS[name]
+    columns = [*map(Column.labels, labels), Column(across), Column(up, required=False)]
+    rows = pd.DataFrame(read_own_sheet(folder / f"{name}.csv", columns))
+    parts = rows.groupby(labels, sort=False) if labels else [((), rows)]
+    return {key: part[[across, up]].to_numpy().T for key, part in parts}
+
+
+def _static(content: Content, curves: Curves, mass: float) -> Figure:
+    figure, axes = _single()
+    for colour, name, (volts, y) in _three(curves["static"], mass):
+        row = _ranges(content, mass, name)
+        axes.plot(volts, y, color=colour,
+                  label=f"{name}: range {row['at_rest_mm']:.2f} mm (paper, over steps: "
+                        f"{row['paper_mm']:.2f} mm)")
+    axes.legend(loc="upper left")
+    style.describe(axes, "voltage (kV)", "distance (mm)")
+    return figure
+
+
+def _step(content: Content, curves: Curves, mass: float, end: float = np.inf) -> Figure:
+    figure, axes = _single()
+    zoom = np.isfinite(end)
+    for colour, name, (time, y) in _three(curves["step"], mass):
+        shown = time <= end
+        settled = SETTLING[MASSES.index(mass), NAMES.index(name)]
+        ours = content["settling"]["rows"][0][f"{name}_{1e3 * mass:g}g_s"]
+        axes.plot(time[shown], y[shown], color=colour, linewidth=0.8,
+                  label=f"{name}: {ours:.2f} s (paper: {settled:.2f} s)" if zoom else name)
+        if zoom:
+            for at, marker in ((ours, "o"), (settled, "v")):
+                axes.plot(at, np.interp(at, time, y), marker, color=colour,
+                          markeredgecolor="black", markersize=5, markeredgewidth=0.6)
+    axes.set_xlim(0, end if zoom else None)
+    axes.set_ylim(top=axes.get_ylim()[1] + 0.25 * np.ptp(axes.get_ylim()))
+    axes.legend(loc="upper right")
+    style.describe(axes, "time (s)", "distance (mm)",
+                   f"step {STEP[0] / 1e3:g} to {STEP[1] / 1e3:g} kV at 0 s, {1e3 * mass:g} g"
+                   + (", settled: ○ within 5 % of the largest swing, ▽ paper" if zoom else ""))
+    return figure
+
+
+def _loops(content: Content, curves: Curves) -> Figure:
+    height, gap, margin = 42.0, 11.0, 16.0
+    figure = style.new_figure(_TOP + 3 * (height + gap))
+    width = style.WIDTH / 2 - margin - _RIGHT
+    for row, name in enumerate(NAMES):
+        for column, (offset, amplitude) in enumerate(SINES):
+            axes = style.place_axes(figure, margin + column * style.WIDTH / 2,
+                                    _TOP + row * (height + gap), width, height)
+            volts, y = curves["hysteresis"][f"{offset / 1e3:g}", f"{amplitude / 1e3:g}", name]
+            axes.plot(np.append(volts, volts[0]), np.append(y, y[0]), color=style.PALETTE[row])
+            title = (f"({_LETTERS[2 * row + column]}) {name}, u₀ = {offset / 1e3:g} kV, "
+                     f"u₁ = {amplitude / 1e3:g} kV")
+            style.describe(axes, "voltage (kV)" if row == 2 else "",
+                           "distance (mm)" if column == 0 else "", title)
+            axes.locator_params(axis="x", nbins=8)
+    return figure
+
+
+def _random(content: Content, curves: Curves) -> Figure:
+    (time, volts), = curves["signal"].values()
+    heights = (26.0, 48.0, 48.0)
+    figure = style.new_figure(sum(heights) + 3 * (_TOP + 2) + _AXIS - 2)
+    top = _TOP
+    for number, height in enumerate(heights):
+        axes = style.place_axes(figure, _LEFT, top, style.WIDTH - _LEFT - _RIGHT, height)
+        top += height + _TOP + 2
+        if number == 0:
+            axes.plot(time, volts, color="black", linewidth=0.8)
+            style.describe(axes, "", "voltage (kV)", "(a) applied voltage")
+        else:
+            mass = MASSES[number - 1]
+            for colour, name, (at, y) in _three(curves["random"], mass):
+                row = _ranges(content, mass, name)
+                axes.plot(at, y, color=colour, linewidth=0.7,
+                          label=f"{name} {row['at_levels_mm']:.2f} mm (paper "
+                                f"{row['paper_mm']:.2f})")
+            style.describe(
+                axes, "time (s)" if number == 2 else "", "distance (mm)",
+                f"({_LETTERS[number]}) {1e3 * mass:g} g, ranges at the ends of the levels")
+            axes.set_ylim(top=axes.get_ylim()[1] + 0.14 * np.ptp(axes.get_ylim()))
+            axes.legend(loc="upper right", ncols=3, handlelength=1.2, columnspacing=1.0)
+        axes.set_xlim(0, time[-1])
+        axes.tick_params(labelbottom=number == 2)
+    return figure
+
+
+def _misfit(content: Content, curves: Curves) -> Figure:
+    columns = curves["misfit"]
+    permittivity = np.array([float(key) for (key,) in columns])
+    alpha = next(iter(columns.values()))[0]
+    worst = np.array([pair[1] for pair in columns.values()])
+    figure, axes = _single(0.62)
+    missing = content["lost"]
+    least, rest = missing["smallest_worst"], missing["readings"]["rest"]
+    edges = np.array([1.0, 1.25, 1.5, 2.0, 3.0, 4.5, 6.0]) * least["worst_mm"]
+    filled = axes.contourf(permittivity, alpha, worst.T, levels=edges, cmap=style.COLOURS,
+                           extend="max")
+    axes.contour(permittivity, alpha, worst.T, levels=[2 * least["worst_mm"]], colors="white",
+                 linewidths=1.2)
+    for point, marker, words in ((least, "o", "smallest worst misfit"),
+                                 (rest, "x", "least squares")):
+        axes.plot(point["relative_permittivity"], point["alpha_1"][0], marker, color="white",
+                  markersize=4.5, label=words)
+    axes.legend(loc="upper left", labelcolor="black")
+    bar = figure.colorbar(filled, ax=axes, pad=0.02)
+    bar.ax.yaxis.set_major_formatter("{x:.2f}")
+    bar.set_label("worst misfit of the six ranges (mm)")
+    axes.set(xlabel="relative permittivity", ylabel="α₁ (circle with the short semi-axis)")
+    return figure
+
+
+#: Every figure by its file's name.
+FIGURES: dict[str, Callable[[Content, Curves], Figure]] = {
+    "fig7": partial(_static, mass=MASSES[0]), "fig8": partial(_static, mass=MASSES[1]),
+    "fig9": partial(_step, mass=MASSES[0]), "fig10": partial(_step, mass=MASSES[0], end=ZOOM),
+    "fig11": partial(_step, mass=MASSES[1]), "fig12": partial(_step, mass=MASSES[1], end=ZOOM),
+    "fig13": _loops, "fig14": _random, "misfit": _misfit,
+}
+
+
+def _ranges(content: Content, mass: float, name: str) -> dict[str, Any]:
+    """Ranges under a mass [kg] of an actuator, ours and the paper's."""
+    row: dict[str, Any] = next(row for row in content["table_2"]["rows"]
+                               if abs(row["mass_g"] - 1e3 * mass) < 1e-6
+                               and row["specimen"] == name)
+    return row
+
+
+def _three(curves: dict[tuple[str, ...], NDArray[np.float64]], mass: float
+           ) -> list[tuple[str, str, NDArray[np.float64]]]:
+    return [(style.PALETTE[number], name, curves[f"{1e3 * mass:g}", name])
+            for number, name in enumerate(NAMES)]
+
+
+def _single(share: float = 0.75) -> tuple[Figure, Axes]:
+    figure = style.new_figure(_TOP + _HEIGHT + _AXIS, share * style.WIDTH)
+    width = share * style.WIDTH - _LEFT - _RIGHT
+    return figure, style.place_axes(figure, _LEFT, _TOP, width, _HEIGHT)
