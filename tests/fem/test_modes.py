@@ -15,7 +15,8 @@ from scipy.sparse import csc_matrix
 from skfem.helpers import dot
 
 from tests.oracles import annulus_modes, axisymmetric
-from tests.support.models import model, potential, structured_quarter
+from tests.oracles.potential import potential
+from tests.support.models import model, structured_quarter
 from tests.support.specimens import (
     NEO_HOOKE,
     VHB,

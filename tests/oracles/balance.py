@@ -15,7 +15,7 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 from scipy.constants import epsilon_0
 
-from tests.support.models import potential
+from tests.oracles.potential import potential
 from tympan.fem.equilibrium.newton import Tangent
 from tympan.fem.membrane.loading import GUIDES, Magnet, Spring
 from tympan.fem.membrane.model import Model

@@ -14,7 +14,8 @@ from benchmarks.trials.robustness import MESH, SECONDS, STEEP, UNBALANCED, judge
 from tests.oracles import axisymmetric
 from tests.oracles.balance import balance, displaced, nodal_forces, slope
 from tests.oracles.laws import SAMPLES
-from tests.support.models import model, potential
+from tests.oracles.potential import potential
+from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
 from tympan.fem.equilibrium.ramp import PathSettings, equilibrium

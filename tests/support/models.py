@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from tympan.fem.derivatives.sensitivity import gradient
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import Solution, moved
 from tympan.fem.equilibrium.ramp import Outcome
-from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import PlateMotion, State
 from tympan.geometry.mesh import ELEMENTS, curved_mesh
@@ -84,12 +82,3 @@ def deflection_gradient(film: Model, at: Outcome | Solution | State,
                         names: Sequence[str]) -> dict[str, float]:
     """Derivatives of the deflection at constant loads by named parameters [m per SI unit]."""
     return gradient(film, at, QUANTITIES["heave"], names)
-
-
-def potential(film: Model, state: State) -> Any:
-    """Energy of a mesh and of its share of the loads [J]; stationary at equilibrium."""
-    loads = film.weight[:, 2] @ state.positions[:, 2]
-    loads = loads + state.pressure * film_volume(film.discretisation, state.positions)[0]
-    plate = film.loading.on_plate(state, film.centre, film.plate_area)[0]
-    energy = film.energy(state.positions, state.voltage_squared)
-    return energy - loads + plate / film.discretisation.mirrored

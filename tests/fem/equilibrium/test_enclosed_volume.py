@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 from tests.oracles.axisymmetric import energy_derivatives
-from tests.support.models import loaded, model, potential
+from tests.oracles.potential import potential
+from tests.support.models import loaded, model
 from tests.support.specimens import NEO_HOOKE, circular, elliptical, reference_film
 from tympan.fem.equilibrium.arc_length import Branch
 from tympan.fem.equilibrium.ramp import equilibrium

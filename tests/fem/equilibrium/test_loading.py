@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.models import loaded, model, potential
+from tests.oracles.potential import potential
+from tests.support.models import loaded, model
 from tests.support.specimens import circular, elliptical
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import moved
