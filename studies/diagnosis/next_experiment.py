@@ -7,12 +7,10 @@ this pair.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +27,12 @@ from tympan.studies.diagnosis.reduced.simulation import (
     Prediction,
     Simulation,
 )
+from tympan.studies.files import words_beside
 
 Array = NDArray[np.float64]
 
 #: What to do and what it tells, in words.
-WORDS: dict[str, str] = tomllib.loads(
-    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+WORDS = words_beside(__file__)
 
 _HOUR = 3600.0
 _FORCE = 1e-3

@@ -112,10 +112,10 @@ def detectable_effects(signs: Signatures) -> list[dict[str, Any]]:
                      and other not in alike.get(cause, ())}
         rival = min(distances, key=lambda other: distances[other], default=None)
         parameter = cause.effect.parameters[int(np.argmax((signature**2).sum(0)))]
-        told = visibility(signature) if rival is None else distances[rival]
+        apart = visibility(signature) if rival is None else distances[rival]
         effects.append({"effect": str(cause), "parameter": parameter.name, "unit": parameter.unit,
                         "seen_from": _reached(parameter, SEEN, visibility(signature)),
-                        "told_from": _reached(parameter, TOLD, told),
+                        "told_from": _reached(parameter, TOLD, apart),
                         "rival": None if rival is None else str(rival),
                         "prior_width": parameter.shown(parameter.width)})
     return effects
