@@ -373,7 +373,7 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
                    for cause, share in list(posterior.of_causes().items())[:5])
     covered = any(set(one.hypothesis) == set(truth.hypothesis)
                   for one in posterior.credible()) if asked else None
-    return replace(record, ranked=ranked, best=tuple(map(str, posterior.best.hypothesis)),
+    return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
                    wrong=posterior.wrong,
                    unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
 
