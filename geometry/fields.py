@@ -20,6 +20,7 @@ from dataclasses import MISSING, dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
 from functools import cache, wraps
 from inspect import signature
+from itertools import zip_longest
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -142,13 +143,14 @@ def takes_units(cls: Any) -> Any:
     :class:`InputError` that names the key.
     """
     of_numbers = cls.__init__
-    arguments = signature(of_numbers)
+    _, *names = signature(of_numbers).parameters
 
     @wraps(of_numbers)
     def of_texts(self: Any, *values: Any, **named: Any) -> None:
         declared = {field.name: field for field in fields_of(cls)}
-        given = arguments.bind(self, *values, **named).arguments
-        of_numbers(**{name: _in_si(declared.get(name), value) for name, value in given.items()})
+        of_numbers(self, *(_in_si(declared.get(name), value)
+                           for name, value in zip_longest(names[:len(values)], values)),
+                   **{name: _in_si(declared.get(name), value) for name, value in named.items()})
 
     cls.__init__ = of_texts
     return cls

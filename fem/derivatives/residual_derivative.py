@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.discretisation.assembly import element_forces, first_piola, gathered
-from tympan.fem.film.density import plane_stress, virtual_work
+from tympan.fem.film.density import Part, plane_stress, virtual_work
 from tympan.fem.membrane.loading import film_volume
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import State
@@ -142,9 +142,8 @@ class ResidualDerivative:
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
         thickness = film.thickness / film.area_prestretch
-        unchanged = self.at.model.density(self.at.state.voltage_squared).parts
         for part in model.density(state.voltage_squared).parts:
-            if part not in unchanged:
+            if part not in self._parts:
                 result = result + np.imag(thickness * self._virtual_work(*part))
             elif np.imag(thickness):
                 result = result + np.imag(thickness) * self._virtual_work(*part)
@@ -194,6 +193,9 @@ class ResidualDerivative:
             result.append(mesh.scatter(elements))
         return np.stack(result)
 
+    @cached_property
+    def _parts(self) -> list[Part]:
+        return self.at.model.density(self.at.state.voltage_squared).parts
 
     @cached_property
     def _strains(self) -> Array:

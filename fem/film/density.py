@@ -80,33 +80,41 @@ class FilmDensity:
 
     @property
     def parts(self) -> list[Part]:
-        """What adds up to the film; the first part is all that shares its principal axes.
+        """What adds up to the film; what shares its principal axes wrinkles together, if at all.
 
         Parts are equal that add the same, wherever they are.
         """
-        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
-        joined, apart = [film.material, self.maxwell], []
-        if grease:
-            law, (first, second) = Ogden((grease,), (2.0,)), film.prestretch
-            if first == second:
-                joined += [Coat(law, self.covered, first)]
-            else:  # stress-free at a state stretched unequally, it has axes of its own
-                apart = [(Coat(law, self.covered), (1.0, 1.0))]
-        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
-        residual = _RESIDUAL * modulus if self.wrinkles else -np.inf
-        return [(TensionField(tuple(joined), residual), film.prestretch), *apart]
+        joined, apart = self._joined_and_apart
+        materials = (self.material,) if self.wrinkles else joined
+        return [*((material, self.specimen.membrane.prestretch) for material in materials), *apart]
 
     @property
     def material(self) -> TensionField:
         """All that shares the film's principal axes, as one material."""
-        material: TensionField = self.parts[0][0]
-        return material
+        film, (joined, _) = self.specimen.membrane, self._joined_and_apart
+        if not self.wrinkles:
+            return TensionField(joined, -np.inf)
+        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
+        return TensionField(joined, _RESIDUAL * modulus)
+
+    @property
+    def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[Part]]:
+        film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
+        joined = film.material, self.maxwell
+        if not grease:
+            return joined, []
+        law, (first, second) = Ogden((grease,), (2.0,)), film.prestretch
+        if first == second:
+            return (*joined, Coat(law, self.covered, first)), []
+        # Stress-free at a state stretched unequally, it has axes of its own.
+        return joined, [(Coat(law, self.covered), (1.0, 1.0))]
 
     def __call__(self, c: tuple[Any, Any, Any], *, tangent: bool = True) -> Density:
         """Density, stress and tangent at C of the mounted film."""
-        result, *others = (plane_stress(material, c, prestretch, tangent=tangent)
-                           for material, prestretch in self.parts)
-        for part in others:
+        _, apart = self._joined_and_apart
+        result = plane_stress(self.material, c, self.specimen.membrane.prestretch, tangent=tangent)
+        for material, prestretch in apart:
+            part = plane_stress(material, c, prestretch, tangent=tangent)
             result = Density(result.energy + part.energy, result.stress + part.stress,
                              result.tangent + part.tangent if tangent else None)
         return result
