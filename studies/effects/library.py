@@ -125,14 +125,17 @@ def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
     return setup.with_rig(spring=setup.rig.spring + k)
 
 
+def _compounded(first: float, second: float) -> float:
+    return first + second + first * second
+
+
 @effect("The voltage across the film is a constant fraction larger or smaller than the one written "
         "down.")
 def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "the film sees (1+k) U", "", width=0.02, low=-0.3, high=0.3, reason=(
             "converter modules set by a control voltage, without calibration, to a few per cent; "
             "no source"))]) -> Setup:
-    before = setup.rig.amplifier_gain
-    return setup.with_rig(amplifier_gain=before + k + before * k)
+    return setup.with_rig(amplifier_gain=_compounded(setup.rig.amplifier_gain, k))
 
 
 @effect("The high-voltage supply sags under the film's leakage: the higher the voltage, the more "
@@ -165,8 +168,7 @@ def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) y", "", width=0.01, low=-0.2, high=0.2, reason=(
             "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
             "is better than that"))]) -> Setup:
-    before = setup.rig.sensor_gain
-    return setup.with_rig(sensor_gain=before + k + before * k)
+    return setup.with_rig(sensor_gain=_compounded(setup.rig.sensor_gain, k))
 
 
 @effect("All readings are shifted by the same length: the sensor was not zero at the flat film.")

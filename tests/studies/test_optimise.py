@@ -148,7 +148,8 @@ def test_the_optimum_keeps_its_conditions(result: OptimiseResult) -> None:
     limit = optimum["limits"]["breakdown_margin"]
     assert limit["active"]
     assert limit["multiplier"] > 0
-    assert limit["value"] == pytest.approx(2.23, rel=1e-3)
+    # The descent limits a norm; the largest nodal value differs from it a little.
+    assert limit["value"] == pytest.approx(2.23, rel=5e-4)
     assert optimum["starts_apart_stroke"] < 0.01
     assert optimum["starts_apart_variables"] < 0.01
     of_best = result.trials["start"] == optimum["best_start"]
