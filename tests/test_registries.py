@@ -47,7 +47,8 @@ def registered() -> Iterator[None]:
     LAWS.register(Dummy)
     OUTLINES.register(Squashed)
     BIASES.register(Cubic)
-    effect("The plate has a tail.")(tail)
+    effect("The plate has a tail.", finding="The plate has a tail of {length}",
+           check="look at the plate")(tail)
     yield
     for kinds, items in before:
         kinds.clear()

@@ -59,7 +59,8 @@ class EffectParameter:
     standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
     ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
     ``least`` cannot be built. ``even``: the sign changes no reading of a specimen that is its own
-    mirror image. ``name`` is that of the argument it annotates.
+    mirror image. Sentences give ``tell(value)`` in ``told_in``, the unit to show if it is left out,
+    or "%" of plain numbers. ``name`` is that of the argument it annotates.
     """
 
     meaning: str
@@ -71,6 +72,8 @@ class EffectParameter:
     power: Literal[1, -2] = 1
     least: float = 0.0
     even: bool = False
+    told_in: str = ""
+    tell: Callable[[float], float] = float
     name: str = ""
 
     @cached_property
@@ -125,12 +128,17 @@ class Effect:
     ``edit(setup, *values)`` returns a new setup; values of size 0 must change no number of the
     solution. ``on_one``: it happens to one specimen, which must be named, ``edit(setup, *values,
     which=name)``, rather than to all or to the rig. ``explanation`` is one sentence for someone in
-    the laboratory; ``columns`` are those of static.csv without which it cannot be seen; ``lumped``:
-    it is one of the lumped model's actuators, not of films and rigs as they are.
+    the laboratory; ``finding`` what is said where it is found, as
+    :func:`tympan.studies.effects.findings.finding` fills it in, and ``check`` what to do there
+    to see it directly, both of them with the specimen as ``{which}``. ``columns`` are those of
+    static.csv without which it cannot be seen; ``lumped``: it is one of the lumped model's
+    actuators, not of films and rigs as they are.
     """
 
     name: str
     explanation: str
+    finding: str
+    check: str
     parameters: tuple[EffectParameter, ...]
     edit: Callable[..., Setup]
     on_one: bool = False
@@ -171,7 +179,7 @@ Use = tuple[str, tuple[float, ...], str | None]
 EFFECTS: Registry[Effect] = Registry("name")
 
 
-def effect(explanation: str, *, columns: tuple[str, ...] = (),
+def effect(explanation: str, *, finding: str, check: str, columns: tuple[str, ...] = (),
            lumped: bool = False) -> Callable[[Callable[..., Setup]], Effect]:
     """Register an edit as the effect of its name: its annotated arguments are the parameters.
 
@@ -182,8 +190,8 @@ def effect(explanation: str, *, columns: tuple[str, ...] = (),
         parameters = tuple(replace(note, name=name) for name in inspect.signature(edit).parameters
                            for note in getattr(hints[name], "__metadata__", ())
                            if isinstance(note, EffectParameter))
-        made = Effect(edit.__name__, explanation, parameters, edit, on_one="which" in hints,
-                      columns=columns, lumped=lumped)
+        made = Effect(edit.__name__, explanation, finding, check, parameters, edit,
+                      on_one="which" in hints, columns=columns, lumped=lumped)
         EFFECTS.register(made)
         return made
 

@@ -21,7 +21,10 @@ from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
-        "stress when mounted.")
+        "stress when mounted.",
+        finding="The film hardens {h:more/less} with stretch than the stated law (exponent {h})",
+        check="stretch a strip of the same film beyond its mounted stretch and compare its curve "
+              "with the stated law")
 def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
         "power of the first invariant by which the slope of the energy grows", "",
         width=0.2, low=-0.8, high=2.0, reason=(
@@ -36,22 +39,29 @@ def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
 
 
 @effect("The permittivity of the film falls (n > 0) or rises as its area grows beyond the mounted "
-        "one.")
+        "one.",
+        finding="The film's permittivity {n:falls/rises} by {n} for every tenth that its area "
+                "grows beyond the mounted one",
+        check="measure the film's capacitance unloaded and under the largest load")
 def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
         "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-1.0, high=1.0, reason=(
             "VHB 4910: ε_r 4.7 unstretched and 2.6 at a stretch of 5 (Wissler, Mazza, Sens. "
             "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
-            "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"))]) -> Setup:
+            "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"),
+        told_in="%", tell=lambda n: 1 - 1.1**-n)]) -> Setup:
     return setup.with_films(
         lambda film: replace(film, permittivity_exponent=film.permittivity_exponent + n))
 
 
 @effect("All films were stretched a little more along one axis of the frame than along the other, "
-        "at the same area.")
+        "at the same area.",
+        finding="All films are stretched {a} more than stated along {a:x/y} and as much less "
+                "along {a:y/x}",
+        check="measure the marks drawn on the films before stretching, along x and along y")
 def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
         "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.1, high=0.1,
-        reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source"
-        )]) -> Setup:
+        reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source",
+        told_in="%")]) -> Setup:
     def change(film: Film) -> Film:
         x, y = film.prestretch
         return replace(film, prestretch=(x * (1 + a), y / (1 + a)))
@@ -59,11 +69,14 @@ def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
     return setup.with_films(change)
 
 
-@effect("The film of one specimen slipped in its frame or was stretched less than the others.")
+@effect("The film of one specimen slipped in its frame or was stretched less than the others.",
+        finding="The film of {which} slipped: it is {delta} less stretched than stated",
+        check="look for slip where the film of {which} is clamped, and measure the marks drawn on "
+              "it before stretching")
 def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
         "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.15, reason=(
             "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "
-            "source"))], which: str) -> Setup:
+            "source"), told_in="%")], which: str) -> Setup:
     def change(film: Film) -> Film:
         x, y = film.prestretch
         return replace(film, prestretch=(x * (1 - delta), y * (1 - delta)))
@@ -71,7 +84,9 @@ def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
     return setup.with_films(change, which)
 
 
-@effect("The electrode does not reach the frame: an uncovered band along it carries no field.")
+@effect("The electrode does not reach the frame: an uncovered band along it carries no field.",
+        finding="The electrodes end {d} short of the frame",
+        check="measure with a ruler how far from the frame the electrodes end")
 def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
         "width of the uncovered band along the frame", "mm", width=2e-3, low=0.0, high=10e-3,
         least=0.5e-3, reason=(
@@ -82,7 +97,10 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
         lambda specimen: with_change(specimen, ("electrode", "margin_frame"), d))
 
 
-@effect("The electrodes add stiffness of their own, without stress in the flat mounted film.")
+@effect("The electrodes add stiffness of their own, without stress in the flat mounted film.",
+        finding="The electrodes stiffen the film by a modulus of {mu_e}",
+        check="wipe the electrodes off one specimen and read its deflections without voltage "
+              "again")
 def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
         "neo-Hookean modulus per virgin volume, without stress when mounted", "kPa",
         width=1e3, low=0.0, high=10e3, reason=(
@@ -98,7 +116,9 @@ def _offset(axis: str) -> EffectParameter:
         reason="a plate placed by eye on marks or in a loose jig; no source")
 
 
-@effect("The plates were glued off the centre of their frames, and may tilt.")
+@effect("The plates were glued off the centre of their frames, and may tilt.",
+        finding="The plates sit off the centres of their frames, {dx} along x and {dy} along y",
+        check="measure the gaps between plate and frame on all four sides with a calliper")
 def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
                        dy: Annotated[float, _offset("y")]) -> Setup:
     def change(specimen: Specimen) -> Specimen:
@@ -109,7 +129,9 @@ def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
 
 
 @effect("Every load is heavier (or lighter) by the same mass than its label says: a plate, hook or "
-        "lead was not weighed.")
+        "lead was not weighed.",
+        finding="Every load is {m_0} {m_0:heavier/lighter} than its label",
+        check="weigh plate, screw, hook and lead, and every load, on one balance")
 def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
         "every load is m + m_0", "g", width=1e-3, low=-5e-3, high=15e-3, reason=(
             "plate, screw, hook and glue weigh 0.5 to 3 g and leads carry some of it; no "
@@ -117,7 +139,9 @@ def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
     return setup.with_rig(unaccounted_mass=setup.rig.unaccounted_mass + m_0)
 
 
-@effect("A lead, a guide or a touching probe holds the plate like a spring.")
+@effect("A lead, a guide or a touching probe holds the plate like a spring.",
+        finding="Something holds the plate back like a spring of {k}",
+        check="take away what touches the plate (lead, guide, probe) and read one state again")
 def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
         "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=100.0,
         reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 N/m"
@@ -130,21 +154,27 @@ def _compounded(first: float, second: float) -> float:
 
 
 @effect("The voltage across the film is a constant fraction larger or smaller than the one written "
-        "down.")
+        "down.",
+        finding="The film gets {k} {k:more/less} voltage than is written down",
+        check="measure the supply's voltage with a high-voltage probe at two settings")
 def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "the film sees (1+k) U", "", width=0.02, low=-0.3, high=0.3, reason=(
             "converter modules set by a control voltage, without calibration, to a few per cent; "
-            "no source"))]) -> Setup:
+            "no source"), told_in="%")]) -> Setup:
     return setup.with_rig(amplifier_gain=_compounded(setup.rig.amplifier_gain, k))
 
 
 @effect("The high-voltage supply sags under the film's leakage: the higher the voltage, the more "
-        "of it is missing.")
+        "of it is missing.",
+        finding="The supply sags: at 5 kV, {U_s} of the voltage does not reach the film",
+        check="measure the voltage on the film itself with a high-voltage probe, at the highest "
+              "voltage")
 def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
         "the film sees U/(1+(U/U_s)^2); infinite where there is no sag", "kV",
         width=25e3, low=5e3, high=inf, power=-2, reason=(
             "25 kV is 7 % less at 7 kV: what a leaking film takes from a small unregulated "
-            "converter; no source"))]) -> Setup:
+            "converter; no source"),
+        told_in="%", tell=lambda U_s: 1 - 1 / (1 + (5e3 / U_s) ** 2))]) -> Setup:
     small, large = sorted((U_s, setup.rig.sag_voltage))  # 1/U_s² add up
     both = small if isinf(large) else small / sqrt(1 + (small / large) ** 2)
     return setup.with_rig(sag_voltage=both)
@@ -153,7 +183,11 @@ def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
 # One play operator between turns of the voltage; Zou and Gu (Polymers 10, 2018, 525; abstract read)
 # fit actuators of this kind with a sum of such operators.
 @effect("The film follows the voltage late: on the way up it stands where a lower voltage would "
-        "hold it, on the way down where a higher one would.", columns=("direction",))
+        "hold it, on the way down where a higher one would.",
+        finding="The film follows the voltage late, by {H} on the way up and on the way down",
+        check="stop at one voltage on the way up for ten minutes and see whether the reading "
+              "still moves",
+        columns=("direction",))
 def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         "the film responds as to U - H (at least 0) on the way up, to U + H on the way down", "kV",
         width=0.1e3, low=0.0, high=1e3, reason=(
@@ -163,15 +197,21 @@ def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
 
 
 @effect("The displacement sensor shows a constant fraction too much or too little, as when its "
-        "axis is tilted.")
+        "axis is tilted.",
+        finding="The sensor shows {k} {k:more/less} than the plate moves",
+        check="move the sensor's target by a gauge block of known thickness, and look whether its "
+              "axis is upright")
 def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
         "readings are (1+k) y", "", width=0.01, low=-0.2, high=0.2, reason=(
             "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
-            "is better than that"))]) -> Setup:
+            "is better than that"), told_in="%")]) -> Setup:
     return setup.with_rig(sensor_gain=_compounded(setup.rig.sensor_gain, k))
 
 
-@effect("All readings are shifted by the same length: the sensor was not zero at the flat film.")
+@effect("All readings are shifted by the same length: the sensor was not zero at the flat film.",
+        finding="Every reading is {y_0} too {y_0:large/small}: the sensor was not zero at the "
+                "flat film",
+        check="read the sensor with the film flat and unloaded")
 def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
         "readings are y + y_0", "um", width=50e-6, low=-1e-3, high=1e-3,
         reason="the zero is set by hand on a plate that is not yet loaded; no source")]) -> Setup:
@@ -179,6 +219,8 @@ def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
 
 
 @effect("Readings wander in proportion to the time since the run began: sensor and stand warm up.",
+        finding="Readings {rate:rise/fall} by {rate} as time goes by",
+        check="read the first state once more at the end of the run",
         columns=("elapsed_s",))
 def drift(setup: Setup, rate: Annotated[float, EffectParameter(
         "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-6 / 60,
@@ -190,13 +232,17 @@ def drift(setup: Setup, rate: Annotated[float, EffectParameter(
 
 
 @effect("The film between plate and frame is not the lumped model's straight cone but hollow, "
-        "steepest at the plate.", lumped=True)
+        "steepest at the plate.",
+        finding="The film is hollow: {c} of the way from the lumped model's straight cone to a "
+                "membrane",
+        check="photograph the film from the side and lay a ruler on it from plate to frame",
+        lumped=True)
 def cone_kinematics(setup: Setup, c: Annotated[float, EffectParameter(
         "film from the straight cone (0) to a weightless membrane hardly deflected (1)", "",
         width=1.0, low=0.0, high=1.5, reason=(
             "equilibrium of a flat tense film makes it 1, bending stiffness would make it less: "
             "nothing between 0 and 1 is favoured much, and room beyond 1 lets data contradict "
-            "both; no source"))]) -> Setup:
+            "both; no source"), told_in="%")]) -> Setup:
     def change(specimen: Specimen) -> Specimen:
         if not isinstance(specimen, Lumped):
             raise InputError("is an effect on the lumped model", key="cone_kinematics",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isinf
 from typing import Any
 
-from tympan.studies.effects import EFFECTS, EffectParameter
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter
 
 #: What the size of a value is where its power is not 1.
 _INVERSE = "1/square of "
@@ -14,8 +14,9 @@ _INVERSE = "1/square of "
 def listing() -> dict[str, Any]:
     """Every effect as a JSON object by its name; limits that are infinite are None."""
     return {effect.name: {
-        "explanation": effect.explanation, "on_one_specimen": effect.on_one,
-        "needs_columns": list(effect.columns), "lumped_model_only": effect.lumped,
+        "explanation": effect.explanation, "check": direct_check(effect),
+        "on_one_specimen": effect.on_one, "needs_columns": list(effect.columns),
+        "lumped_model_only": effect.lumped,
         "parameters": {item.name: _parameter(item) for item in effect.parameters}}
         for effect in EFFECTS.values()}
 
@@ -31,6 +32,11 @@ def _parameter(item: EffectParameter) -> dict[str, Any]:
 
 def _distribution(item: EffectParameter) -> str:
     return "normal" if item.limits[0] < 0 else "half-normal"
+
+
+def direct_check(effect: Effect) -> str:
+    """What to do to see an effect directly, whichever specimen it is on."""
+    return effect.check.format(which="the specimen")
 
 
 def named(item: EffectParameter) -> str:

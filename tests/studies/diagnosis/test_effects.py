@@ -24,6 +24,7 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, equilibrate, solve
 from tympan.studies.effects import EFFECTS, Effect, Setup, Use, extended
+from tympan.studies.effects.findings import FoundSize, finding, limits_told
 
 MATERIAL = NeoHooke(20e3)
 NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
@@ -203,6 +204,51 @@ def test_priors(effect: Effect, number: int) -> None:
     assert item.size(item.value(item.deviation)) == pytest.approx(item.deviation, rel=1e-12)
     for size in (low, high):
         changed(effect, number, size)
+
+
+@each_effect
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_is_found_is_a_sentence_with_a_check(effect: Effect, sign: int) -> None:
+    """With the size and its limits, as far as the parameter can have that sign."""
+    which = "circle" if effect.on_one else None
+    estimates = {}
+    for item in effect.parameters:
+        sizes = np.clip(sign * np.array([1.0, 0.8, 1.2]) * item.deviation, *item.limits)
+        estimates[item.name] = FoundSize(item, *(item.value(size) for size in sizes.tolist()))
+    told = finding(effect, estimates, which)
+    check = effect.check.format(which=which)
+    assert told[0].isupper()
+    assert check[0].islower()
+    assert not set("{}_") & set(told + check)
+    assert not (told + check).endswith(".")
+    assert ("circle" in told) == ("circle" in check) == effect.on_one
+    assert limits_told(effect, estimates) or any(
+        item.sign == "positive" for item in effect.parameters)
+
+
+def told_of(name: str, value: float, low: float, high: float) -> tuple[str, str]:
+    parameter = EFFECTS[name].parameters[0]
+    estimates = {parameter.name: FoundSize(parameter, value, low, high)}
+    return finding(EFFECTS[name], estimates, None), limits_told(EFFECTS[name], estimates)
+
+
+@pytest.mark.parametrize(("name", "values", "words", "limits"), [
+    ("unaccounted_mass", (1.51e-3, 1.34e-3, 1.68e-3),
+     "Every load is 1.5 g heavier than its label", "1.3 to 1.7 g"),
+    ("unaccounted_mass", (-2.137e-3, -2.16e-3, -2.11e-3),
+     "Every load is 2.14 g lighter than its label", "2.11 to 2.16 g"),
+    ("unaccounted_mass", (0.4e-3, -0.3e-3, 1.1e-3),
+     "Every load is 0.4 g heavier than its label", "\N{MINUS SIGN}0.3 to 1.1 g"),
+    ("parallel_spring", (0.0, 0.0, 2.13), "Something holds the plate back like a spring of less "
+     "than 2.1 N/m", ""),
+    ("voltage_sag", (np.inf, 25e3, np.inf), "The supply sags: at 5 kV, less than 3.8 % of the "
+     "voltage does not reach the film", ""),
+    ("sensor_zero", (-1e-3, -1e-3, -0.7e-3), "Every reading is at least 700 µm too small: the "
+     "sensor was not zero at the flat film", ""),
+])
+def test_sizes_have_sensible_digits_and_bounds_are_called_so(
+        name: str, values: tuple[float, float, float], words: str, limits: str) -> None:
+    assert told_of(name, *values) == (words, limits)
 
 
 @pytest.mark.parametrize(("name", "path", "chain"), [

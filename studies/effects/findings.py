@@ -1,0 +1,97 @@
+"""What is said of an effect that readings speak for: its sentence, with sizes and their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import floor, inf, log10
+from string import Formatter
+
+from tympan.studies.effects.effect import Effect, EffectParameter
+
+#: Significant digits at most, and the share of half the width between limits that they resolve.
+_DIGITS, _RESOLVED = 3, 0.6
+
+
+@dataclass(frozen=True)
+class FoundSize:
+    """A parameter's value with its 95 % limits, in SI, and how a sentence gives them.
+
+    Formatted without a specification it is a size with its unit, or what it is at least or less
+    than where it lies on a limit; formatted with two words, as in ``{m_0:heavier/lighter}``, the
+    first one where it is positive, else the second.
+    """
+
+    parameter: EffectParameter
+    value: float
+    low: float
+    high: float
+
+    def __format__(self, words: str) -> str:
+        if words:
+            positive, negative = words.split("/")
+            return positive if self._told[0] >= 0 else negative
+        (value, low, high), unit = self._told, self._unit
+        if self.small:
+            return f"less than {_rounded(max(-low, high), 2)}{unit}"
+        if low < value == high or low == value < high:
+            return f"at least {_rounded(min(abs(low), abs(high)), 2)}{unit}"
+        return f"{self._text(abs(value))}{unit}"
+
+    @property
+    def small(self) -> bool:
+        """Whether it is known only to be less than something."""
+        value, low, high = self._told
+        return low <= 0 <= high and (self.parameter.sign == "even" or value == 0)
+
+    @property
+    def range(self) -> str:
+        """Its limits; "" where the size already is one."""
+        value, low, high = self._told
+        if self.small or value in (low, high):
+            return ""
+        if high < 0:
+            low, high = -high, -low
+        return f"{self._text(low)} to {self._text(high)}{self._unit}"
+
+    @property
+    def _told(self) -> tuple[float, float, float]:
+        """Value and limits in the unit of sentences."""
+        item = self.parameter
+        scale = 100.0 if item.told_in == "%" else item.shown(1.0)
+        value, *limits = (scale * item.tell(at) for at in (self.value, self.low, self.high))
+        return value, min(limits), max(limits)
+
+    @property
+    def _unit(self) -> str:
+        unit = (self.parameter.told_in or self.parameter.unit).replace("u", "µ", 1)
+        return f" {unit}" if unit else ""
+
+    def _text(self, number: float) -> str:
+        """A number with the digits that half the width between the limits leaves a meaning."""
+        value, low, high = self._told
+        size, width = max(map(abs, (value, low, high))), _RESOLVED * (high - low) / 2
+        digits = _power(size) - _power(width) + 1 if 0 < width < inf else _DIGITS
+        return _rounded(number, min(digits, _DIGITS), size)
+
+
+def _rounded(number: float, digits: int, size: float = 0.0) -> str:
+    """A number with as many digits as a larger one of ``size`` needs to have ``digits``."""
+    decimals = max(0, digits - 1 - _power(size or abs(number)))
+    return f"{number:.{decimals}f}".replace("-", "\N{MINUS SIGN}")
+
+
+def _power(size: float) -> int:
+    return floor(log10(size)) if 0 < size < inf else 0
+
+
+def finding(effect: Effect, sizes: Mapping[str, FoundSize], which: str | None) -> str:
+    """The sentence of an effect that was found, without a stop, by its parameters' sizes."""
+    return effect.finding.format(which=which, **sizes)
+
+
+def limits_told(effect: Effect, sizes: Mapping[str, FoundSize]) -> str:
+    """The 95 % limits of the sizes its sentence gives, in its order."""
+    names = [name for _, name, words, _ in Formatter().parse(effect.finding)
+             if name in sizes and not words]
+    return "; ".join(filter(None, (sizes[name].range for name in names if name)))
