@@ -46,6 +46,8 @@ class Rig:
         "further mechanisms between plate and ground", name="bias", kinds=BIASES)] = ()
     lag_voltage: Annotated[float, Key("by how much the film is behind a rising or falling voltage",
                                       "voltage", NON_NEGATIVE)] = 0.0
+    friction: Annotated[float, Key("by which the plate rubs against the way it came", "force",
+                                   NON_NEGATIVE)] = 0.0
 
     @classmethod
     def from_table(cls, table: Table) -> Self:
@@ -71,6 +73,19 @@ class Rig:
         """Force on the plate [N] of a nominal mass [kg] and the pressure on its area [m²]."""
         return (mass + self.unaccounted_mass) * self.gravity + self.plate_pressure * plate_area
 
+    def rubbed(self, force: Any, direction: Any = 0.0) -> Any:
+        """What the film carries [N] of a force on the plate that rubs, which it never turns.
+
+        ``direction`` as of a voltage: the plate is held up on its way down to where a rising one or
+        the weight moves it, held down where the voltage falls.
+
+        Examples
+        --------
+        >>> [Rig(friction=0.01).rubbed(0.18, direction) for direction in (1.0, 0.0, -1.0)]
+        [0.16999999999999998, 0.18, 0.19]
+        """
+        return _not_turned(force, force - direction * self.friction)
+
     def film_voltage(self, voltage: Any, direction: Any = 0.0) -> Any:
         """What the film responds to [V] of a nominal voltage: (1+k) U/(1+(U/U_s)²), less its lag.
 
@@ -90,12 +105,16 @@ class Rig:
         sag = voltage / self.sag_voltage
         # As a product: numbers and arrays round a power differently.
         supplied = (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
-        followed = supplied - direction * self.lag_voltage
-        return followed * (np.real(followed) * (1 - 2 * (np.real(supplied) < 0)) > 0)
+        return _not_turned(supplied, supplied - direction * self.lag_voltage)
 
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed
+
+
+def _not_turned(before: Any, after: Any) -> Any:
+    """What was changed, none where that turned its sign."""
+    return after * (np.real(after) * (1 - 2 * (np.real(before) < 0)) > 0)
 
 
 def checked_load(mass: float, voltage: float) -> None:

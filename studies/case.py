@@ -86,6 +86,10 @@ class Case:
         """What the film responds to [V]."""
         return float(self.rig.film_voltage(self.voltage, self.direction))
 
+    def force(self, plate_area: float) -> float:
+        """What the film carries [N] by a plate of so much area [m²] that came all the way."""
+        return float(self.rig.rubbed(self.rig.force(self.mass, plate_area), self.direction))
+
 
 @dataclass(frozen=True, kw_only=True)
 class CaseRecord:
@@ -185,7 +189,7 @@ def equilibrate(case: Case, settings: Settings) -> tuple[Model, Outcome]:
     """The model of a case and its equilibrium, or why there is none."""
     rig = case.rig
     model = build_model(case.specimen, settings, rig.loading)
-    outcome = equilibrium(model, rig.force(case.mass, model.plate_area), case.film_voltage,
+    outcome = equilibrium(model, case.force(model.plate_area), case.film_voltage,
                           rig.gas_pressure, settings=settings.path)
     return model, outcome
 

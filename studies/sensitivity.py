@@ -42,7 +42,8 @@ UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "ener
 #: What of a case makes each load; at the load's own limit they have no say.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
          "pressure": ("rig.gas_pressure",),
-         "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure")}
+         "force": ("mass", "rig.unaccounted_mass", "rig.gravity", "rig.plate_pressure",
+                  "rig.friction")}
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def case_parameters(case: Case, model: Model, limited: Load | None = None
         shape = of_model[name]
         loads = case.rig.plate_pressure and limited != "force"
         result[name] = _under_pressure(shape, case) if loads else shape
-    idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag",)))
+    idle = ("rig.sensor", "rig.drift", *(() if case.direction else ("rig.lag", "rig.friction")))
     rig = [name for name in numbers(case.rig, "rig") if not name.startswith(idle)]
     for name in ("mass", "voltage", *rig):
         path = tuple(name.split("."))
@@ -136,7 +137,8 @@ def _case_number(case: Case, path: tuple[str, ...], limited: Load | None) -> Mod
         mass, voltage = (getattr(case, name) + (change if path == (name,) else 0)
                          for name in ("mass", "voltage"))
         rig = with_change(case.rig, path[1:], change) if path[0] == "rig" else case.rig
-        loads = {"force": rig.force(mass, model.plate_area), "pressure": rig.gas_pressure,
+        force = rig.rubbed(rig.force(mass, model.plate_area), case.direction)
+        loads = {"force": force, "pressure": rig.gas_pressure,
                  "voltage": rig.film_voltage(voltage, case.direction) ** 2}
         loads = {name: load for name, load in loads.items() if name != limited}
         return replace(model, loading=rig.loading), state.under(**loads)
@@ -149,7 +151,7 @@ def _under_pressure(length: ModelParameter, case: Case) -> ModelParameter:
     """A length that changes the plate's area, and so the force of a pressure on the plate."""
     def changed(model: Model, state: State, change: Any) -> tuple[Model, State]:
         other, moved = length.changed(model, state, change)
-        force: Any = case.rig.force(case.mass, other.plate_area)
+        force: Any = case.rig.rubbed(case.rig.force(case.mass, other.plate_area), case.direction)
         return other, moved.under(force=force)
 
     return replace(length, changed=changed)

@@ -64,7 +64,8 @@ class Rig(AnyRig):
                  = ..., drift: Quantity = ..., guide: Literal["free", "level",
                  "vertical", "fixed"] = ..., weight_offset: Pair = ...,
                  plate_pressure: Quantity = ..., gas_pressure: Quantity = ...,
-                 biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...) -> None: ...
+                 biases: Sequence[Bias] = ..., lag_voltage: Quantity = ...,
+                 friction: Quantity = ...) -> None: ...
 
 class Circle(AnyCircle):
     def __init__(self, radius: Quantity) -> None: ...

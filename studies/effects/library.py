@@ -196,6 +196,19 @@ def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
     return setup.with_rig(lag_voltage=setup.rig.lag_voltage + H)
 
 
+@effect("The plate rubs on a guide or a probe: it stays where it is until the force that is "
+        "missing is larger than the friction, and comes to rest short of where it would go.",
+        finding="The plate rubs: it moves only where more than {F} is missing",
+        check="tap the stand lightly at one voltage on the way up and see whether the reading "
+              "moves on, and look where guide, probe or leads touch the plate")
+def friction(setup: Setup, F: Annotated[float, EffectParameter(
+        "force against the way the plate came, on the way down first", "mN", width=5e-3, low=0.0,
+        high=0.1, reason=(
+            "a guide or probe pressed against the plate by a tenth of a load of 0.2 N, with a "
+            "coefficient of friction of 0.2, rubs with 4 mN; no source"))]) -> Setup:
+    return setup.with_rig(friction=setup.rig.friction + F)
+
+
 @effect("The displacement sensor shows a constant fraction too much or too little, as when its "
         "axis is tilted.",
         finding="The sensor shows {k} {k:more/less} than the plate moves",

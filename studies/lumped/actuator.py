@@ -76,10 +76,10 @@ class Actuator:
             raise InputError("stiffness must be positive, permittivity must not be negative",
                              key="correction", given=f"{self.stiffness}, {self.permittivity}")
         rig = self.rig
-        if rig.biases or rig.gas_pressure or rig.plate_pressure or rig.lag_voltage:
-            raise InputError("the lumped model has no bias, gas or plate pressure and no lag: only "
-                             "gravity, unaccounted mass, spring, amplifier, sag and sensor count",
-                             key="rig")
+        if any((rig.biases, rig.gas_pressure, rig.plate_pressure, rig.lag_voltage, rig.friction)):
+            raise InputError("the lumped model has no bias, gas or plate pressure, lag, friction: "
+                             "only gravity, unaccounted mass, spring, amplifier, sag and sensor "
+                             "count", key="rig")
 
     @classmethod
     def of(cls, specimen: Specimen, mass: float, weights: Sequence[float] | None = None,

@@ -23,8 +23,8 @@ from tympan.options import (
          argument("--elapsed", default="0 s", metavar="TIME",
                   help="since the run began, for a rig whose readings drift"),
          argument("--direction", choices=("up", "down"), default="",
-                  help="which way the voltage was reached, for a film that lags behind it "
-                       "(default: not known)"),
+                  help="which way the voltage was reached, for a film that lags behind it or a "
+                       "plate that rubs (default: not known, without either)"),
          output("also store the fields (VTU) and the numbers"), JSON)
 def solve(options: argparse.Namespace) -> None:
     """One specimen under one load and voltage.

@@ -33,7 +33,7 @@ NOMINAL = Setup((circular(MATERIAL), elliptical(60e-3, MATERIAL)), Rig())
 TAKEN = Setup(
     (replace(skewed(), electrode=replace(skewed().electrode, margin_frame=3e-3)),
      circular(MATERIAL)),
-    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0))
+    Rig(9.81, 1e-3, 4.0, 0.03, 30e3, -0.02, 20e-6, drift=1e-9, lag_voltage=60.0, friction=2e-3))
 
 FINE = Settings()
 COARSE = Settings(MeshSettings(order=2).refined(0.7))
