@@ -17,19 +17,24 @@ from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
+from tympan.studies.diagnosis.reduced.resting_place import resting_place
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
 
 Array = NDArray[np.float64]
-
-#: Newton iterations for heaves, and the change at which they end, relative to the law's largest
-#: heave.
-_ITERATIONS, _SMALL = 25, 1e-9
+Mask = NDArray[np.bool_]
 
 #: The logarithm of the largest factor on stiffness or permittivity.
 _FACTOR = np.log(20.0)
 
-#: How far beyond its largest heave and U² a force law is trusted, as shares.
-_BEYOND = 0.15
+#: How far beyond its largest heave and U², and below no heave, a force law is trusted, as shares.
+_BEYOND, _BELOW = 0.15, 0.2
+
+#: The stiffness that missing force is over, at least, as a share of the flat film's; the least of
+#: that [N/m]; the heave that a film certainly has at its limit, as a share of a linear film's.
+_SOFT, _LEAST, _LINEAR = 0.1, 1e-6, 1.0
+
+#: How near to its largest U² its slope there is taken, as a share.
+_NEAR = 1e-4
 
 #: What every hypothesis has: the two factors; and the sizes of its effects.
 STIFFNESS, PERMITTIVITY = 0, 1
@@ -108,15 +113,17 @@ class Simulation:
 
 
 class Prediction:
-    """What a simulation shows at some unknowns; heaves are sought from ``start`` where it has any.
+    """What a simulation shows at some unknowns.
 
-    Rows of states in which the force laws reach no equilibrium show nan.
+    Force laws reach a little beyond their grids; from there they are continued by lines. A state in
+    which the plate nowhere comes to rest is ``extended`` in proportion to the force that is missing
+    at its limit point. So a fit can come back from where it asks for too much.
     """
 
     def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
                  table: ReadingTable, start: Array | None = None) -> None:
         self.simulation, self.hypothesis, self.unknowns = simulation, hypothesis, unknowns
-        self.table, self.start, states = table, start, table.states
+        self.table, states = table, table.states
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
         self.rig = _rig(simulation, hypothesis, unknowns)
@@ -127,36 +134,75 @@ class Prediction:
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
         self.voltage_squared = self.permittivity / self.stiffness * seen**2
         # Of each specimen, its states, its film, and their forces as polynomials of the heave.
-        self.films = [(rows, surface, surface.by_heave(self.voltage_squared[rows]))
+        self.films = [(rows, surface, _by_heave(surface, self.voltage_squared[rows]))
                       for rows, surface in zip(states.of_specimen, surfaces, strict=False)
                       if len(rows)]
         areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
-        self.reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
-        top = np.array([law.grid.voltage_squared for law in simulation.laws])[states.specimen]
-        self.beyond = self.voltage_squared > (1 + _BEYOND) * top
+        reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
+        self.low, self.high = -_BELOW * reach, (1 + _BEYOND) * reach
+        self.free = np.isnan(states.heave)
+        self.top = (1 + _BEYOND) * np.array(
+            [law.grid.voltage_squared for law in simulation.laws])[states.specimen]
+
+    @cached_property
+    def _rest(self) -> tuple[Array, Mask]:
+        """Where plates come to rest within the laws' reach in heave, or come nearest to it."""
+        at, rests = resting_place(self.balance, self.low, self.high)
+        return np.where(self.free, at, self.table.states.heave), rests | ~self.free
+
+    @cached_property
+    def possible(self) -> Mask:
+        """States of stable equilibrium within the force laws' reach."""
+        return self._rest[1] & (self.voltage_squared <= self.top)
+
+    @cached_property
+    def short(self) -> Mask:
+        """States that are none, but might be by force laws that reach further in heave or U²."""
+        at, rests = self._rest
+        ended = ~rests & ((at <= self.low) | (at >= self.high))
+        return ended | (self.voltage_squared > self.top)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all states that are read are possible."""
+        table = self.table
+        return bool(self.possible[table.state].all()
+                    and self.possible[table.since[table.since >= 0]].all())
 
     @cached_property
     def heave(self) -> Array:
-        """Heave of each state [m], nan where the force laws reach no equilibrium."""
-        free, reach, heave = np.isnan(self.table.states.heave), self.reach, self._first_guess()
-        if self.start is not None:
-            heave = np.where(np.isfinite(self.start), self.start, heave)
-        heave = np.where(free, heave, self.table.states.heave)
-        for _ in range(_ITERATIONS):
-            force, stiffness = self.balance(heave)
-            with np.errstate(all="ignore"):
-                step = np.where(free, -force / stiffness, 0.0)
-            heave = np.clip(heave + np.clip(step, -0.3 * reach, 0.3 * reach), -0.2 * reach,
-                            (1 + _BEYOND) * reach)
-            if np.all(np.abs(step) < _SMALL * reach):
-                break
-        force, stiffness = self.balance(heave)
-        with np.errstate(all="ignore"):
-            gone = free & ((stiffness <= 0) | ~(np.abs(force / stiffness) < 1e-6 * reach)
-                           | (heave >= (1 + _BEYOND) * reach))
-        return np.where(gone | self.beyond, np.nan, heave)
+        """Heave of each state [m], nan where it is not possible."""
+        return np.where(self.possible, self.extended_heave, np.nan)
+
+    @cached_property
+    def extended_heave(self) -> Array:
+        """Heave of each state [m]; where the plate nowhere rests, its continuation."""
+        at, rests = self._rest
+        if rests.all():
+            return at
+        # Where the film pulls in at less and less heave, force is missing of a heave that stays.
+        flat = self._flat_stiffness
+        least = -_LINEAR * self.balance(np.zeros_like(at))[0] / flat
+        at = np.where(rests, at, np.where(least > 0, np.maximum(at, np.minimum(least, self.high)),
+                                          np.minimum(at, np.maximum(least, self.low))))
+        force, rate = self.balance(at)
+        return np.where(rests, at, at - force / np.maximum(rate, _SOFT * flat))
+
+    @property
+    def _flat_stiffness(self) -> Array:
+        """Stiffness of the flat film without voltage, shape (states,)."""
+        stiffness = np.empty(len(self.low))
+        for rows, surface, _ in self.films:
+            none = np.zeros(1)
+            stiffness[rows] = surface.force(none, surface.by_heave(none))[1]
+        return np.maximum(self.stiffness * stiffness, _LEAST)
+
+    @cached_property
+    def extended(self) -> Array:
+        """What each row shows at the extended heaves."""
+        return self.shown(self.extended_heave)
 
     @cached_property
     def values(self) -> Array:
@@ -165,17 +211,18 @@ class Prediction:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Derivatives of the rows by the unknowns, shape (rows, unknowns).
+        """Derivatives of the extended rows by the unknowns, shape (rows, unknowns).
 
-        By the implicit function theorem: differences are taken of the balance of forces at fixed
-        heaves only.
+        By the implicit function theorem where a plate rests: differences are taken of the balance
+        of forces at fixed heaves only.
         """
-        heave, table = self.heave, self.table
+        heave, table = self.extended_heave, self.table
         force, stiffness = self.balance(heave)
-        tiny = 1e-6 * np.mean(self.reach)
+        stiffness = np.maximum(stiffness, _LEAST)
+        tiny = 1e-6 * np.mean(self.high)
         # Right for rows of one state; a range is of two.
         by_heave = (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
-        free, ranges = np.isnan(table.states.heave), table.since >= 0
+        rests, ranges = self._rest[1], table.since >= 0
         columns, most = [], bounds_of(self.simulation, self.hypothesis)[1]
         deviations = [parameter.deviation for parameter in parameters_of(self.hypothesis)]
         for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
@@ -183,37 +230,40 @@ class Prediction:
             moved = self.unknowns.copy()
             moved[number] += step
             there = Prediction(self.simulation, self.hypothesis, moved, table)
-            shift = np.where(free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
+            shift = np.where(self.free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
+            if not rests.all():
+                shift = np.where(rests, shift, there.extended_heave - heave)
             change = by_heave * shift[table.state]
             change[ranges] = (1 + self.rig.sensor_gain) * (
                 shift[table.state[ranges]] - shift[table.since[ranges]])
-            columns.append((there.shown(heave) - self.values + change) / step)
+            columns.append((there.shown(heave) - self.extended + change) / step)
         return np.stack(columns, axis=1)
 
     def balance(self, heave: Array) -> tuple[Array, Array]:
-        """Force that is missing [N], and the stiffness of film and rig [N/m]."""
-        force, rate = np.empty((2, len(heave)))
-        for rows, surface, by_heave in self.films:
-            force[rows], rate[rows] = surface.force(heave[rows], by_heave)
-        force = self.stiffness * force + self.rig.spring * heave
-        rate = self.stiffness * rate + self.rig.spring
-        if self.rig.biases:
-            more = np.array([[bias.derivatives(at)[1:] for at in heave.tolist()]
-                             for bias in self.rig.biases]).sum(0)
-            force, rate = force + more[:, 0], rate + more[:, 1]
-        return force - self.load, rate
+        """Force that is missing [N], and the stiffness of film and rig [N/m].
 
-    def _first_guess(self) -> Array:
-        """Heaves by the stiffness of the flat film."""
-        rest = np.full(len(self.reach), 0.02) * self.reach
-        force, rate = self.balance(rest)
-        with np.errstate(all="ignore"):
-            guess = rest - np.where(rate > 0, force / rate, 0.0)
-        return np.asarray(np.clip(np.where(np.isfinite(guess), guess, rest), 0.0, self.reach))
+        At heaves [m] of the states, shape (..., states).
+        """
+        at = np.clip(heave, self.low, self.high)
+        force, rate = np.empty((2, *at.shape))
+        for rows, surface, by_heave in self.films:
+            some = at[..., rows]
+            each = np.broadcast_to(by_heave, (*some.shape, by_heave.shape[1]))
+            parts = surface.force(some.ravel(), each.reshape(-1, by_heave.shape[1]))
+            force[..., rows], rate[..., rows] = (part.reshape(some.shape) for part in parts)
+        force = self.stiffness * (force + rate * (heave - at)) + self.rig.spring * heave
+        rate = self.stiffness * rate + self.rig.spring
+        for bias in self.rig.biases:
+            more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
+            force, rate = (part + more[:, order].reshape(heave.shape)
+                           for order, part in enumerate((force, rate)))
+        return force - self.load, rate
 
     def shown(self, heave: Array) -> Array:
         """What the rows show when the states have these heaves [m]."""
         table, rig, shown = self.table, self.rig, np.empty(len(self.table))
+        within = np.clip(heave, self.low, self.high)
+        squared = np.minimum(self.voltage_squared, self.top)
         for kind, rows in table.rows_of.items():
             at = table.state[rows]
             if kind == "displacement":
@@ -223,8 +273,7 @@ class Prediction:
             elif kind == "capacitance":
                 of_states = np.empty(len(heave))
                 for group, surface, _ in self.films:
-                    of_states[group] = surface.capacitance(heave[group],
-                                                           self.voltage_squared[group])
+                    of_states[group] = surface.capacitance(within[group], squared[group])
                 shown[rows] = self.permittivity * of_states[at]
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
@@ -253,6 +302,18 @@ def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unk
                 if axis.effect == cause.name:
                     coordinates[place] = axis.coordinate(sizes[axis.index], stiffness)
     return law.at(coordinates)
+
+
+def _by_heave(surface: ForceSurface, voltage_squared: Array) -> Array:
+    """Coefficients of the force by the heave's polynomials, continued by a line in U²."""
+    top = (1 + _BEYOND) * surface.grid.voltage_squared
+    within = np.minimum(voltage_squared, top)
+    coefficients = surface.by_heave(within)
+    if np.all(voltage_squared <= top):
+        return coefficients
+    ends = surface.by_heave(top * np.array([1 - _NEAR, 1.0]))
+    share = (voltage_squared - within) / (_NEAR * top)
+    return np.asarray(coefficients + share[:, None] * (ends[1] - ends[0]))
 
 
 def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:

@@ -14,6 +14,7 @@ from tympan.fem.rig import Rig
 from tympan.studies.case import Case, solve
 from tympan.studies.diagnosis.calibration import extended_setup
 from tympan.studies.diagnosis.reading_table import States, rows
+from tympan.studies.diagnosis.reduced.resting_place import resting_place
 from tympan.studies.diagnosis.reduced.sampling import FINE
 from tympan.studies.diagnosis.reduced.simulation import Cause, Prediction, Simulation
 
@@ -130,3 +131,53 @@ def test_past_pull_in_there_is_no_equilibrium(three_shapes: Simulation) -> None:
     found = three_shapes.predict((), soft, table)
     assert np.isfinite(found[0])
     assert np.isnan(found[1])
+
+
+def test_beyond_what_is_possible_predictions_go_on_without_a_jump(three_shapes: Simulation
+                                                                  ) -> None:
+    """Softer and softer films: past pull-in and past the laws' reach heaves grow on and on."""
+    table = _table()
+    softer = [Prediction(three_shapes, (), np.array([share, 0.3]), table)
+              for share in np.linspace(0.5, -1.5, 400)]
+    shown = np.array([prediction.extended for prediction in softer])
+    possible = np.array([prediction.possible for prediction in softer])
+    assert possible[0].all()
+    assert not possible[-1].any()
+    assert np.all(np.diff(possible.astype(int), axis=0) <= 0)
+    assert np.all(np.diff(shown, axis=0) > 0)
+    assert np.diff(shown, axis=0).max() < 8e-3
+    assert all(prediction.complete == prediction.possible.all() for prediction in softer)
+    assert np.all(softer[-1].short)
+
+
+def test_derivatives_beyond_what_is_possible_are_those_of_what_is_shown(three_shapes: Simulation
+                                                                        ) -> None:
+    hypothesis, table, step = (Cause("parallel_spring"),), _table(), 1e-5
+    for unknowns in np.array([[-0.35, 0.2, 2.0], [-1.0, 0.2, 2.0], [0.2, 1.5, 2.0]]):
+        prediction = Prediction(three_shapes, hypothesis, unknowns, table)
+        assert not prediction.complete
+        for number in range(3):
+            moved = step * np.eye(3)[number]
+            ahead, behind = (Prediction(three_shapes, hypothesis, unknowns + way * moved,
+                                        table).extended for way in (1, -1))
+            difference = (ahead - behind) / (2 * step)
+            assert prediction.jacobian[:, number] == pytest.approx(
+                difference, rel=1e-3, abs=1e-5 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("peak", [0.03, 0.4, 0.9, 0.97])
+def test_a_plate_rests_where_forces_first_balance_or_hangs_at_the_limit_point(peak: float) -> None:
+    """A cubic with a maximum of 1 at ``peak``, in closed form, under loads around it."""
+    load = np.array([0.0, 0.5, 0.999999, 1.000001, 1.5, -0.5])
+
+    def balance(heave: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        share = heave / peak
+        return (share * (3 - share**2) / 2 - load, 1.5 * (1 - share**2) / peak + 0 * load)
+
+    at, rests = resting_place(balance, np.full(6, -0.2), np.full(6, 1.0))
+    assert rests.tolist() == [True, True, True, False, False, peak < 0.5]
+    roots = [2 * peak * np.sin(np.arcsin(share) / 3) for share in load[:3]]
+    assert at[:3] == pytest.approx(roots, rel=1e-6, abs=1e-12)
+    assert at[3:5] == pytest.approx([peak, peak], rel=1e-6)
+    if peak > 0.5:
+        assert at[5] == -0.2
