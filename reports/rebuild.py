@@ -19,6 +19,8 @@ KINDS = {
                  "optimise.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),
     "diagnose": ("diagnosis.json", "diagnosis.page:build_diagnosis_page", ""),
+    "diagnose --self-check": ("self-check.json",
+                              "diagnosis.self_check:build_self_check_page", ""),
     "lumped paper": ("paper.json", "paper.page:build_paper_page", ""),
     "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
                         "lumped.simulate:SimulationResult"),

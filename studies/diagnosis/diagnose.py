@@ -27,6 +27,7 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis, cause_names
+from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
 
 #: Factors on the widths of the priors for which the verdict is found again.
@@ -58,9 +59,7 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     readings = prepared_readings(dataset)
     nominal, fit = calibrated(readings.setup, readings.table)
     error = law_error(nominal, fit, readings.table)
-    # The reduced model's error is noise of the lengths.
-    table = readings.table.with_sigma(np.hypot(readings.table.sigma,
-                                               np.where(readings.table.lengths, error, 0.0)))
+    table = _with_model_error(readings.table, error)
     readings = replace(readings, table=table)
     simulation = with_effects(nominal, progress, workers)
     try:
@@ -78,17 +77,20 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
 
 def plan_readings(dataset: Dataset, workers: int = 1,
                   progress: Callable[[int, int], None] = lambda done, all_of_them: None
-                  ) -> dict[str, Any]:
+                  ) -> tuple[dict[str, Any], Bench]:
     """What a dataset's readings can tell, whatever was or will be read, as a JSON object.
 
-    Their values are not looked at. An :class:`InputError` where a planned state has no equilibrium.
+    And what makes synthetic readings like them. Their values are not looked at. An
+    :class:`InputError` where a planned state has no equilibrium.
     """
     readings = prepared_readings(dataset)
     table = _predicted(readings.setup, readings.table)
     nominal, fit = calibrated(readings.setup, table)
-    signs = signatures(with_effects(nominal, progress, workers), table, fit.unknowns,
-                       readings.causes)
+    simulation = with_effects(nominal, progress, workers)
+    signs = signatures(simulation, table, fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
+    noisy = _with_model_error(table, law_error(nominal, fit, table))
+    bench = Bench(simulation, fit.unknowns, noisy, readings.causes, readings.stated)
     return {
         "dataset": dataset.name,
         "readings": len(table),
@@ -97,7 +99,12 @@ def plan_readings(dataset: Dataset, workers: int = 1,
         "not_visible": sorted({str(cause) for cause in invisible}),
         "indistinguishable": [[str(cause) for cause in group] for group in classes],
         "effects": detectable_effects(signs),
-    }
+    }, bench
+
+
+def _with_model_error(table: ReadingTable, error: float) -> ReadingTable:
+    """The reduced model's error [m] is noise of the lengths."""
+    return table.with_sigma(np.hypot(table.sigma, np.where(table.lengths, error, 0.0)))
 
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:

@@ -30,6 +30,7 @@ from tympan.studies.diagnosis.next_experiment import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
 from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, sizes_of
+from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 
@@ -62,7 +63,8 @@ class Diagnosis:
     finite elements on a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times
     each of some factors; ``chosen``: the hypothesis the extended model has, None when nothing is
     wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and ``advice`` in a
-    sentence; ``single_effects`` each fitted alone; ``detectable``: what these readings can tell.
+    sentence; ``single_effects`` each fitted alone; ``detectable``: what these readings can tell;
+    ``self_check``: what it makes of synthetic ones, None where that was not asked.
     """
 
     dataset: Dataset
@@ -77,6 +79,7 @@ class Diagnosis:
     advice: str
     single_effects: tuple[SingleEffect, ...]
     detectable: list[Json]
+    self_check: Json | None = None
 
     @classmethod
     def of(cls, dataset: Dataset, readings: PreparedReadings, simulation: Simulation,
@@ -96,6 +99,12 @@ class Diagnosis:
         """The verdict; with a noise that is only assumed no cause is named."""
         verdict = self.judgement.verdict
         return "ambiguous" if verdict == "named" and self.readings.assumed else verdict
+
+    @property
+    def bench(self) -> Bench:
+        """What makes synthetic readings like these."""
+        return Bench(self.simulation, self.judgement.nominal.unknowns, self.judgement.table,
+                     self.readings.causes, self.readings.stated)
 
     @property
     def extended(self) -> Setup | None:
@@ -137,6 +146,7 @@ class Diagnosis:
             "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
             "model_error_um": 1e6 * self.model_error,
             "knowable": self.detectable,
+            "self_check": self.self_check,
             "warnings": self._limitations(moves),
         }
 

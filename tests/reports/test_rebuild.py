@@ -11,10 +11,14 @@ import pytest
 from tests.support.datasets import write_dataset
 from tests.support.specimens import SOFT, specimen_toml
 from tympan.cli import main
+from tympan.reports.diagnosis.self_check import build_self_check_page
 from tympan.reports.figures.alpha import draw_map
 from tympan.reports.rebuild import KINDS, rebuild
 from tympan.studies.alpha import LoadGrid
 from tympan.studies.alpha.map import AlphaMap, MapSettings, alpha_map
+from tympan.studies.diagnosis.reduced.simulation import Cause
+from tympan.studies.diagnosis.self_check import SyntheticSet, summary_of
+from tympan.studies.files import write_json
 
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
 PROBLEM = """
@@ -93,6 +97,13 @@ def diagnose(folder: Path) -> None:
     assert main(["diagnose", str(table_2), "-o", str(folder), "--workers", "1"]) == 0
 
 
+def self_check(folder: Path) -> None:
+    sets = [SyntheticSet(cause, 2.0, "named", (Cause("drift"),))
+            for cause in (None, Cause("drift"), Cause("sensor_zero"))]
+    write_json(folder / "self-check.json", summary_of(sets))
+    build_self_check_page(folder)
+
+
 def material_fit(folder: Path) -> None:
     rows = "".join(f"uniaxial,{stretch},{20 * (stretch - stretch**-2) + 0.1 * number % 0.3}\n"
                    for number, stretch in enumerate((1.2, 1.4, 1.6, 1.9, 2.1, 2.5, 2.8)))
@@ -113,6 +124,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "optimise": optimise,
     "material fit": material_fit,
     "diagnose": diagnose,
+    "diagnose --self-check": self_check,
     "lumped identify": identify,
     "lumped paper": paper,
     "lumped simulate": of_specimen("lumped simulate", "--signal", "sine", "--duration", "2 s",

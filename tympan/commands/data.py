@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tympan.options import JSON, WORKERS, argument, command, either, finish, output, print_record
 from tympan.progress import shares
+
+if TYPE_CHECKING:
+    from tympan.studies.diagnosis.self_check import Bench
 
 
 @command("data",
@@ -28,7 +33,10 @@ def data(options: argparse.Namespace) -> None:
          argument("--seed", type=int, default=0, help="of random draws"),
          argument("--plan", action="store_true",
                   help="say what such readings can tell; what is read may be missing from the "
-                       "files"), JSON)
+                       "files"),
+         argument("--self-check", type=int, default=0, metavar="N",
+                  help="hide errors in N synthetic sets of such readings and count what is said"),
+         JSON)
 def diagnose(options: argparse.Namespace) -> None:
     """Say what the simulation gets wrong about measured data, and why."""
     from tympan.studies.data.dataset import read_dataset
@@ -38,16 +46,35 @@ def diagnose(options: argparse.Namespace) -> None:
     dataset = read_dataset(options.dataset, options.plan)
     if options.plan:
         with shares("films") as progress:
-            record = plan_readings(dataset, options.workers, progress)
+            record, bench = plan_readings(dataset, options.workers, progress)
+        record["self_check"] = _self_check(options, bench)
         if options.output is not None:
             write_json(options.output / "plan.json", record)
         print_record(options, record)
         return
     with shares("films") as progress:
         diagnosis = diagnose(dataset, options.workers, options.seed, progress)
+    diagnosis = replace(diagnosis, self_check=_self_check(options, diagnosis.bench))
     from tympan.reports.diagnosis import page
 
     finish(options, diagnosis, words=page)
+
+
+def _self_check(options: argparse.Namespace, bench: Bench) -> dict[str, Any] | None:
+    """What comes of synthetic readings, with its page; None where that is not asked."""
+    from tympan.reports.rebuild import draw_stored
+    from tympan.studies.diagnosis.self_check import self_checked
+    from tympan.studies.files import write_json
+
+    if not options.self_check:
+        return None
+    with shares("synthetic sets") as progress:
+        record = self_checked(replace(bench, seed=options.seed), options.self_check,
+                              options.workers, progress)
+    if options.output is not None:
+        write_json(options.output / "self-check.json", record)
+        draw_stored("diagnose --self-check", options.output, "")
+    return record
 
 
 @command("effects",

@@ -1,0 +1,55 @@
+"""The page of a self-check: what a design would make of errors hidden in readings like its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.reports.template import embedded_picture, template
+from tympan.studies.diagnosis.self_check import OUTCOMES
+from tympan.studies.files import read_json, write_text
+
+_LEFT, _RIGHT, _TOP, _ROW, _AXIS, _LEGEND = 44.0, 4.0, 3.0, 6.0, 10.0, 11.0  # [mm]
+
+#: Words for the outcomes and their colours, right answers in greens, wrong ones in reds.
+SAID = {"named": ("named rightly", "#117733"), "listed": ("listed among others", "#88ccaa"),
+        "unexplained": ("no known effect", "#b8bdc7"), "nothing": ("nothing noticed", "#e4e6ea"),
+        "others_listed": ("only others listed", "#eebb99"),
+        "other_named": ("another one named", "#c23b22")}
+
+
+def build_self_check_page(folder: Path) -> Path:
+    """Draw folder/self-check.svg and write folder/self-check.html; answers the page."""
+    record = read_json(folder / "self-check.json")
+    picture, = draw_self_check(record, folder)
+    page = folder / "self-check.html"
+    write_text(page, template("reports/diagnosis/self_check.html").render(
+        check=record, outcomes=OUTCOMES, said=SAID, figure=embedded_picture(picture)))
+    return page
+
+
+def draw_self_check(record: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Draw folder/self-check.svg: for each hidden effect the shares of what was said."""
+    return style.save_figure(folder, "self-check", lambda: _compose(record["rows"]), ("svg",))
+
+
+def _compose(rows: list[Mapping[str, Any]]) -> Figure:
+    height = _ROW * len(rows)
+    figure = style.new_figure(_TOP + height + _AXIS + _LEGEND)
+    axes = style.place_axes(figure, _LEFT, _TOP, style.WIDTH - _LEFT - _RIGHT, height)
+    at, start = np.arange(len(rows)), np.zeros(len(rows))
+    for outcome in OUTCOMES:
+        words, colour = SAID[outcome]
+        share = np.array([100 * row[outcome] / row["sets"] for row in rows])
+        axes.barh(at, share, left=start, color=colour, height=0.75, label=words)
+        start += share
+    axes.set_yticks(at, [f"{row['cause']} ({row['sets']})" for row in rows])
+    axes.set(xlim=(0, 100), ylim=(len(rows) - 0.4, -0.6),
+             xlabel="synthetic sets of readings in which this was hidden (%)")
+    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3)
+    return figure
