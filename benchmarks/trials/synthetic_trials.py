@@ -24,6 +24,8 @@ from benchmarks.trials import axisymmetric_readings as hidden_equations
 from tympan.fem.equilibrium.ramp import voltage_path
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
+from tympan.fem.membrane.model import Model
+from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
@@ -111,8 +113,15 @@ def design(name: str, specimens: Sequence[Specimen], effects: Sequence[str] = tu
     elapsed = np.arange(len(numbers)) * PACE
     states = States.of(numbers.astype(int), masses, voltages[places.astype(int)], elapsed,
                        way[places.astype(int)])
+    return design_of(name, setup, states, effects)
+
+
+def design_of(name: str, setup: Setup, states: States, effects: Sequence[str] = tuple(EFFECTS)
+              ) -> Design:
+    """Displacements of states, and the effects that ramps like theirs can show."""
+    both = states.direction.min() < 0
     causes = tuple(Cause(name, which) for name in effects for which in EFFECTS[name].choices(setup)
-                   if way.min() < 0 or "direction" not in EFFECTS[name].columns)
+                   if both or "direction" not in EFFECTS[name].columns)
     return Design(name, setup, _read(states), causes)
 
 
@@ -276,6 +285,18 @@ def _readings(design: Design, truth: Truth) -> Array | None:
 def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) -> Array | None:
     """Readings of one specimen under one mass, under loads, from voltage to voltage."""
     states = design.table.states
+    rig, _, solved = ramp_states(design, truth, law, ramp)
+    if solved is None:
+        return None
+    heaves = [state.plate.deflection for state in solved]
+    pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
+    return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
+
+
+def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]
+                ) -> tuple[Rig, Model, list[State] | None]:
+    """The rig and the film that are there, and the film's states on a ramp where all exist."""
+    states = design.table.states
     films = design.setup.with_films(lambda film: replace(
         film, material=law, relative_permittivity=truth.permittivity * film.relative_permittivity))
     fitted = Simulation(design.setup, ())
@@ -288,13 +309,10 @@ def _ramp(design: Design, truth: Truth, law: Material, ramp: NDArray[np.int64]) 
     voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
                 for nominal, direction in
                 zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
-    heaves = []
-    for outcome in voltage_path(model, force, voltages):
-        if outcome.status != "equilibrium":
-            return None
-        heaves.append(outcome.state.plate.deflection)
-    pairs = zip(heaves, states.elapsed[ramp].tolist(), strict=True)
-    return np.array([rig.reading(heave, elapsed) for heave, elapsed in pairs])
+    outcomes = list(voltage_path(model, force, voltages))
+    if any(outcome.status != "equilibrium" for outcome in outcomes):
+        return rig, model, None
+    return rig, model, [outcome.state for outcome in outcomes]
 
 
 def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
