@@ -8,7 +8,7 @@ those act that the lumped model knows of.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
 from tympan.studies.circles import Lumped
-from tympan.studies.diagnosis.reduced.axes import HeldFilm, film_axes, sampled_film
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, law_through, samples
+from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, film_axes, sampled_film
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid
+from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -39,25 +40,34 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
     An :class:`InputError` for what the lumped model has no place for: gas pressure, a film's
     weight, a weight beside the plate's centre.
     """
-    return tuple(_law(setup, specimen.name, grid)
-                 for specimen, grid in zip(setup.specimens, grids, strict=True))
+    for specimen, grid in zip(setup.specimens, grids, strict=True):
+        if not (HeldFilm.of(setup, specimen.name).odd and grid.odd):
+            raise InputError("must be without gas pressure, weight of its own and offset weights "
+                             "in the lumped model", key="specimen", given=specimen.name)
+    return first_laws(LumpedModel(), setup, grids, axes_of=_axes)
 
 
-def _law(setup: Setup, name: str, grid: Grid) -> ForceLaw:
-    film = HeldFilm.of(setup, name)
-    if not (film.odd and grid.odd):
-        raise InputError("must be without gas pressure, weight of its own and offset weights in "
-                         "the lumped model", key="specimen", given=name)
-    nominal = lumped_nodes(film.specimen, grid)
-    axes = tuple(axis for axis in film_axes(setup, name) if not np.array_equal(
-        lumped_nodes(sampled_film(setup, name, (axis,), ((0, 1.0),)).specimen, grid), nominal))
-    return law_through(grid, axes, {
-        sample: lumped_nodes(sampled_film(setup, name, axes, sample).specimen, grid.at(sample))
-        for sample in samples(axes)})
+def _axes(setup: Setup, name: str) -> tuple[Axis, ...]:
+    """Those axes of a film that the lumped model sees."""
+    grid = Grid(0.2 * setup.specimen(name).gap, 1e6, odd=True)
+    nominal = lumped_nodes(setup.specimen(name), grid)
+    return tuple(axis for axis in film_axes(setup, name) if not np.array_equal(lumped_nodes(
+        sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)).specimen, grid), nominal))
 
 
-def lumped_nodes(specimen: Specimen, grid: Grid) -> tuple[Array, Array]:
-    """Force [N] and capacitance [F] at the nodes of a grid, shape (heaves, voltages) each."""
+@dataclass(frozen=True)
+class LumpedModel:
+    """The solver of lumped films."""
+
+    def stored(self, film: HeldFilm, grid: Grid) -> Array:
+        return lumped_nodes(film.specimen, grid)
+
+    def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
+        return lumped_nodes(film.specimen, grid)
+
+
+def lumped_nodes(specimen: Specimen, grid: Grid) -> Array:
+    """Force [N], capacitance [F] and no tilt at the nodes of a grid, (3, heaves, voltages)."""
     if not isinstance(specimen, Lumped):
         raise InputError("must be a specimen of the lumped model", key="specimen",
                          given=specimen.name)
@@ -65,4 +75,4 @@ def lumped_nodes(specimen: Specimen, grid: Grid) -> tuple[Array, Array]:
     force = [[specimen.force(heave, voltage_squared**0.5) for voltage_squared in voltages_squared]
              for heave in heaves]
     capacitance = [[specimen.capacitance(heave)] * len(voltages_squared) for heave in heaves]
-    return np.array(force), np.array(capacitance)
+    return np.array([force, capacitance, np.zeros_like(force)])

@@ -2,52 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from tympan.fem.membrane.loading import Loading
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Specimen
-from tympan.studies.effects import EFFECTS, Effect, Setup
+from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup
 
-#: Where a film is solved: numbers of some axes and the coordinates there, the others 0.
+#: Where a film is solved: numbers of some axes and the sizes there, the others 0.
 Sample = tuple[tuple[int, float], ...]
 
-#: How far from no effect a force law reaches, in standard deviations of the prior.
-REACH = 3.0
+#: The largest size at which a film is sampled first, in standard deviations of the prior; and all
+#: of them, of parameters with two signs and of those with one.
+FIRST_SPAN = 3.0
+_FIRST_SIGNED, _FIRST = (1.3, FIRST_SPAN), (1.4, FIRST_SPAN)
 
-_LEAST_SHARE = 0.02
+#: Where the largest size of a parameter without a limit is sought, in standard deviations; and how
+#: closely, relative to it.
+_FAR, _CLOSE = 1e3, 1e-3
+
+#: How near to the largest size that can be built a film is still meshed, as a share.
+_MESHED = 0.97
+
+#: The least size a film must bear for its parameter to be an axis, in standard deviations.
+_LEAST = 0.05
 
 
 @dataclass(frozen=True)
 class Axis:
     """One parameter of an effect that changes the film.
 
-    ``span`` is the size at which the coordinate u is 1. On a ``folded`` axis a sign changes nothing
-    and u is a square. A ``modulus`` is taken relative to the film's stiffness scale. ``two_sided``:
-    whether u may be negative.
+    ``places``: the sizes, ascending and without 0, at which the film is sampled; ``reachable``:
+    the smallest and the largest size it could be sampled at, as far as known; ``ends``: why there
+    are none beyond these, "" where the parameter's own limits say so. On a ``folded`` axis a sign
+    changes nothing and the film depends on the square. A ``modulus`` is taken relative to the
+    film's stiffness scale.
     """
 
     effect: str
     index: int
-    span: float
-    two_sided: bool
+    places: tuple[float, ...]
+    reachable: tuple[float, float]
+    ends: tuple[str, str]
     folded: bool
-    modulus: bool
 
     @property
-    def places(self) -> tuple[float, ...]:
-        """Coordinates at which it is sampled besides 0."""
-        return (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0) if self.two_sided else (0.3, 0.65, 1.0)
+    def parameter(self) -> EffectParameter:
+        return EFFECTS[self.effect].parameters[self.index]
 
-    def coordinate(self, size: float, stiffness: float = 1.0) -> float:
-        """u of a size, on a film of the nominal stiffness times ``stiffness``."""
-        share = size / (self.span * stiffness if self.modulus else self.span)
+    @property
+    def modulus(self) -> bool:
+        return self.parameter.dimension == "stress"
+
+    def nominal_size(self, size: float, stiffness: float = 1.0) -> float:
+        """The size that does the same on the nominal film.
+
+        As on a film ``stiffness`` times as stiff; without its sign where that changes nothing.
+        """
+        size = size / stiffness if self.modulus else size
+        return abs(size) if self.folded else size
+
+    def coordinate(self, size: float) -> float:
+        """In which the film is smooth, in standard deviations."""
+        share = size / self.parameter.deviation
         return share**2 if self.folded else share
 
-    def size(self, coordinate: float) -> float:
-        """The size at a coordinate, on a film of nominal stiffness."""
-        return self.span * (coordinate**0.5 if self.folded else coordinate)
+    def side(self, sense: int) -> tuple[float, ...]:
+        """The places above 0, or below for ``sense`` -1, from 0 on."""
+        return tuple(sorted((place for place in self.places if place * sense > 0), key=abs))
+
+    def span(self, side: int) -> float:
+        """The largest size sampled on side +1 or -1, without its sign."""
+        places = self.side(1 if self.folded else side)
+        return abs(places[-1]) if places else 0.0
+
+    def reach(self, side: int) -> float:
+        """The largest size that could be, without its sign."""
+        return abs(self.reachable[side > 0 or self.folded])
+
+    def with_place(self, size: float) -> Axis:
+        """The axis with one place more."""
+        return replace(self, places=tuple(sorted({*self.places, size})))
+
+    def ended(self, side: int, reason: str) -> Axis:
+        """The axis that reaches no further than where it is sampled."""
+        last = side * self.span(side)
+        why = f"cannot be solved beyond {_shown(self.parameter, last)}: {reason}"
+        (low, high), (below, above) = self.reachable, self.ends
+        if side > 0:
+            return replace(self, reachable=(low, last), ends=(below, why))
+        return replace(self, reachable=(last, high), ends=(why, above))
+
+
+def _shown(parameter: EffectParameter, size: float) -> str:
+    return f"{parameter.shown(parameter.value(size)):.3g} {parameter.unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -76,12 +126,15 @@ class HeldFilm:
 
 
 def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) -> HeldFilm:
-    """A specimen's film at a sample; parameters of the same effect are applied together."""
+    """A specimen's film at a sample; parameters of the same effect are applied together.
+
+    An :class:`InputError` where it cannot be built.
+    """
     together: dict[str, list[float]] = {}
-    for index, at in sample:
-        axis = axes[index]
+    for number, size in sample:
+        axis = axes[number]
         sizes = together.setdefault(axis.effect, [0.0] * len(EFFECTS[axis.effect].parameters))
-        sizes[axis.index] = axis.size(at)
+        sizes[axis.index] = size
     for effect in EFFECTS.values():
         if effect.name in together:
             setup = effect.at(setup, together[effect.name], name if effect.on_one else None)
@@ -89,29 +142,54 @@ def sampled_film(setup: Setup, name: str, axes: Sequence[Axis], sample: Sample) 
 
 
 def film_axes(setup: Setup, name: str) -> tuple[Axis, ...]:
-    """The axes of a specimen's film."""
+    """The axes of a specimen's film, with their first places."""
     nominal = HeldFilm.of(setup, name)
     axes = (_axis(setup, name, effect, index) for effect in EFFECTS.values()
             for index in range(len(effect.parameters)))
-    return tuple(axis for axis in axes
-                 if axis and sampled_film(setup, name, (axis,), ((0, 1.0),)) != nominal)
+    return tuple(axis for axis in axes if axis.places
+                 and sampled_film(setup, name, (axis,), ((0, axis.places[-1]),)) != nominal)
 
 
-def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis | None:
-    """The axis of a parameter, as long as the specimen can be built; None where hardly any can."""
+def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis:
+    """The axis of a parameter, as far as the specimen can be built."""
     parameter = effect.parameters[index]
-    low, high = parameter.limits
-    reach = min(REACH * parameter.deviation, max(high, -low))
     planes = setup.specimen(name).mirror_planes
     folded = parameter.sign == "even" and parameter.name[-1] in planes
-    axis = Axis(effect.name, index, min(reach, high), low < 0 and not folded, folded,
-                parameter.dimension == "stress")
-    while axis.span > _LEAST_SHARE * reach:
+    axis = Axis(effect.name, index, (), (0.0, 0.0), ("", ""), folded)
+
+    def buildable(size: float, sign: int = 1) -> bool:
         try:
-            for at in (1.0, -1.0) if axis.two_sided else (1.0,):
-                sampled_film(setup, name, (axis,), ((0, at),))
+            sampled_film(setup, name, (axis,), ((0, sign * size),))
         except InputError:
-            axis = replace(axis, span=0.7 * axis.span)
-        else:
-            return axis
-    return None
+            return False
+        return True
+
+    low, high = parameter.limits
+    signs = (1,) if folded or low >= 0 else (-1, 1)
+    first = _FIRST if len(signs) == 1 else _FIRST_SIGNED
+    places, reachable, ends = [], [0.0, 0.0], ["", ""]
+    for sign in signs:
+        limit = max(high, -low) if folded else high if sign > 0 else -low
+        largest = _largest(partial(buildable, sign=sign), limit, parameter.deviation)
+        if largest < limit:
+            ends[sign > 0] = f"cannot be built beyond {_shown(parameter, sign * largest)}"
+            largest *= _MESHED
+        reachable[sign > 0] = sign * largest
+        shrunk = min(1.0, largest / (first[-1] * parameter.deviation))
+        if largest >= _LEAST * parameter.deviation:
+            places += [sign * shrunk * share * parameter.deviation for share in first]
+    places = [place for place in places if buildable(place)]
+    return replace(axis, places=tuple(sorted(places)), reachable=(reachable[0], reachable[1]),
+                   ends=(ends[0], ends[1]))
+
+
+def _largest(buildable: Callable[[float], bool], limit: float, deviation: float) -> float:
+    """The largest size up to a limit of which a film can be built; 0 if there is hardly any."""
+    high = min(limit, _FAR * deviation)
+    if buildable(high):
+        return high
+    low = 0.0
+    while high - low > _CLOSE * high and high > _LEAST * deviation:
+        middle = (low + high) / 2
+        low, high = (middle, high) if buildable(middle) else (low, middle)
+    return low

@@ -1,28 +1,44 @@
-"""A reduced model of one film: the force that holds its plate at a heave, as a polynomial.
+"""A reduced model of one film: the force that holds its plate at a heave, as a smooth function.
 
 Force over heave is a smooth function of the heave and of U², through pull-in and beyond, where the
-heave is not one of the force. So equilibria, limit points included, are roots of the polynomial.
-All forces scale with the film's stiffness once U² is divided by it, so that stiffness and
-permittivity need no further solutions. The parameters of effects enter as polynomials of their own,
-and in pairs (a truncated ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25, 1999).
+heave is not one of the force. So equilibria, limit points included, are roots of a polynomial. All
+forces scale with the film's stiffness once U² is divided by it, so that stiffness and permittivity
+need no further solutions. What effects change is smoother still and sampled at fewer heaves and
+U²: along each effect's parameter by rational interpolation between the sizes sampled, which may be
+as large as the film bears, and of several parameters together what they add to that (a truncated
+ANOVA decomposition; Rabitz, Aliş, J. Math. Chem. 25, 1999).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.reduced.axes import Axis, Sample
+from tympan.studies.diagnosis.reduced.axes import Axis, HeldFilm, Sample
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
-#: Coordinates at which pairs of axes are sampled.
-_CORNERS = (-0.6, 0.6)
+#: Which of the nominal film's nodes are those of effects.
+_SOME_HEAVES, _SOME_VOLTAGES = np.array([0, 2, 4]), np.array([0, 2, 3, 5])
+
+#: Degree of the polynomials that Floater's and Hormann's interpolant blends, at most.
+_DEGREE = 4
+
+#: From how many places what is missing at others is continued.
+_NEAREST = 4
+
+#: Ratio of the next larger to a largest heave or U² to which grids are rounded.
+_STEP = 1.15
+
+#: What is sampled at a node: force [N], capacitance [F], square of the plate's tilt [rad²].
+FORCE, CAPACITANCE, TILT = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -30,6 +46,7 @@ class Grid:
     """Chebyshev points up to a ``heave`` [m] and a ``voltage_squared`` [V²].
 
     An ``odd`` force (no weight, no gas) is sampled over the heave, as a function of its square.
+    With ``some`` not all of the points are nodes.
     """
 
     heave: float
@@ -37,23 +54,46 @@ class Grid:
     odd: bool
     heaves: int = 5
     voltages: int = 6
+    some: bool = False
+
+    @property
+    def numbers(self) -> tuple[Numbers, Numbers]:
+        """Which of the Chebyshev points are nodes, of heave and of U²."""
+        if self.some:
+            return _SOME_HEAVES, _SOME_VOLTAGES
+        return np.arange(self.heaves), np.arange(self.voltages)
+
+    @cached_property
+    def points(self) -> tuple[Array, Array]:
+        """The nodes as numbers from -1 to 1."""
+        heaves, voltages = self.numbers
+        return _points(self.heaves)[heaves], _points(self.voltages)[voltages]
 
     @cached_property
     def nodes(self) -> tuple[Array, Array]:
         """Heaves [m] and U² [V²]."""
-        x, q = _points(self.heaves), _points(self.voltages)
-        shares = (1 + x) / 2
+        shares, squares = ((1 + points) / 2 for points in self.points)
         heaves = self.heave * (np.sqrt(shares) if self.odd else shares)
-        return heaves, self.voltage_squared * (1 + q) / 2
+        return heaves, self.voltage_squared * squares
 
     @property
     def coarse(self) -> Grid:
-        """The grid for pairs of effects."""
-        return replace(self, heaves=3, voltages=3)
+        """The same with the nodes at which what effects change is sampled."""
+        return replace(self, some=True)
 
-    def at(self, sample: Sample) -> Grid:
-        """The grid on which a sample is solved."""
-        return self if len(sample) < 2 else self.coarse
+    @property
+    def rounded(self) -> Grid:
+        """A grid up to 15 % larger, the same for readings that are nearly the same."""
+        return replace(self, heave=_rounded(self.heave),
+                       voltage_squared=_rounded(self.voltage_squared))
+
+    def coefficients(self, values: Array) -> Array:
+        """Chebyshev coefficients of values at the nodes, shape (..., heaves, voltages)."""
+        rows, columns = (np.linalg.inv(chebyshev.chebvander(points, len(points) - 1))
+                         for points in self.points)
+        full = np.zeros((*values.shape[:-2], self.heaves, self.voltages))
+        full[..., : len(rows), : len(columns)] = rows @ values @ columns.T
+        return np.asarray(full)
 
     def of_heave(self, heave: Array) -> tuple[Array, Array]:
         """Chebyshev polynomials of heaves [m] and their derivatives by it, each (n, count)."""
@@ -67,6 +107,23 @@ class Grid:
     def of_voltage(self, voltage_squared: Array) -> Array:
         """Chebyshev polynomials of U² [V²], shape (n, count)."""
         return _polynomials(2 * voltage_squared / self.voltage_squared - 1, self.voltages)
+
+
+class Solver(Protocol):
+    """What solves films with their plates held.
+
+    Answers have the shape (3, heaves, voltages) of a grid's nodes: force [N], capacitance [F],
+    squared tilt [rad²]; nan where there is none.
+    """
+
+    def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
+        """What is at hand at once."""
+
+    def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
+        """At the nodes, beginning where films ``near``, the nearest last, have been solved.
+
+        An ArithmeticError where there are too few answers to go by.
+        """
 
 
 def _polynomials(x: Array, count: int) -> Array:
@@ -91,24 +148,211 @@ def _derivative(count: int) -> Array:
     return matrix
 
 
+def _rounded(value: float) -> float:
+    return float(_STEP ** np.ceil(np.log(value) / np.log(_STEP) - 1e-9))
+
+
 @dataclass(frozen=True, eq=False)
 class ForceLaw:
-    """Polynomials in heave, U² and the coordinates of the axes.
+    """What a film does at a heave, a U² and sizes of the effects that change it.
 
-    ``powers``: of the axes, shape (terms, axes); ``force``: coefficients of the force over the
-    heave [N/m], or of the force [N], shape (terms, heaves, voltages); ``capacitance``: of the
-    capacitance [F], the same.
+    ``samples``: force, capacitance and squared tilt of the film solved, shape (3, heaves, voltages)
+    on the grid, or, with effects, on the coarse one; nan beyond the voltage at which it could not
+    be solved. ``solver`` made them and makes more.
     """
 
+    solver: Solver
     grid: Grid
     axes: tuple[Axis, ...]
-    powers: NDArray[np.int64]
-    force: Array
-    capacitance: Array
+    samples: Mapping[Sample, Array]
 
-    def at(self, coordinates: Array) -> ForceSurface:
-        """The law with the effects' coordinates given, shape (axes,)."""
-        return _force_surface(self, tuple(coordinates.tolist()))
+    def at(self, sizes: Array) -> ForceSurface:
+        """The law at some sizes of the axes' parameters on the nominal film, shape (axes,)."""
+        return _force_surface(self, tuple(sizes.tolist()))
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Coefficients of the film without effects, shape (3, heaves, voltages)."""
+        values = _completed(self.grid, self.samples[()])
+        return self.grid.coefficients(_over_heave(self.grid, values))
+
+    @cached_property
+    def terms(self) -> tuple[tuple[Term, ...], ...]:
+        """What is added to the nominal film: by each axis, then by pairs of axes, and so on."""
+        sizes = range(1, 1 + max((len(sample) for sample in self.samples), default=0))
+        terms: list[tuple[Term, ...]] = []
+        for size in sizes:
+            groups: dict[tuple[int, ...], list[Sample]] = {}
+            for sample in self.samples:
+                if len(sample) == size:
+                    groups.setdefault(tuple(number for number, _ in sample), []).append(sample)
+            terms.append(tuple(self._term(group, members, terms)
+                               for group, members in groups.items()))
+        return tuple(terms)
+
+    def _term(self, group: tuple[int, ...], members: list[Sample],
+              lower: list[tuple[Term, ...]]) -> Term:
+        coarse = self.grid.coarse
+        rows, columns = coarse.numbers
+        nominal = _completed(self.grid, self.samples[()])[:, rows[:, None], columns]
+        at = np.array([[self.axes[number].coordinate(size) for number, size in sample]
+                       for sample in members])
+        values = np.array([self.samples[sample] - nominal for sample in members])
+        for item in values:
+            _complete_along_voltage(coarse, item)
+        if len(group) == 1:
+            _complete_along(at[:, 0], values)
+        added = np.array([coarse.coefficients(_over_heave(coarse, _completed(coarse, item)))
+                          for item in values])
+        for row, sample in enumerate(members):
+            sizes = dict(sample)
+            for terms in lower:
+                for term in terms:
+                    if sizes.keys() >= set(term.group):
+                        added[row] -= term.value([self.axes[number].coordinate(sizes[number])
+                                                  for number in term.group])
+        return Term(group, at, added)
+
+    def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Array]) -> ForceLaw:
+        """The law through more samples; those no longer at places of the axes are dropped."""
+        kept = {sample: values for sample, values in {**self.samples, **more}.items()
+                if len(sample) != 1 or sample[0][1] in axes[sample[0][0]].places}
+        return replace(self, axes=axes, samples=kept)
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """What the axes of a ``group`` add together, through samples.
+
+    ``at``: their coordinates, shape (samples, axes); ``added``: coefficients there, shape (samples,
+    3, heaves, voltages).
+    """
+
+    group: tuple[int, ...]
+    at: Array
+    added: Array
+
+    def value(self, coordinates: Sequence[float]) -> Array:
+        """Coefficients at coordinates, shape (3, heaves, voltages)."""
+        at = np.asarray(coordinates)
+        weights = self._along(float(at[0])) if len(self.group) == 1 else self._among(at)
+        return np.asarray(np.tensordot(weights, self.added, 1))
+
+    @cached_property
+    def _rule(self) -> tuple[Array, Array]:
+        """Coordinates of the samples of one axis with 0, and their barycentric weights."""
+        nodes = np.append(0.0, self.at[:, 0])
+        weights = np.empty(len(nodes))
+        order = np.argsort(nodes)
+        weights[order] = _floater_hormann(nodes[order])
+        return nodes, weights
+
+    def _along(self, at: float) -> Array:
+        """Weights of the samples of one axis; beyond the last ones along straight lines."""
+        nodes, weights = self._rule
+        end = float(np.clip(at, nodes.min(), nodes.max()))
+        values = _cardinal(nodes, weights, end)
+        if end != at:
+            values = values + (at - end) * _slopes(nodes, weights, end)
+        return values[1:]
+
+    def _among(self, at: Array) -> Array:
+        """Weights of the samples of several axes.
+
+        The product of the coordinates over the sample's own; those near count most (Shepard).
+        """
+        apart = ((np.arcsinh(self.at) - np.arcsinh(at)) ** 2).sum(1)
+        apart = apart / apart.max(initial=1e-300)
+        near = np.array([np.prod(np.delete(apart, k)) for k in range(len(apart))])
+        return np.asarray(near / near.sum() * np.prod(at / self.at, axis=1))
+
+
+def _floater_hormann(nodes: Array) -> Array:
+    """Barycentric weights of Floater's and Hormann's rational interpolant, nodes ascending.
+
+    Without poles, through all nodes; a polynomial where they are few (Numer. Math. 107, 2007).
+    """
+    last, degree = len(nodes) - 1, min(len(nodes) - 1, _DEGREE)
+    unit = (nodes[-1] - nodes[0]) / 4
+    weights = np.zeros(len(nodes))
+    for first in range(last - degree + 1):
+        blended = range(first, first + degree + 1)
+        for number in blended:
+            others = np.array([nodes[other] for other in blended if other != number])
+            weights[number] += (-1) ** first / np.prod((nodes[number] - others) / unit)
+    return weights
+
+
+def _cardinal(nodes: Array, weights: Array, at: float) -> Array:
+    """What each node's value counts at a place."""
+    apart = at - nodes
+    if (hit := apart == 0).any():
+        return np.asarray(hit, float)
+    shares = weights / apart
+    return np.asarray(shares / shares.sum())
+
+
+def _slopes(nodes: Array, weights: Array, at: float) -> Array:
+    """Derivatives of the cardinal functions at a node."""
+    here = int(np.flatnonzero(nodes == at)[0])
+    slopes = np.zeros(len(nodes))
+    others = np.arange(len(nodes)) != here
+    slopes[others] = weights[others] / weights[here] / (at - nodes[others])
+    slopes[here] = -slopes.sum()
+    return slopes
+
+
+def _over_heave(grid: Grid, values: Array) -> Array:
+    """Values whose force, if odd, is over the heave [N/m]."""
+    values = values.copy()
+    if grid.odd:
+        values[FORCE] /= grid.nodes[0][:, None]
+    return values
+
+
+def _completed(grid: Grid, values: Array) -> Array:
+    """Values continued where there are none: along the voltage, then along the heave.
+
+    By a parabola through the nearest three, a line through two.
+    """
+    if np.isfinite(values).all():
+        return values
+    values = values.copy()
+    _complete_along_voltage(grid, values, fewest=2)
+    for table in values:
+        for column in table.T:
+            _continue(grid.nodes[0] / grid.heave, column)
+    return values
+
+
+def _complete_along_voltage(grid: Grid, values: Array, fewest: int = 3) -> None:
+    for row in values.reshape(-1, values.shape[-1]):
+        _continue(grid.nodes[1] / grid.voltage_squared, row, fewest)
+
+
+def _complete_along(at: Array, values: Array) -> None:
+    """Fill what is missing at some places of an axis so that it bends nothing where there is some.
+
+    ``values``: what the places add, shape (places, 3, heaves, voltages), at coordinates ``at``.
+    """
+    places, values = np.append(0.0, at), values.reshape(len(at), -1)
+    for node in np.flatnonzero(np.isnan(values).any(axis=0)):
+        line = np.append(0.0, values[:, node])
+        there = np.flatnonzero(np.isfinite(line))
+        for number in np.flatnonzero(np.isnan(line)) if len(there) > 2 else ():
+            nearest = there[np.argsort(np.abs(places[there] - places[number]))[:_NEAREST]]
+            weights = _floater_hormann(places[np.sort(nearest)])
+            values[number - 1, node] = line[np.sort(nearest)] @ _cardinal(
+                places[np.sort(nearest)], weights, places[number])
+
+
+def _continue(at: Array, values: Array, fewest: int = 2) -> None:
+    """Fill what is missing of a line from the nearest values, where there are enough."""
+    there = np.flatnonzero(np.isfinite(values))
+    for number in np.flatnonzero(np.isnan(values)) if len(there) >= fewest else ():
+        nearest = there[np.argsort(np.abs(there - number), kind="stable")[:3]]
+        line = np.polyfit(at[nearest], values[nearest], len(nearest) - 1)
+        values[number] = np.polyval(line, at[number])
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +360,11 @@ class ForceSurface:
     """A force law with everything but heave and U² given."""
 
     grid: Grid
-    force_coefficients: Array
-    capacitance_coefficients: Array
+    coefficients: Array
 
     def by_heave(self, voltage_squared: Array) -> Array:
         """Coefficients of the force by the heave's polynomials at U² [V²], shape (n, heaves)."""
-        return np.asarray(self.grid.of_voltage(voltage_squared) @ self.force_coefficients.T)
+        return np.asarray(self.grid.of_voltage(voltage_squared) @ self.coefficients[FORCE].T)
 
     def force(self, heave: Array, by_heave: Array) -> tuple[Array, Array]:
         """Force [N] and stiffness [N/m] at heaves [m], shape (n,), from :meth:`by_heave`."""
@@ -131,132 +374,30 @@ class ForceSurface:
 
     def capacitance(self, heave: Array, voltage_squared: Array) -> Array:
         """Capacitance [F] at heaves [m] and U² [V²]."""
+        return self._value(CAPACITANCE, heave, voltage_squared)
+
+    def tilt_squared(self, heave: Array, voltage_squared: Array) -> Array:
+        """Square of the angle between the plate's normal and the load [rad²].
+
+        At heaves [m] and U² [V²]; by the errors of interpolation it may lie a little below 0.
+        """
+        return self._value(TILT, heave, voltage_squared)
+
+    def _value(self, which: int, heave: Array, voltage_squared: Array) -> Array:
         v, _ = self.grid.of_heave(heave)
         return np.asarray((v * (self.grid.of_voltage(voltage_squared)
-                                @ self.capacitance_coefficients.T)).sum(1))
+                                @ self.coefficients[which].T)).sum(1))
 
 
 @lru_cache(maxsize=64)
-def _force_surface(law: ForceLaw, coordinates: tuple[float, ...]) -> ForceSurface:
-    """The law at some coordinates; kept, since most of what a fit varies is no axis."""
-    at = np.array(coordinates)
-    used = at != 0
-    terms = np.flatnonzero(~law.powers[:, ~used].any(axis=1))
-    weights = np.prod(at[used] ** law.powers[np.ix_(terms, used)], axis=1)
-    force, capacitance = (
-        (weights @ values.reshape(len(values), -1)[terms]).reshape(values.shape[1:])
-        for values in (law.force, law.capacitance))
-    return ForceSurface(law.grid, force, capacitance)
-
-
-def samples(axes: tuple[Axis, ...]) -> list[Sample]:
-    """Where to solve: the nominal film, each axis alone, each pair of axes."""
-    places: list[Sample] = [()]
-    for index, axis in enumerate(axes):
-        places += [((index, at),) for at in axis.places]
-    low, high = _CORNERS
-    for first, second in combinations(range(len(axes)), 2):
-        places.append(((first, high), (second, high)))
-        if axes[first].two_sided:
-            places.append(((first, low), (second, high)))
-        elif axes[second].two_sided:
-            places.append(((first, high), (second, low)))
-    return places
-
-
-def law_through(grid: Grid, axes: tuple[Axis, ...],
-                solved: dict[Sample, tuple[Array, Array]]) -> ForceLaw:
-    """The law through force and capacitance at samples, of pairs at the coarse grid's nodes.
-
-    Values are nan where a film could not be solved. The nominal film's are continued along the
-    voltage there, those of one axis along it, so that they bend nothing where there are some;
-    of pairs, what they add is continued.
-    """
-    powers = _powers(axes)
-    coordinates = np.zeros((len(solved), len(axes)))
-    for row, sample in enumerate(solved):
-        for index, at in sample:
-            coordinates[row, index] = at
-    design = np.prod(coordinates[:, None, :] ** powers, axis=2)
-    single = np.array([len(sample) < 2 for sample in solved])
-    alone = (powers > 0).sum(1) < 2
-    over = {sample: force / grid.at(sample).nodes[0][:, None] if grid.odd else force
-            for sample, (force, _) in solved.items()}
-    coefficients = []
-    for values in (over, {sample: capacitance for sample, (_, capacitance) in solved.items()}):
-        completed = _along_axes(grid, {sample: item for sample, item in values.items()
-                                       if len(sample) < 2})
-        full = np.zeros((len(powers), grid.heaves * grid.voltages))
-        full[alone] = np.linalg.lstsq(design[np.ix_(single, alone)], _flat(grid, completed),
-                                      rcond=None)[0]
-        if not single.all():
-            expected = _on_coarse(grid, design[np.ix_(~single, alone)] @ full[alone])
-            pairs = [item for sample, item in values.items() if len(sample) == 2]
-            added = [_along_voltage(grid.coarse, item - sums)
-                     for item, sums in zip(pairs, expected, strict=True)]
-            full[~alone] = np.linalg.lstsq(design[np.ix_(~single, ~alone)], _flat(grid, added),
-                                           rcond=None)[0]
-        coefficients.append(full.reshape(len(powers), grid.heaves, grid.voltages))
-    return ForceLaw(grid, axes, powers, *coefficients)
-
-
-def _along_axes(grid: Grid, values: dict[Sample, Array]) -> list[Array]:
-    """Values of the nominal film and single axes, completed by polynomials along the axes."""
-    nominal = _along_voltage(grid, values[()])
-    completed = []
-    for sample, item in values.items():
-        item = item.copy() if sample else nominal.copy()
-        for node in map(tuple, np.argwhere(np.isnan(item))):
-            (axis, at), = sample
-            solved = {0.0: nominal[node]} | {
-                other[0][1]: value[node] for other, value in values.items()
-                if other and other[0][0] == axis and np.isfinite(value[node])}
-            line = np.polyfit(list(solved), list(solved.values()), len(solved) - 1)
-            item[node] = np.polyval(line, at)
-        completed.append(item)
-    return completed
-
-
-def _along_voltage(grid: Grid, values: Array) -> Array:
-    """Values continued beyond the last voltage that has one.
-
-    A parabola through the last three, a line through two.
-    """
-    voltages_squared, values = grid.nodes[1], values.copy()
-    for row in values:
-        have = int(np.isfinite(row).sum())
-        if have < len(row):
-            degree = min(2, have - 1)
-            last = slice(have - 1 - degree, have)
-            unit = voltages_squared[have - 1]
-            row[have:] = np.polyval(np.polyfit(voltages_squared[last] / unit, row[last], degree),
-                                    voltages_squared[have:] / unit)
-    return values
-
-
-def _powers(axes: tuple[Axis, ...]) -> NDArray[np.int64]:
-    """Powers of the axes in each term: each alone, and products of two."""
-    unit = np.eye(len(axes), dtype=np.int64)
-    rows = [np.zeros(len(axes), dtype=np.int64)]
-    for index, axis in enumerate(axes):
-        rows += [unit[index] * power for power in range(1, 1 + len(axis.places))]
-    rows += [unit[first] + unit[second] for first, second in combinations(range(len(axes)), 2)]
-    return np.array(rows).reshape(len(rows), len(axes))
-
-
-def _flat(grid: Grid, values: list[Array]) -> Array:
-    """Chebyshev coefficients of values at either grid's nodes, shape (count, heaves · voltages)."""
-    full = np.zeros((len(values), grid.heaves, grid.voltages))
-    for row, item in zip(full, values, strict=True):
-        v, q = (np.linalg.inv(chebyshev.chebvander(_points(n), n - 1)) for n in item.shape)
-        row[: item.shape[0], : item.shape[1]] = v @ item @ q.T
-    return full.reshape(len(values), -1)
-
-
-def _on_coarse(grid: Grid, flat: Array) -> Array:
-    """Values of the fine polynomials at the coarse nodes, shape (count, heaves, voltages)."""
-    coarse = grid.coarse
-    v, q = (chebyshev.chebvander(_points(few), many - 1)
-            for few, many in ((coarse.heaves, grid.heaves), (coarse.voltages, grid.voltages)))
-    return np.asarray(np.einsum("ai,bj,tij->tab", v, q,
-                                flat.reshape(len(flat), grid.heaves, grid.voltages)))
+def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
+    """The law at some sizes; kept, since most of what a fit varies is no axis."""
+    coordinates = {number: law.axes[number].coordinate(size)
+                   for number, size in enumerate(sizes) if size != 0}
+    coefficients = law.nominal
+    for terms in law.terms:
+        for term in terms:
+            if coordinates.keys() >= set(term.group):
+                coefficients = coefficients + term.value([coordinates[number]
+                                                          for number in term.group])
+    return ForceSurface(law.grid, coefficients)

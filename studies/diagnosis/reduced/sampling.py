@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +17,26 @@ from tympan.fem.membrane.state import State
 from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
-from tympan.studies.diagnosis.reduced.axes import (
-    Axis,
-    HeldFilm,
-    Sample,
-    film_axes,
-    sampled_film,
-)
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, law_through, samples
+from tympan.studies.diagnosis.reduced.axes import HeldFilm
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid
+from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
-from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
-
-#: A setup, the name of a specimen, its grid and axes, and samples to be solved together.
-Task = tuple[Setup, str, Grid, tuple[Axis, ...], tuple[Sample, ...]]
 
 #: The mesh for force laws: forces within 1e-4 of the limit, a fraction of any sensor's noise.
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 #: The mesh they are checked on.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
-_CHUNK = 12
-
 #: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
 _BOLD = PathSettings(shortest=0.1)
 
+#: Fewest heaves and voltages with a solution.
 _FEWEST = 2
+
+#: Of how many films the states are kept for others to begin with.
+_KEPT = 24
 
 
 class NotSampled(ArithmeticError):
@@ -60,41 +54,45 @@ class NotSampled(ArithmeticError):
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A film's force [N] and capacitance [F], shape (heaves, voltages), states, and its model."""
+    """A film's model, force [N], capacitance [F] and squared tilt [rad²], and its states.
 
-    force: Array
-    capacitance: Array
-    states: list[list[State]]
-    model: Model
-
-
-def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None,
-             strict: bool = False) -> Nodes:
-    """Solve a film at the nodes of a grid, beginning from a similar one where the meshes agree.
-
-    Beyond a voltage at which the film cannot be solved, force and capacitance are nan; a
-    :class:`NotSampled` where that is at the first ones, or, if ``strict``, anywhere.
+    ``values``: shape (3, heaves, voltages), nan beyond the voltage at which it could not be solved;
+    ``states`` by the numbers of the grid's Chebyshev points.
     """
-    if near is not None and meshed_outlines(film.specimen) == meshed_outlines(near.model.specimen):
+
+    model: Model
+    values: Array
+    states: dict[tuple[int, int], State] = field(default_factory=dict)
+
+
+def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool = False) -> Nodes:
+    """Solve a film at the nodes of a grid, beginning from a similar one on the same mesh.
+
+    A :class:`NotSampled` where hardly any node has a solution, or, if ``strict``, where one has
+    none.
+    """
+    if near is not None:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
     else:
         model = build_model(film.specimen, COARSE, film.loading)
     heaves, voltages_squared = grid.nodes
-    force, capacitance = np.full((2, len(heaves), len(voltages_squared)), np.nan)
-    states: list[list[State]] = []
-    for i, heave in enumerate(heaves):
-        states.append([])
-        for j, voltage_squared in enumerate(voltages_squared):
-            guess = _guess(model.discretisation.reference.shape, near, states, i, j)
+    rows, columns = grid.numbers
+    nodes = Nodes(model, np.full((3, len(heaves), len(voltages_squared)), np.nan))
+    for i, heave in enumerate(heaves.tolist()):
+        for j, voltage_squared in enumerate(voltages_squared.tolist()):
+            guess = _guess(nodes, near, rows[: i + 1].tolist(), columns[: j + 1].tolist())
             solution = _solved(model, guess, heave, voltage_squared, film.gas_pressure)
             if solution is None:
-                if j < _FEWEST or strict:
+                if strict:
                     raise NotSampled(voltage_squared)
                 break
-            force[i, j] = solution.state.force
-            capacitance[i, j] = model.capacitance(solution.state)
-            states[-1].append(solution.state)
-    return Nodes(force, capacitance, states, model)
+            state = solution.state
+            nodes.values[:, i, j] = state.force, model.capacitance(state), state.plate.tilt**2
+            nodes.states[int(rows[i]), int(columns[j])] = state
+    fewest = np.isfinite(nodes.values[0]).sum(1) >= _FEWEST
+    if fewest.sum() < _FEWEST:
+        raise NotSampled(voltages_squared[_FEWEST - 1])
+    return nodes
 
 
 def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
@@ -104,15 +102,24 @@ def meshed_outlines(specimen: Specimen) -> tuple[object, ...]:
             electrode.outline)
 
 
-def _guess(shape: tuple[int, ...], near: Nodes | None, states: list[list[State]], i: int,
-           j: int) -> State | None:
-    # A similar film's, or the neighbours' continued along the voltage.
-    if near is not None and j < len(near.states[i]) and near.states[i][j].positions.shape == shape:
-        return near.states[i][j]
-    row = states[i]
-    if j > 1:
-        return replace(row[-1], positions=2 * row[-1].positions - row[-2].positions)
-    return row[-1] if row else states[i - 1][0] if i else None
+def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]) -> State | None:
+    """A similar film's state with what it missed before, or the states before continued."""
+    i, j = rows[-1], columns[-1]
+    before = ((i, columns[-2]) if len(columns) > 1 else (rows[-2], j) if len(rows) > 1 else None)
+    last = None if before is None else nodes.states.get(before)
+    if near is not None and (i, j) in near.states:
+        similar, there = near.states[i, j], None if before is None else near.states.get(before)
+        if last is None or there is None:
+            return similar
+        return replace(similar, positions=similar.positions + last.positions - there.positions)
+    if last is None or before is None:
+        return last
+    # Along the voltage as at the heave before.
+    if len(columns) > 1 and len(rows) > 1:
+        end, start = (nodes.states.get((rows[-2], column)) for column in (j, columns[-2]))
+        if end is not None and start is not None:
+            return replace(last, positions=last.positions + end.positions - start.positions)
+    return last
 
 
 def _solved(model: Model, guess: State | None, heave: float, voltage_squared: float,
@@ -127,39 +134,60 @@ def _solved(model: Model, guess: State | None, heave: float, voltage_squared: fl
     return outcome.solution if outcome.status == "equilibrium" else None
 
 
-def _sampled(task: Task) -> dict[Sample, tuple[Array, Array]]:
-    """Force and capacitance at the nodes for each sample; pairs on the coarse grid."""
-    setup, name, full, axes, places = task
-    similar: dict[tuple[object, ...], Nodes] = {}
-    solved = {}
-    for sample in sorted(places, key=len):
-        grid = full.at(sample)
-        nominal = grid, meshed_outlines(setup.specimen(name))
-        if nominal not in similar:
-            similar[nominal] = at_nodes(HeldFilm.of(setup, name), grid)
-        film = sampled_film(setup, name, axes, sample)
-        outlines = grid, meshed_outlines(film.specimen)
-        nodes = similar[nominal]
-        if sample:
-            nodes = at_nodes(film, grid, similar.get(outlines, nodes))
-        similar.setdefault(outlines, nodes)
-        solved[sample] = nodes.force, nodes.capacitance
-    return solved
+@dataclass(frozen=True)
+class FiniteElements:
+    """The solver of films as they are."""
+
+    def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
+        return None
+
+    def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
+        nodes = at_nodes(film, grid, self._similar(film, grid, near))
+        _keep(film, grid, nodes)
+        return nodes.values
+
+    def _similar(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Nodes | None:
+        """The nearest film on the same mesh that has been solved, else the farthest, solved now."""
+        mesh = meshed_outlines(film.specimen)
+        alike = [other for other in near if meshed_outlines(other.specimen) == mesh]
+        for other in reversed(alike):
+            for kept in (grid, replace(grid, some=False)):
+                if (nodes := _states.get((other, kept))) is not None:
+                    return nodes
+        if not alike:
+            return None
+        nodes = at_nodes(alike[0], grid)
+        _keep(alike[0], grid, nodes)
+        return nodes
+
+
+_states: OrderedDict[tuple[HeldFilm, Grid], Nodes] = OrderedDict()
+
+
+def _keep(film: HeldFilm, grid: Grid, nodes: Nodes) -> None:
+    _states[film, grid] = nodes
+    while len(_states) > _KEPT:
+        _states.popitem(last=False)
 
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
-    """The force law of a film without effects up to a heave [m] and a U² [V²], or less."""
+    """The force law of a film without effects up to a heave [m] and a U² [V²], or less.
+
+    Or a little more: the grid is :attr:`Grid.rounded`.
+    """
     film = HeldFilm.of(setup, name)
+    grid = Grid(heave, voltage_squared, film.odd).rounded
     while True:
-        grid = Grid(heave, voltage_squared, film.odd)
         try:
             nodes = at_nodes(film, grid, strict=True)
         except NotSampled as error:
-            voltage_squared = min(0.9 * voltage_squared, error.voltage_squared)
-            if voltage_squared < 1.0:
+            grid = replace(grid, voltage_squared=min(0.9 * grid.voltage_squared,
+                                                     error.voltage_squared))
+            if grid.voltage_squared < 1.0:
                 raise
         else:
-            return law_through(grid, (), {(): (nodes.force, nodes.capacitance)})
+            _keep(film, grid, nodes)
+            return ForceLaw(FiniteElements(), grid, (), {(): nodes.values})
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
@@ -167,22 +195,12 @@ def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
                ) -> tuple[ForceLaw, ...]:
     """The force law of every specimen, with the axes of every effect in the library.
 
+    Each effect alone, at sizes about its prior's; :mod:`growth` adds larger ones and several
+    together.
+
     Raises
     ------
     NotSampled
         Where a film has no solution within its grid.
     """
-    films = {specimen.name: (grid, film_axes(setup, specimen.name))
-             for specimen, grid in zip(setup.specimens, grids, strict=True)}
-    tasks: list[Task] = []
-    for name, (grid, axes) in films.items():
-        # What may need its own mesh; samples on one mesh are solved by one process.
-        every = sorted(samples(axes), key=lambda sample: (
-            len(sample) > 1, [(axes[index].effect, at) for index, at in sample]))
-        tasks += [(setup, name, grid, axes, tuple(every[first : first + _CHUNK]))
-                  for first in range(0, len(every), _CHUNK)]
-    solved: dict[str, dict[Sample, tuple[Array, Array]]] = {name: {} for name in films}
-    for done, result in enumerate(mapped(_sampled, tasks, min(workers, len(tasks)))):
-        progress(done, len(tasks))
-        solved[tasks[done][1]] |= result
-    return tuple(law_through(grid, axes, solved[name]) for name, (grid, axes) in films.items())
+    return first_laws(FiniteElements(), setup, grids, workers, progress)

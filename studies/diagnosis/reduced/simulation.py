@@ -6,7 +6,7 @@ permittivity, then the sizes of its effects' parameters in its order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tympan.fem.rig import Rig
 from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.axes import Axis
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
 from tympan.studies.diagnosis.reduced.resting_place import resting_place
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
@@ -293,15 +294,31 @@ def _rig(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Rig
 def _surface_of(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
                 stiffness: float) -> ForceSurface:
     """The film of a specimen with the effects that change it."""
+    return simulation.laws[number].at(sizes_on(simulation, number, hypothesis, unknowns, stiffness))
+
+
+def sizes_on(simulation: Simulation, number: int, hypothesis: Hypothesis, unknowns: Array,
+             stiffness: float | None = None) -> Array:
+    """What unknowns do to a specimen's film: sizes of its law's axes on the nominal film."""
     law, name = simulation.laws[number], simulation.setup.specimens[number].name
-    coordinates = np.zeros(len(law.axes))
+    stiffness = float(np.exp(unknowns[STIFFNESS])) if stiffness is None else stiffness
+    sizes = np.zeros(len(law.axes))
     for cause in hypothesis:
-        sizes = unknowns[sizes_of(hypothesis, cause)].tolist()
+        values = unknowns[sizes_of(hypothesis, cause)].tolist()
         if cause.which in (None, name):
             for place, axis in enumerate(law.axes):
                 if axis.effect == cause.name:
-                    coordinates[place] = axis.coordinate(sizes[axis.index], stiffness)
-    return law.at(coordinates)
+                    sizes[place] = axis.nominal_size(values[axis.index], stiffness)
+    return sizes
+
+
+def affected(simulation: Simulation, cause: Cause, index: int) -> list[tuple[int, int]]:
+    """The films that a parameter of a cause changes: numbers of law and axis."""
+    return [(number, place) for number, (specimen, law)
+            in enumerate(zip(simulation.setup.specimens, simulation.laws, strict=True))
+            if cause.which in (None, specimen.name)
+            for place, axis in enumerate(law.axes)
+            if (axis.effect, axis.index) == (cause.name, index)]
 
 
 def _by_heave(surface: ForceSurface, voltage_squared: Array) -> Array:
@@ -317,15 +334,25 @@ def _by_heave(surface: ForceSurface, voltage_squared: Array) -> Array:
 
 
 def bounds_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
-    """Smallest and largest unknowns, shape (2, p), by priors and the force laws' reach."""
+    """Smallest and largest unknowns, shape (2, p): sizes at which the films are sampled."""
+    return _bounds(simulation, hypothesis, Axis.span)
+
+
+def limits_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
+    """Smallest and largest unknowns, shape (2, p), that could be sampled, as far as known."""
+    return _bounds(simulation, hypothesis, Axis.reach)
+
+
+def _bounds(simulation: Simulation, hypothesis: Hypothesis,
+            largest: Callable[[Axis, int], float]) -> Array:
     low, high = [-_FACTOR] * FACTORS.stop, [_FACTOR] * FACTORS.stop
     for cause in hypothesis:
         for index, parameter in enumerate(cause.effect.parameters):
-            axes = [axis for law in simulation.laws for axis in law.axes
-                    if (axis.effect, axis.index) == (cause.name, index)]
+            axes = [simulation.laws[law].axes[number]
+                    for law, number in affected(simulation, cause, index)]
             least, most = parameter.limits
-            least = max([least, *(-axis.span for axis in axes)])
-            most = min([most, *(axis.span for axis in axes)])
+            least = max([least, *(-largest(axis, -1) for axis in axes)])
+            most = min([most, *(largest(axis, 1) for axis in axes)])
             # On no specimen does the sign of such a parameter change anything.
             folded = parameter.sign == "even" and all(axis.folded for axis in axes)
             low.append(max(least, 0.0) if folded else least)

@@ -1,0 +1,296 @@
+"""Force laws made as far as readings ask for: the first sizes of each effect, then larger ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.geometry.system import MissingLibrary
+from tympan.studies.diagnosis.reduced.axes import (
+    FIRST_SPAN,
+    Axis,
+    HeldFilm,
+    Sample,
+    film_axes,
+    sampled_film,
+)
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, Solver
+from tympan.studies.diagnosis.reduced.simulation import (
+    Cause,
+    Hypothesis,
+    Simulation,
+    affected,
+    sizes_on,
+)
+from tympan.studies.effects import Setup
+from tympan.studies.parallel import mapped
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+#: By what factor the largest size sampled grows at once; and the share of the largest reachable
+#: from which on it grows to that.
+_GROWTH, _ALMOST = 1.8, 0.8
+
+#: Where a film that cannot be solved is tried instead, as shares of the way to there.
+_SHARES = (0.5, 0.25, 0.1)
+
+#: Sizes this close, relative, are the same; and those below are none, in standard deviations.
+_ALIKE, _NONE = 0.05, 0.02
+
+#: Samples that take less time than the start of processes.
+_FEW = 24
+
+#: Most samples of several effects together: those far away count little.
+_MOST = 12
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Samples of one film to solve one after the other, each near those before.
+
+    ``behind`` have been solved before. On one that fails the chain ends, ``patient`` after samples
+    nearer to the last.
+    """
+
+    solver: Solver
+    setup: Setup
+    name: str
+    grid: Grid
+    axes: tuple[Axis, ...]
+    samples: tuple[Sample, ...]
+    behind: tuple[Sample, ...] = ((),)
+    patient: bool = False
+
+    @classmethod
+    def along(cls, base: Chain, number: int, places: Iterable[float],
+              behind: Iterable[float] = ()) -> Chain:
+        """Sizes of one axis."""
+        return replace(base, samples=tuple(((number, place),) for place in places),
+                       behind=((), *(((number, place),) for place in behind)), patient=True)
+
+    def run(self) -> Solved:
+        """Everything solved."""
+        return self._followed(lambda film, near: self.solver.solved(film, self.grid, near))
+
+    def at_once(self) -> Solved | None:
+        """The same, if all of it is at hand."""
+        def stored(film: HeldFilm, near: Sequence[HeldFilm]) -> Array:
+            values = self.solver.stored(film, self.grid)
+            if values is None:
+                raise LookupError
+            return values
+
+        try:
+            return self._followed(stored)
+        except LookupError:
+            return None
+
+    def _followed(self, solve: Callable[[HeldFilm, Sequence[HeldFilm]], Array]) -> Solved:
+        answers: dict[Sample, Array] = {}
+        near = [self._film(sample) for sample in self.behind]
+        last, failure = self.behind[-1] if self.behind else (), None
+        for sample in self.samples:
+            tries = [sample, *(_between(last, sample, share)
+                               for share in _SHARES if self.patient)]
+            for trial in tries:
+                try:
+                    film = self._film(trial)
+                    answers[trial] = solve(film, near)
+                except MissingLibrary:
+                    raise
+                except (ArithmeticError, ValueError, RuntimeError) as error:
+                    failure = failure or error
+                else:
+                    near.append(film)
+                    last = trial
+                    break
+            if failure:
+                break
+        return Solved(self, answers, failure)
+
+    def _film(self, sample: Sample) -> HeldFilm:
+        return sampled_film(self.setup, self.name, self.axes, sample)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """What a chain answers: values by sample, and what ended it before its end."""
+
+    chain: Chain
+    answers: dict[Sample, Array]
+    failure: Exception | None
+
+
+def _between(start: Sample, end: Sample, share: float) -> Sample:
+    """A sample of one axis on the way to another."""
+    (number, far), = end
+    near = start[0][1] if start else 0.0
+    return ((number, near + share * (far - near)),)
+
+
+def _run(chain: Chain) -> Solved:
+    return chain.run()
+
+
+def solve_chains(chains: Sequence[Chain], workers: int,
+                 progress: Progress = lambda done, all_of_them: None) -> list[Solved]:
+    """Chains solved in processes, but for what is at hand."""
+    solved = [chain.at_once() for chain in chains]
+    missing = [chain for chain, answer in zip(chains, solved, strict=True) if answer is None]
+    count = sum(len(chain.samples) for chain in missing)
+    answers = mapped(_run, missing, workers if count > _FEW else 1)
+    for done, number in enumerate(n for n, answer in enumerate(solved) if answer is None):
+        solved[number] = next(answers)
+        progress(done, len(missing))
+    return [answer for answer in solved if answer is not None]
+
+
+def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
+    """A law with the answers of chains; an axis whose chain ended early ends there."""
+    axes, more = list(law.axes), dict[Sample, Array]()
+    for answer in solved:
+        more |= answer.answers
+        for sample in answer.answers:
+            if len(sample) == 1:
+                (number, size), = sample
+                axes[number] = axes[number].with_place(size)
+        if answer.chain.patient and answer.failure:
+            (number, size), = answer.chain.samples[-1]
+            axes[number] = axes[number].ended(1 if size > 0 else -1, str(answer.failure))
+    return law.with_samples(tuple(axes), more)
+
+
+def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
+               progress: Progress = lambda done, all_of_them: None,
+               axes_of: Callable[[Setup, str], tuple[Axis, ...]] = film_axes
+               ) -> tuple[ForceLaw, ...]:
+    """The force law of every specimen of a setup, each effect alone at its first sizes."""
+    laws = [ForceLaw(solver, grid, axes_of(setup, specimen.name), {})
+            for specimen, grid in zip(setup.specimens, grids, strict=True)]
+    return _sampled(setup, laws, (), workers, progress)
+
+
+def regridded(simulation: Simulation, grids: Sequence[Grid], workers: int = 1) -> Simulation:
+    """The same samples on other grids, as far as the films can be solved there."""
+    laws = [replace(law, grid=grid) for law, grid in zip(simulation.laws, grids, strict=True)]
+    joint = [[sample for sample in law.samples if len(sample) > 1] for law in laws]
+    return replace(simulation, laws=_sampled(simulation.setup, laws, joint, workers))
+
+
+def _sampled(setup: Setup, laws: Sequence[ForceLaw], joint: Sequence[Sequence[Sample]],
+             workers: int, progress: Progress = lambda done, all_of_them: None
+             ) -> tuple[ForceLaw, ...]:
+    """Laws with everything at their axes' places, and further samples, solved."""
+    chains: list[Chain] = []
+    for number, (specimen, law) in enumerate(zip(setup.specimens, laws, strict=True)):
+        base = _base(setup, specimen.name, law)
+        chains.append(replace(base, grid=law.grid, samples=((),), behind=()))
+        # Films on meshes of their own, which take longest, are those of the last effects.
+        chains += [Chain.along(base, axis, places) for axis in reversed(range(len(law.axes)))
+                   for sense in (1, -1) if (places := law.axes[axis].side(sense))]
+        chains += [replace(base, samples=(sample,)) for sample in (joint[number] if joint else ())]
+    solved = solve_chains(chains, workers, progress)
+    for answer in solved:
+        if answer.chain.samples == ((),) and answer.failure:
+            raise answer.failure
+    sampled = []
+    for specimen, law in zip(setup.specimens, laws, strict=True):
+        axes = tuple(replace(axis, places=()) for axis in law.axes)
+        sampled.append(extended_law(replace(law, axes=axes, samples={}), (
+            answer for answer in solved if answer.chain.name == specimen.name)))
+    return tuple(sampled)
+
+
+def _base(setup: Setup, name: str, law: ForceLaw) -> Chain:
+    """A chain of a law's film without samples."""
+    return Chain(law.solver, setup, name, law.grid.coarse, law.axes, ())
+
+
+def grown(simulation: Simulation, cause: Cause, index: int, side: int,
+          workers: int = 1) -> Simulation:
+    """With films sampled at a larger size of a parameter of an effect, on side +1 or -1.
+
+    The same object where nothing changes: the parameter changes no film, or no film bears more.
+    """
+    places = affected(simulation, cause, index)
+    if not places:
+        return simulation
+    ranges = [(axis.span(side), axis.reach(side))
+              for axis in (simulation.laws[law].axes[number] for law, number in places)]
+    now, most = min(span for span, _ in ranges), min(reach for _, reach in ranges)
+    if now >= most * (1 - _ALIKE / 10):
+        return simulation
+    wanted = _GROWTH * now if now > 0 else cause.effect.parameters[index].deviation
+    wanted = most if wanted > _ALMOST * most else wanted
+    chains = []
+    for (law, number), (span, _) in zip(places, ranges, strict=True):
+        if span < wanted * (1 - _ALIKE):
+            axis = simulation.laws[law].axes[number]
+            sense = 1 if axis.folded else side
+            chains.append(Chain.along(_chain_of(simulation, law), number, [sense * wanted],
+                                      axis.side(sense)))
+    return _with_answers(simulation, solve_chains(chains, workers))
+
+
+def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
+            workers: int = 1) -> Simulation:
+    """With the films solved at the sizes of a hypothesis' unknowns, and their pairs.
+
+    The same object where they are, or cannot be.
+    """
+    chains = []
+    for law_number, law in enumerate(simulation.laws):
+        sizes = sizes_on(simulation, law_number, hypothesis, unknowns)
+        active = [number for number, size in enumerate(sizes.tolist())
+                  if abs(size) > _NONE * law.axes[number].parameter.deviation]
+        base = _chain_of(simulation, law_number)
+        for number in active:
+            chains += _single(base, law.axes[number], number, float(sizes[number]))
+        groups = {2, len(active)} if len(active) > 1 else set()
+        for group in (group for count in sorted(groups) for group in combinations(active, count)):
+            sample = tuple((number, float(sizes[number])) for number in group)
+            if not _near_another(law, sample):
+                chains.append(replace(base, samples=(sample,)))
+    return _with_answers(simulation, solve_chains(chains, workers))
+
+
+def _single(base: Chain, axis: Axis, number: int, size: float) -> list[Chain]:
+    """A place at a size beyond the first ones, if there is none near."""
+    sense = 1 if size > 0 else -1
+    side = axis.side(sense)
+    size = sense * min(abs(size), axis.reach(sense))
+    if abs(size) <= min(FIRST_SPAN * axis.parameter.deviation, axis.span(sense)) or any(
+            abs(size - place) < _ALIKE * abs(size) for place in side):
+        return []
+    below = [place for place in side if abs(place) < abs(size)]
+    return [replace(Chain.along(base, number, [size], below), patient=below == [*side])]
+
+
+def _near_another(law: ForceLaw, sample: Sample) -> bool:
+    """Whether the same axes have a sample near this one, or enough of them."""
+    group = [number for number, _ in sample]
+    others = [other for other in law.samples if [number for number, _ in other] == group]
+    return len(others) >= _MOST or any(
+        all(abs(size - there) < _ALIKE * abs(size)
+            for (_, size), (_, there) in zip(sample, other, strict=True)) for other in others)
+
+
+def _chain_of(simulation: Simulation, law: int) -> Chain:
+    return _base(simulation.setup, simulation.setup.specimens[law].name, simulation.laws[law])
+
+
+def _with_answers(simulation: Simulation, solved: Sequence[Solved]) -> Simulation:
+    names = [specimen.name for specimen in simulation.setup.specimens]
+    changed = {answer.chain.name for answer in solved if answer.answers or answer.chain.patient}
+    if not changed:
+        return simulation
+    answers = {name: [answer for answer in solved if answer.chain.name == name]
+               for name in changed}
+    return replace(simulation, laws=tuple(
+        extended_law(law, answers[name]) if name in changed else law
+        for name, law in zip(names, simulation.laws, strict=True)))
