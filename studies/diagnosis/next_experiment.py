@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Fit, Posterior, prior_widths
+from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.simulation import (
@@ -319,12 +319,10 @@ def _loss(fit: Fit, difference: Array, jacobian: Array) -> float:
     Predictions are taken as linear and the cost of the old rows as a parabola; unknowns stay within
     their bounds.
     """
-    weight = prior_widths(fit.hypothesis) ** -2.0
-    slope = -fit.jacobian.T @ fit.residual + weight * fit.unknowns
     scale = fit.deviations
     root = np.linalg.cholesky(fit.precision)
     matrix = np.concatenate([root.T, jacobian]) * scale
-    target = np.concatenate([-np.linalg.solve(root, slope), difference])
+    target = np.concatenate([-np.linalg.solve(root, fit.slope), difference])
     low, high = (fit.bounds - fit.unknowns) / scale
     step = np.linalg.lstsq(matrix, target, rcond=None)[0]
     if np.any((step < low) | (step > high)):

@@ -91,7 +91,7 @@ class Diagnosis:
                    judgement.chosen,
                    gain_of(simulation, readings.table, causes, judgement, seed),
                    *propose(simulation, judgement, causes),
-                   single_effects(simulation, judgement, causes),
+                   single_effects(judgement),
                    detectable_effects(judgement.signatures))
 
     @property

@@ -9,14 +9,13 @@ from functools import cached_property
 from math import inf
 from typing import Any, Literal, get_type_hints
 
-import numpy as np
-
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Registry
 from tympan.geometry.specimen import Film, Specimen
 from tympan.geometry.units import any_quantity
 from tympan.studies.circles import Lumped
+from tympan.studies.effects.prior import HeavyTail
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,9 @@ class EffectParameter:
     """A number of an effect, in SI inside, with what is known of it before any data.
 
     ``power`` makes a value its size, in which no effect is 0 and the readings are smooth.
-    ``width``, ``low`` and ``high`` are values: the prior is normal in the size, with mean 0 and as
-    standard deviation the size of ``width``, cut at ``low`` and ``high``; ``reason`` says why.
+    ``width``, ``low`` and ``high`` are values: ``width`` is usual, for a ``reason``, and beyond
+    ``low`` and ``high`` physics or geometry let nothing be; the prior of the size has a heavy tail
+    between them (:class:`~tympan.studies.effects.prior.HeavyTail`).
     ``unit`` is the one to show ("" for plain numbers). Values that are not 0 but nearer to it than
     ``least`` cannot be built. ``even``: the sign changes no reading of a specimen that is its own
     mirror image. Sentences give ``tell(value)`` in ``told_in``, the unit to show if it is left out,
@@ -104,7 +104,7 @@ class EffectParameter:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the size before the cut."""
+        """The usual size, that of ``width``."""
         return self.size(self.width)
 
     @property
@@ -113,12 +113,9 @@ class EffectParameter:
         return "even" if self.even else "signed" if self.limits[0] < 0 else "positive"
 
     @property
-    def prior(self) -> Any:
-        """The distribution of the size, as :mod:`scipy.stats` has them."""
-        from scipy.stats import truncnorm
-
-        low, high = np.array(self.limits) / self.deviation
-        return truncnorm(low, high, scale=self.deviation)
+    def prior(self) -> HeavyTail:
+        """The distribution of the size."""
+        return HeavyTail(self.deviation, *self.limits)
 
 
 @dataclass(frozen=True)

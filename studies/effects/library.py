@@ -27,7 +27,7 @@ from tympan.studies.effects.effect import EffectParameter, Setup, effect
               "with the stated law")
 def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
         "power of the first invariant by which the slope of the energy grows", "",
-        width=0.2, low=-0.8, high=2.0, reason=(
+        width=0.2, low=-0.95, high=8.0, reason=(
             "Gent's law with J_lim has h = I_m/(J_lim + 3 - I_m) about the mounted I_m = 10: 0.1 "
             "for the 110 of the library's VHB 4910, 0.3 for 40, against 0 for neo-Hooke: sources "
             "on one tape differ so"))]) -> Setup:
@@ -44,7 +44,7 @@ def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(
                 "grows beyond the mounted one",
         check="measure the film's capacitance unloaded and under the largest load")
 def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
-        "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-1.0, high=1.0, reason=(
+        "exponent of ε_r (J/J_p)^(-n)", "", width=0.15, low=-5.0, high=5.0, reason=(
             "VHB 4910: ε_r 4.7 unstretched and 2.6 at a stretch of 5 (Wissler, Mazza, Sens. "
             "Actuators A 138, 2007, as commonly quoted, not read again) make n = "
             "ln(4.7/2.6)/ln(25) = 0.18; others find no dependence"),
@@ -59,7 +59,7 @@ def permittivity_stretch(setup: Setup, n: Annotated[float, EffectParameter(
                 "along {a:y/x}",
         check="measure the marks drawn on the films before stretching, along x and along y")
 def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
-        "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.1, high=0.1,
+        "stretch λ(1+a) along x and λ/(1+a) along y", "", width=0.02, low=-0.5, high=1.0,
         reason="a grid drawn on the film and read with a ruler, 1 mm in 50 mm; no source",
         told_in="%")]) -> Setup:
     def change(film: Film) -> Film:
@@ -74,7 +74,7 @@ def prestretch_anisotropy(setup: Setup, a: Annotated[float, EffectParameter(
         check="look for slip where the film of {which} is clamped, and measure the marks drawn on "
               "it before stretching")
 def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
-        "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.15, reason=(
+        "the specimen's stretches are λ(1-delta)", "", width=0.02, low=0.0, high=0.9, reason=(
             "film slipping by 1 mm under a clamp of a 45 mm frame loses 2 % of its stretch; no "
             "source"), told_in="%")], which: str) -> Setup:
     def change(film: Film) -> Film:
@@ -88,7 +88,7 @@ def prestretch_loss(setup: Setup, delta: Annotated[float, EffectParameter(
         finding="The electrodes end {d} short of the frame",
         check="measure with a ruler how far from the frame the electrodes end")
 def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
-        "width of the uncovered band along the frame", "mm", width=2e-3, low=0.0, high=10e-3,
+        "width of the uncovered band along the frame", "mm", width=2e-3, low=0.0, high=1.0,
         least=0.5e-3, reason=(
             "grease is brushed by hand and kept clear of a frame against flashover, about 1 mm per "
             "few kV; no source. A specimen can have a band from 1 % of the gap between plate and "
@@ -103,7 +103,7 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
               "again")
 def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
         "neo-Hookean modulus per virgin volume, without stress when mounted", "kPa",
-        width=1e3, low=0.0, high=10e3, reason=(
+        width=1e3, low=0.0, high=1e7, reason=(
             "dried grease of 20 kPa, 25 µm on both sides of a virgin film of 1 mm, is 1 kPa; no "
             "source"))]) -> Setup:
     return setup.with_specimens(
@@ -112,7 +112,7 @@ def electrode_stiffness(setup: Setup, mu_e: Annotated[float, EffectParameter(
 
 def _offset(axis: str) -> EffectParameter:
     return EffectParameter(
-        f"offset along {axis}", "mm", width=1e-3, low=-5e-3, high=5e-3, even=True,
+        f"offset along {axis}", "mm", width=1e-3, low=-1.0, high=1.0, even=True,
         reason="a plate placed by eye on marks or in a loose jig; no source")
 
 
@@ -133,7 +133,7 @@ def plate_eccentricity(setup: Setup, dx: Annotated[float, _offset("x")],
         finding="Every load is {m_0} {m_0:heavier/lighter} than its label",
         check="weigh plate, screw, hook and lead, and every load, on one balance")
 def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
-        "every load is m + m_0", "g", width=1e-3, low=-5e-3, high=15e-3, reason=(
+        "every load is m + m_0", "g", width=1e-3, low=-10.0, high=10.0, reason=(
             "plate, screw, hook and glue weigh 0.5 to 3 g and leads carry some of it; no "
             "source"))]) -> Setup:
     return setup.with_rig(unaccounted_mass=setup.rig.unaccounted_mass + m_0)
@@ -143,7 +143,7 @@ def unaccounted_mass(setup: Setup, m_0: Annotated[float, EffectParameter(
         finding="Something holds the plate back like a spring of {k}",
         check="take away what touches the plate (lead, guide, probe) and read one state again")
 def parallel_spring(setup: Setup, k: Annotated[float, EffectParameter(
-        "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=100.0,
+        "stiffness against the deflection", "N/m", width=5.0, low=0.0, high=1e6,
         reason="a copper lead of 0.3 mm and 30 mm, built in at one end: 3 E I/L^3 = 5 N/m"
         )]) -> Setup:
     return setup.with_rig(spring=setup.rig.spring + k)
@@ -158,7 +158,7 @@ def _compounded(first: float, second: float) -> float:
         finding="The film gets {k} {k:more/less} voltage than is written down",
         check="measure the supply's voltage with a high-voltage probe at two settings")
 def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
-        "the film sees (1+k) U", "", width=0.02, low=-0.3, high=0.3, reason=(
+        "the film sees (1+k) U", "", width=0.02, low=-0.9, high=9.0, reason=(
             "converter modules set by a control voltage, without calibration, to a few per cent; "
             "no source"), told_in="%")]) -> Setup:
     return setup.with_rig(amplifier_gain=_compounded(setup.rig.amplifier_gain, k))
@@ -171,7 +171,7 @@ def amplifier_gain(setup: Setup, k: Annotated[float, EffectParameter(
               "voltage")
 def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
         "the film sees U/(1+(U/U_s)^2); infinite where there is no sag", "kV",
-        width=25e3, low=5e3, high=inf, power=-2, reason=(
+        width=25e3, low=100.0, high=inf, power=-2, reason=(
             "25 kV is 7 % less at 7 kV: what a leaking film takes from a small unregulated "
             "converter; no source"),
         told_in="%", tell=lambda U_s: 1 - 1 / (1 + (5e3 / U_s) ** 2))]) -> Setup:
@@ -190,7 +190,7 @@ def voltage_sag(setup: Setup, U_s: Annotated[float, EffectParameter(
         columns=("direction",))
 def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
         "the film responds as to U - H (at least 0) on the way up, to U + H on the way down", "kV",
-        width=0.1e3, low=0.0, high=1e3, reason=(
+        width=0.1e3, low=0.0, high=1e6, reason=(
             "a film with a share g of its response delayed by τ lags a slow ramp by g τ dU/dt: "
             "with 0.1, 100 s and 10 V/s, 5 kV in 8 min, 0.1 kV; no source"))]) -> Setup:
     return setup.with_rig(lag_voltage=setup.rig.lag_voltage + H)
@@ -215,7 +215,7 @@ def friction(setup: Setup, F: Annotated[float, EffectParameter(
         check="move the sensor's target by a gauge block of known thickness, and look whether its "
               "axis is upright")
 def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
-        "readings are (1+k) y", "", width=0.01, low=-0.2, high=0.2, reason=(
+        "readings are (1+k) y", "", width=0.01, low=-0.9, high=9.0, reason=(
             "an axis tilted by 8 degrees reads 1 % off (cosine); the scale of a calibrated sensor "
             "is better than that"), told_in="%")]) -> Setup:
     return setup.with_rig(sensor_gain=_compounded(setup.rig.sensor_gain, k))
@@ -226,7 +226,7 @@ def sensor_gain(setup: Setup, k: Annotated[float, EffectParameter(
                 "flat film",
         check="read the sensor with the film flat and unloaded")
 def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
-        "readings are y + y_0", "um", width=50e-6, low=-1e-3, high=1e-3,
+        "readings are y + y_0", "um", width=50e-6, low=-1.0, high=1.0,
         reason="the zero is set by hand on a plate that is not yet loaded; no source")]) -> Setup:
     return setup.with_rig(sensor_zero=setup.rig.sensor_zero + y_0)
 
@@ -236,8 +236,8 @@ def sensor_zero(setup: Setup, y_0: Annotated[float, EffectParameter(
         check="read the first state once more at the end of the run",
         columns=("elapsed_s",))
 def drift(setup: Setup, rate: Annotated[float, EffectParameter(
-        "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-6 / 60,
-        high=1e-6 / 60, reason=(
+        "readings are y + rate · elapsed time", "um/min", width=1e-7 / 60, low=-1e-2 / 60,
+        high=1e-2 / 60, reason=(
             "temperature drift of laser sensors: 0.03 %/°C of a range of 20 mm is 6 µm/°C (example "
             "of Omron's technical guide to displacement sensors), in a room that changes by 1 °C "
             "an hour"))]) -> Setup:

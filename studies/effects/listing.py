@@ -31,7 +31,7 @@ def _parameter(item: EffectParameter) -> dict[str, Any]:
 
 
 def _distribution(item: EffectParameter) -> str:
-    return "normal" if item.limits[0] < 0 else "half-normal"
+    return "Cauchy" if item.limits[0] < 0 else "half-Cauchy"
 
 
 def direct_check(effect: Effect) -> str:
@@ -49,4 +49,4 @@ def prior(item: EffectParameter) -> str:
     width, low, high = (f"{item.shown(value):.6g}" for value in (item.width, item.low, item.high))
     of = f" in {_INVERSE}{item.name}" if item.power < 0 else ""
     unit = f" {item.unit}" if item.unit else ""
-    return f"{_distribution(item)}{of}, width {width}{unit}, from {low} to {high}{unit}"
+    return f"{_distribution(item)}{of}, usual {width}{unit}, from {low} to {high}{unit}"

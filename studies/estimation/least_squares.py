@@ -55,21 +55,27 @@ class Evaluation:
 Evaluate = Callable[[Array, Evaluation | None], Evaluation]
 
 
+def no_prior(unknowns: Array) -> tuple[Array, Array]:
+    """Of unknowns of which nothing is known beforehand."""
+    return np.zeros(len(unknowns)), np.zeros(len(unknowns))
+
+
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """Residuals as a function of unknowns, shape (p,), within bounds ``low`` and ``high``.
 
     ``evaluate(unknowns, near)`` may begin with the state of a point nearby. ``linear`` are the
     unknowns in which residuals are linear: a search finds them by linear least squares. ``prior``
-    is the precision of independent normal priors about 0, shape (p,), or 0 for none. The cost that
-    is least at a minimum is half of χ² and of the priors' squares.
+    answers at some unknowns a residual for each, shape (p,), that half its square is minus the
+    logarithm of its density beforehand, and their derivatives. The cost that is least at a minimum
+    is half of χ² and of the priors' squares.
     """
 
     evaluate: Evaluate
     low: Array
     high: Array
     linear: tuple[int, ...] = ()
-    prior: Array | float = 0.0
+    prior: Callable[[Array], tuple[Array, Array]] = no_prior
 
     @classmethod
     def of(cls, both: Callable[[Array], tuple[Array, Array]], low: Array, high: Array,
@@ -87,17 +93,18 @@ class LeastSquares:
 
     def cost(self, unknowns: Array, point: Evaluation) -> float:
         """Minus the logarithm of posterior density; inf where the model has no answer."""
-        cost = 0.5 * (point.squares + float(np.sum(self.prior * unknowns**2)))
+        cost = 0.5 * (point.squares + float(np.sum(self.prior(unknowns)[0] ** 2)))
         return cost if np.isfinite(cost) else np.inf
 
     def slope(self, unknowns: Array, point: Evaluation) -> Array:
         """Derivative of the cost, shape (p,)."""
-        return np.asarray(point.jacobian.T @ point.residual + self.prior * unknowns)
+        rows, slopes = self.prior(unknowns)
+        return np.asarray(point.jacobian.T @ point.residual + rows * slopes)
 
-    def curvature(self, point: Evaluation) -> Array:
+    def curvature(self, unknowns: Array, point: Evaluation) -> Array:
         """Second derivative of the cost, residuals taken as linear, shape (p, p)."""
-        inner = point.jacobian.T @ point.jacobian
-        return np.asarray(inner + np.diag(np.broadcast_to(self.prior, len(inner))))
+        return np.asarray(point.jacobian.T @ point.jacobian
+                          + np.diag(self.prior(unknowns)[1] ** 2))
 
     def with_rows(self, rows: Array, centre: Array) -> LeastSquares:
         """With further residuals ``rows`` (z − ``centre``): priors, or what is to stay."""
@@ -147,7 +154,7 @@ def minimise(problem: LeastSquares, start: Array, fixed: Mask | None = None,
                  | ((unknowns >= problem.high) & (slope < 0)))
         if not free.any() or damping > _MOST:
             break
-        curvature = problem.curvature(point)
+        curvature = problem.curvature(unknowns, point)
         inner = curvature[np.ix_(free, free)]
         step = np.zeros(len(unknowns))
         if quick is None:

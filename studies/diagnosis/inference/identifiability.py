@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.posterior import fit
+from tympan.studies.diagnosis.inference.posterior import Fit, fit
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
@@ -46,13 +46,13 @@ def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
 
 
 def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
-           table: ReadingTable) -> Array:
+           table: ReadingTable, typical: float = TYPICAL) -> Array:
     """Residuals of the nominal model fitted to readings with one parameter at its typical size.
 
     At a smaller size, in proportion, where the typical one has no equilibria.
     """
     bounds = bounds_of(simulation, (cause,))
-    share = TYPICAL
+    share = typical
     while True:
         moved = np.zeros(bounds.shape[1])
         moved[FACTORS] = unknowns[FACTORS]
@@ -61,8 +61,15 @@ def _shown(simulation: Simulation, cause: Cause, index: int, unknowns: Array,
         if np.isfinite(values).all():
             refitted = fit(simulation, (), table.with_values(values), unknowns[FACTORS])
             if refitted.possible:
-                return refitted.residual * TYPICAL / share
+                return refitted.residual * typical / share
         share /= 2
+
+
+def shows_when_large(simulation: Simulation, cause: Cause, nominal: Fit,
+                     table: ReadingTable) -> bool:
+    """Whether an effect that nobody sees at its typical size is seen at ten times that."""
+    return any(float(np.sum(_shown(simulation, cause, index, nominal.unknowns, table, 10 * TYPICAL)
+                            ** 2)) >= SAME for index in range(len(cause.effect.parameters)))
 
 
 def visibility(signature: Array) -> float:

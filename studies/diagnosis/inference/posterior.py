@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtr
+from scipy.special import logsumexp
 
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal
@@ -26,7 +26,8 @@ from tympan.studies.diagnosis.reduced.simulation import (
     sizes_of,
     unknown_count,
 )
-from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, Minimum, minimise
+from tympan.studies.effects.prior import HeavyTail, as_residuals
+from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,9 @@ Array = NDArray[np.float64]
 NUISANCE = np.array([0.5, 0.4])
 
 _ITERATIONS, _SMALL = 40, 1e-4
-_NODES = 24
+#: Points of quadrature in each of one, two, three or more sizes; how far it reaches, in standard
+#: deviations.
+_NODES, _REACH = (32, 20, 12, 6, 4, 3), 6.0
 
 #: Starts for the logarithms of stiffness and permittivity when the nominal model has no equilibria.
 _STARTS = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.5, 0.0), (0.0, -0.5), (0.0, -1.5), (-0.7, -0.7),
@@ -56,9 +59,10 @@ class Fit:
     """A hypothesis fitted to a table.
 
     ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
-    derivatives of the predictions over the noise by the unknowns; ``precision``: second derivatives
-    of the cost; ``cost``: minus the logarithm of posterior density, and ``evidence``: logarithm of
-    the readings' probability, up to what all hypotheses share; ``heave``: of the states [m].
+    derivatives of the predictions over the noise by the unknowns; ``slope`` and ``precision``:
+    first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
+    and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
+    ``heave``: of the states [m].
     """
 
     hypothesis: Hypothesis
@@ -66,6 +70,7 @@ class Fit:
     bounds: Array
     residual: Array
     jacobian: Array
+    slope: Array
     precision: Array
     cost: float
     evidence: float
@@ -82,25 +87,43 @@ class Fit:
         return float(self.residual @ self.residual)
 
     @property
+    def covariance(self) -> Array:
+        """Of the unknowns, shape (p, p)."""
+        return np.linalg.pinv(self.precision, hermitian=True)
+
+    @property
     def deviations(self) -> Array:
         """Standard deviations of the unknowns."""
-        return np.sqrt(np.diag(np.linalg.inv(self.precision)))
+        return np.sqrt(np.diag(self.covariance))
 
-
-def prior_widths(hypothesis: Hypothesis, widen: float = 1.0) -> Array:
-    """Standard deviations of the unknowns beforehand, shape (p,)."""
-    sizes = [widen * parameter.deviation for parameter in parameters_of(hypothesis)]
-    return np.concatenate([NUISANCE, sizes])
+    def surprise(self, cause: Cause) -> float:
+        """The largest size of a cause's parameters over its usual one."""
+        sizes = np.abs(self.unknowns[sizes_of(self.hypothesis, cause)])
+        usual = [parameter.deviation for parameter in cause.effect.parameters]
+        return float((sizes / usual).max())
 
 
 def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
         start: Array | None = None, widen: float = 1.0) -> Fit:
-    """The best fit of a hypothesis to readings, the effects' priors ``widen`` times as wide.
+    """The best fit of a hypothesis to readings, usual sizes taken ``widen`` times as large.
 
     It begins at ``start``, of which the nominal hypothesis' unknowns are enough; without effects
-    else, or, where a sign changes nothing, with some of the prior's width.
+    else, or, where a sign changes nothing, with some of the usual size.
     """
-    widths, bounds = prior_widths(hypothesis, widen), bounds_of(simulation, hypothesis)
+    return best_of([_fit_from(simulation, hypothesis, table, first, widen)
+                    for first in _starts(hypothesis, start)])
+
+
+def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
+              widen: float) -> Fit:
+    bounds = bounds_of(simulation, hypothesis)
+    priors = [parameter.prior.widened(widen) for parameter in parameters_of(hypothesis)]
+    scales = np.array([prior.scale for prior in priors])
+
+    def prior(unknowns: Array) -> tuple[Array, Array]:
+        rows, slopes = as_residuals(unknowns[SIZES], scales)
+        return (np.concatenate([unknowns[FACTORS] / NUISANCE, rows]),
+                np.concatenate([1 / NUISANCE, slopes]))
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
         prediction = Prediction(simulation, hypothesis, unknowns, table,
@@ -108,63 +131,102 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
         return Evaluation((table.value - prediction.values) / table.sigma,
                           lambda: -prediction.jacobian / table.sigma[:, None], prediction.heave)
 
-    problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=widths**-2.0)
-    fits = []
-    for first in np.clip(_starts(hypothesis, widths, start), *bounds):
-        try:
-            minimum = minimise(problem, first, quick=_SMALL, iterations=_ITERATIONS)
-        except InputError:  # it cannot be at the states that were read
-            rows, count = len(table), len(first)
-            fits.append(Fit(hypothesis, first, bounds, np.full(rows, np.inf),
-                            np.zeros((rows, count)), np.eye(count), np.inf, -np.inf,
-                            problem.at(first).state))
-            continue
-        point = minimum.point
-        fits.append(Fit(hypothesis, minimum.unknowns, bounds, point.residual, -point.jacobian,
-                        problem.curvature(point), minimum.cost,
-                        _log_mass(problem, minimum, widths[SIZES]) - minimum.cost, point.state))
-    return best_of(fits)
+    problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
+    start = np.clip(start, *bounds)
+    try:
+        minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
+    except InputError:  # it cannot be at the states that were read
+        rows, count = len(table), len(start)
+        return Fit(hypothesis, start, bounds, np.full(rows, np.inf), np.zeros((rows, count)),
+                   np.zeros(count), np.eye(count), np.inf, -np.inf, problem.at(start).state)
+    point, unknowns = minimum.point, minimum.unknowns
+    # Priors count their density at no effect, too.
+    cost = minimum.cost - sum(float(prior.logpdf(0.0)) for prior in priors)
+    likelihood = replace(problem, prior=lambda at: (
+        np.concatenate([at[FACTORS] / NUISANCE, 0 * scales]),
+        np.concatenate([1 / NUISANCE, 0 * scales])))
+    return Fit(hypothesis, unknowns, bounds, point.residual, -point.jacobian,
+               problem.slope(unknowns, point), problem.curvature(unknowns, point), cost,
+               _evidence(likelihood, unknowns, point, priors), point.state)
 
 
-def _starts(hypothesis: Hypothesis, widths: Array, start: Array | None) -> list[Array]:
-    first = np.zeros(len(widths))
+def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
+    usual = np.array([parameter.deviation for parameter in parameters_of(hypothesis)])
+    first = np.zeros(FACTORS.stop + len(usual))
     if start is not None:
         first[: len(start)] = start[: len(first)]
     even = np.array([parameter.sign == "even" for parameter in parameters_of(hypothesis)], bool)
     if not even.any() or (start is not None and len(start) >= len(first)):
         return [first]
     moved = np.zeros(len(first))
-    moved[SIZES] = np.where(even, widths[SIZES], 0.0)
+    moved[SIZES] = np.where(even, usual, 0.0)
     return [first + share * moved for share in (0.5, 2.0)]
 
 
-def _log_mass(problem: LeastSquares, minimum: Minimum, widths: Array) -> float:
-    """Logarithm of the integral of prior times likelihood, relative to its largest value.
+def _evidence(likelihood: LeastSquares, unknowns: Array, point: Evaluation,
+              priors: Sequence[HeavyTail]) -> float:
+    """Logarithm of the integral of prior times likelihood.
 
-    Laplace's approximation: the cost is taken as a parabola. It is integrated exactly over
-    stiffness and permittivity and by Gauss–Legendre quadrature over the sizes within their limits,
-    where the largest value may lie on a limit.
+    The logarithm of likelihood is taken as a parabola, Laplace's approximation. It is integrated
+    exactly over stiffness and permittivity, and with the sizes' priors as they are by quadrature
+    within their limits.
     """
-    precision = problem.curvature(minimum.point)
-    slope = problem.slope(minimum.unknowns, minimum.point)
+    precision = likelihood.curvature(unknowns, point)
+    slope = likelihood.slope(unknowns, point)
     inner = precision[FACTORS, FACTORS]
-    mass = -0.5 * np.linalg.slogdet(inner)[1] - np.log(NUISANCE).sum()
-    if not len(widths):
-        return float(mass)
+    top = -likelihood.cost(unknowns, point)
+    top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
+    top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
+    if not priors:
+        return float(top)
     # The sizes' own parabola, stiffness and permittivity at their best for each.
     gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
     curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
     pull = slope[SIZES] - gain.T @ slope[FACTORS]
-    low, high = problem.low[SIZES], problem.high[SIZES]
-    share = ndtr(high / widths) - ndtr(low / widths)
-    mass += -np.sum(np.log(widths * share)) - 0.5 * len(widths) * np.log(2 * np.pi)
-    sizes = minimum.unknowns[SIZES]
-    return float(mass + _log_quadrature(curvature, pull, low - sizes, high - sizes))
+    return float(top + _log_integral(curvature, pull, unknowns[SIZES], likelihood.low[SIZES],
+                                     likelihood.high[SIZES], priors))
+
+
+def _log_integral(curvature: Array, slope: Array, sizes: Array, low: Array, high: Array,
+                  priors: Sequence[HeavyTail]) -> float:
+    """Logarithm of the integral of priors times exp(-slope·x - x·curvature·x/2) over a box.
+
+    x are sizes less those at the most probable place. One size after the other, by Gauss–Legendre
+    quadrature in the inverse hyperbolic sine of its size over its scale, about where those before
+    it leave it.
+    """
+    count = len(sizes)
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES[count - 1])
+    scales = np.array([prior.scale for prior in priors])
+    # A size that readings do not tell keeps a little curvature, of what priors allow.
+    curvature = curvature + np.diag((1e-3 / scales) ** 2)
+    places, logs = np.zeros((1, count)), np.zeros(1)
+    for k in range(count):
+        last = slice(k, count)
+        inverse = np.linalg.inv(curvature[last, last])
+        towards = slope[last] + places[:, :k] @ curvature[:k, last]
+        centre, width = -(towards @ inverse)[:, 0], inverse[0, 0] ** 0.5
+        # Where likelihood falls from a limit, as far as it falls.
+        fall = np.minimum(_REACH * width, 40 * width**2 / np.maximum(np.abs(centre), 1e-300))
+        from_, to = low[k] - sizes[k], high[k] - sizes[k]
+        near, far = np.clip(centre, from_, to) - fall, np.clip(centre, from_, to) + fall
+        lower = np.clip(np.minimum(np.minimum(centre - _REACH * width, near), 0.0), from_, to)
+        upper = np.clip(np.maximum(np.maximum(centre + _REACH * width, far), 0.0), from_, to)
+        begin, end = (np.arcsinh((edge + sizes[k]) / scales[k]) for edge in (lower, upper))
+        at = 0.5 * (begin + end)[:, None] + 0.5 * (end - begin)[:, None] * nodes
+        inside = scales[k] * np.sinh(at)
+        measure = 0.5 * (end - begin)[:, None] * weights * scales[k] * np.cosh(at)
+        logs = (logs[:, None] + np.log(np.maximum(measure, 1e-300))
+                + priors[k].logpdf(inside)).ravel()
+        places = np.repeat(places, len(nodes), axis=0)
+        places[:, k] = (inside - sizes[k]).ravel()
+    exponent = logs - places @ slope - 0.5 * np.einsum("ni,ij,nj->n", places, curvature, places)
+    return float(logsumexp(exponent))
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
     """The most probable, possible ones first."""
-    return max(fits, key=lambda fit: (fit.possible, fit.evidence))
+    return max(fits, key=lambda fit: (fit.possible, -fit.cost))
 
 
 def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
@@ -174,22 +236,6 @@ def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
         if nominal.possible:
             break
     return nominal
-
-
-def _log_quadrature(precision: Array, slope: Array, low: Array, high: Array) -> float:
-    """Logarithm of the integral of exp(-slope·x - x·precision·x/2) over a box that holds 0."""
-    reach = 7 / np.sqrt(1 / np.diag(np.linalg.inv(precision)))
-    centre = -np.linalg.solve(precision, slope)
-    lower = np.clip(np.minimum(centre - reach, 0.0), low, high)
-    upper = np.clip(np.maximum(centre + reach, 0.0), low, high)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES if len(slope) < 4 else 10)
-    half = ((upper - lower) / 2)[:, None]
-    at = ((lower + upper) / 2)[:, None] + half * nodes
-    grid = np.stack(np.meshgrid(*at, indexing="ij"), axis=-1).reshape(-1, len(slope))
-    weight = np.prod(np.meshgrid(*(half * weights), indexing="ij"), axis=0).ravel()
-    exponent = -grid @ slope - 0.5 * np.einsum("ni,ij,nj->n", grid, precision, grid)
-    top = exponent.max()
-    return float(top + np.log(max(float(weight @ np.exp(exponent - top)), 1e-300)))
 
 
 def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: ReadingTable,
@@ -202,17 +248,22 @@ def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: Rea
     for hypothesis in hypotheses:
         if hypothesis in fits:
             continue
-        starts = []
-        for cause in hypothesis:
-            member = fits.get((cause,))
-            if member is not None and member.possible:
-                unknowns = np.zeros(unknown_count(hypothesis))
-                unknowns[FACTORS] = member.unknowns[FACTORS]
-                unknowns[sizes_of(hypothesis, cause)] = member.unknowns[SIZES]
-                starts.append(unknowns)
+        starts = [with_sizes(hypothesis, fits[cause,]) for cause in hypothesis
+                  if len(hypothesis) > 1 and (cause,) in fits and fits[cause,].possible]
         fits[hypothesis] = best_of([fit(simulation, hypothesis, table, first, widen)
                                     for first in starts or [start[FACTORS]]])
     return [fits[hypothesis] for hypothesis in hypotheses]
+
+
+def with_sizes(hypothesis: Hypothesis, *fits: Fit) -> Array:
+    """Unknowns of a hypothesis with the factors of the last fit, and the sizes of all, else 0."""
+    unknowns = np.zeros(unknown_count(hypothesis))
+    for member in fits:
+        unknowns[FACTORS] = member.unknowns[FACTORS]
+        for cause in member.hypothesis:
+            sizes = member.unknowns[sizes_of(member.hypothesis, cause)]
+            unknowns[sizes_of(hypothesis, cause)] = sizes
+    return unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +271,7 @@ class Posterior:
     """Probabilities given the readings, which add up to 1.
 
     ``fits`` are the hypotheses with an effect, the most probable first, ``probabilities`` theirs;
-    ``nothing`` that of the nominal model; ``discrepancy`` that of some discrepancy no effect makes.
+    ``nothing`` that of the nominal model; ``discrepancy`` that of something else beside them.
     """
 
     fits: tuple[Fit, ...]
@@ -229,11 +280,19 @@ class Posterior:
     discrepancy: float
 
     @classmethod
-    def of(cls, nominal: Fit, fits: Sequence[Fit], discrepancy_evidence: float) -> Posterior:
-        """By evidence and prior."""
-        logs = np.array([nominal.evidence, discrepancy_evidence, *(fit.evidence for fit in fits)])
-        logs = logs + np.log([NOTHING, DISCREPANCY, *priors([fit.hypothesis for fit in fits])])
-        weight = np.exp(logs - logs.max())
+    def of(cls, nominal: Fit, fits: Sequence[Fit], left: Mapping[Hypothesis, float]) -> Posterior:
+        """By evidence and prior.
+
+        ``left``: of some hypotheses, the odds that there is a discrepancy beside them, by what they
+        leave (:func:`odds_of_more`); of others those are taken to be as before any data.
+        """
+        logs = np.array([fit.evidence for fit in fits])
+        logs = logs + np.log(priors([fit.hypothesis for fit in fits]))
+        odds = np.array([left.get(fit.hypothesis, 1.0) for fit in fits])
+        more = float(logsumexp(logs, b=np.maximum(odds, 1e-300)))
+        both = np.array([nominal.evidence + np.log(NOTHING),
+                         more + np.log(DISCREPANCY / (SINGLE + PAIR)), *logs])
+        weight = np.exp(both - both.max())
         weight /= weight.sum()
         order = 2 + np.argsort(-weight[2:], kind="stable")
         return cls(tuple(fits[k - 2] for k in order), weight[order], float(weight[0]),
@@ -279,24 +338,34 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
     return weight
 
 
-def discrepancy_evidence(nominal: Fit, patterns: dict[str, Array]) -> float:
-    """Logarithm of the readings' probability if the nominal model is off by some smooth pattern.
+def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
+    """By what factor readings raise the odds that some smooth pattern is beside a hypothesis.
 
     A pattern's columns have independent normal coefficients that make it a typical size, the same
-    for one pattern of the table at a time or for all; the nominal model is taken as linear about
-    its fit. Columns are over the noise of the readings.
+    for one pattern of the table at a time or for all; the model is taken as linear about its fit.
+    Columns are over the noise of the readings.
     """
-    evidence = []
+    spread = fit.jacobian @ np.linalg.cholesky(_prior_covariance(fit))
+    # Readings less what is expected of them beforehand.
+    residual = fit.residual + spread @ (spread.T @ fit.residual)
+    alone = _log_density(residual, spread)
+    gains = []
     for columns in patterns.values():
         basis = orthonormal(columns)
         scale = (len(columns) / max(basis.shape[1], 1)) ** 0.5
-        evidence += [_evidence(nominal, size * scale * basis) for size in _SIZES]
-    return float(logsumexp(evidence) - np.log(len(evidence)))
+        gains += [_log_density(residual, np.hstack([spread, size * scale * basis])) - alone
+                  for size in _SIZES]
+    return float(np.exp(min(logsumexp(gains) - np.log(len(gains)), 700.0)))
 
 
-def _evidence(nominal: Fit, columns: Array) -> float:
-    residual = nominal.residual + nominal.jacobian @ nominal.unknowns
-    spread = np.concatenate([NUISANCE * nominal.jacobian, columns], axis=1)
+def _prior_covariance(fit: Fit) -> Array:
+    """Of the unknowns by their priors about the fit alone, shape (p, p)."""
+    inner = np.diag(fit.precision - fit.jacobian.T @ fit.jacobian)
+    return np.diag(1 / np.maximum(inner, 1e-12 * np.diag(fit.precision)))
+
+
+def _log_density(residual: Array, spread: Array) -> float:
+    """Of normal residuals of covariance 1 + spread · spreadᵀ, up to a constant."""
     inner = np.eye(spread.shape[1]) + spread.T @ spread
     along = spread.T @ residual
     squares = residual @ residual - along @ np.linalg.solve(inner, along)

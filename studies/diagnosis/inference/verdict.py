@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.identifiability import Signatures, classes_of, signatures
+from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.identifiability import (
+    Signatures,
+    classes_of,
+    shows_when_large,
+    signatures,
+)
 from tympan.studies.diagnosis.inference.posterior import (
     Fit,
     Posterior,
-    discrepancy_evidence,
     fit,
-    fit_all,
     nominal_fit,
-    prior_widths,
+    odds_of_more,
 )
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
@@ -28,36 +32,52 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     patterns,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import SIZES, Cause, Simulation, hypotheses_of
+from tympan.studies.diagnosis.reduced.simulation import SIZES, Cause, Simulation
 
 Array = NDArray[np.float64]
 
 #: Standard deviations within which a value lies on a bound.
 _AT_BOUND = 1e-6
 
-#: Factor on the widths of the priors of effects tried alone: what is left of them holds back only
-#: what nothing asks for.
-_WIDE = 10.0
-
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 #: What it takes: the probability by noise alone below which something is wrong, and below which
 #: what a cause leaves is not explained by it; the probability from which a cause is named, and that
-#: of none of the library from which the verdict is unexplained.
+#: of something beside the library from which the verdict is unexplained.
 ALARM, ADEQUATE, SURE, DISCREPANCY = 0.03, 0.01, 0.9, 0.5
+
+#: Factors on the usual sizes for each of which a cause must stand out to be named.
+SCALES = (1 / 3, 1.0, 3.0, 10.0)
+
+#: χ² by which a rival must miss the readings more than what is named, whatever its size may be.
+EXCLUDED = 6.0
+
+#: How many hypotheses are asked whether they leave noise, by probability and by χ².
+_ASKED = (8, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A cause that readings do not exclude, only its size of so many usual ones (``surprise``)."""
+
+    cause: Cause
+    surprise: float
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """What readings say about the nominal model.
 
-    ``table`` has the noise found; ``test`` is that of the nominal fit, ``after`` that of the best
-    hypothesis, None when nothing is wrong; ``patterns`` are those tested. ``named`` are the causes
-    that stand out; ``indistinguishable`` classes that these readings cannot tell apart,
-    ``invisible`` causes they cannot see.
+    ``simulation``: as far as it was grown; ``table`` has the noise found; ``test`` is that of the
+    nominal fit, ``after`` that of the best hypothesis, None when nothing is wrong; ``patterns`` are
+    those tested. ``named`` are the causes that stand out, ``robust`` those that do with usual sizes
+    times each of some factors, ``rivals`` what only its size speaks against; ``indistinguishable``
+    classes that these readings cannot tell apart, ``invisible`` causes they cannot see; ``alone``
+    every effect fitted by itself with hardly any prior.
     """
 
     verdict: Verdict
+    simulation: Simulation
     table: ReadingTable
     nominal: Fit
     test: TestResult
@@ -66,9 +86,12 @@ class Judgement:
     posterior: Posterior | None = None
     after: TestResult | None = None
     named: tuple[Cause, ...] = ()
+    robust: dict[float, tuple[Cause, ...]] = field(default_factory=dict)
+    rivals: tuple[Rival, ...] = ()
     indistinguishable: tuple[tuple[Cause, ...], ...] = ()
     invisible: tuple[Cause, ...] = ()
     suspects: tuple[Cause, ...] = ()
+    alone: tuple[Fit, ...] = ()
 
     @property
     def chosen(self) -> Fit | None:
@@ -82,11 +105,12 @@ class Judgement:
 
 
 def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
-          stated: float = STATED, widen: float = 1.0, seed: int = 0) -> Judgement:
-    """Judge a table's readings by what may be wrong, the effects' priors ``widen`` times as wide.
+          stated: float = STATED, widen: float = 1.0, seed: int = 0, workers: int = 1
+          ) -> Judgement:
+    """Judge a table's readings by what may be wrong, usual sizes taken ``widen`` times as large.
 
     The noise is the table's as far as it is ``stated``: by so many degrees of freedom, 0 where it
-    is made up.
+    is made up. ``workers``: processes for the films of effects larger than those simulated so far.
     """
     generator = np.random.default_rng(seed)
     nominal = nominal_fit(simulation, table)
@@ -107,40 +131,91 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     nominal = fit(simulation, (), table, nominal.unknowns)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     invisible, classes = classes_of(signs)
-    base = Judgement("nothing", table, nominal, test, columns, signs, indistinguishable=classes,
-                     invisible=invisible)
+    base = Judgement("nothing", simulation, table, nominal, test, columns, signs,
+                     indistinguishable=classes, invisible=invisible)
     if test.p_value >= ALARM:
         return base
-    hypotheses = hypotheses_of([cause for cause in causes if cause not in invisible])
-    fits = [fit for fit in fit_all(simulation, hypotheses, table, nominal.unknowns, widen)
-            if fit.possible]
-    posterior = Posterior.of(nominal, fits, discrepancy_evidence(nominal, over(columns, table)))
-    return _weighed(base, posterior, tests.freedom + stated, generator)
+    adequacy = _Adequacy(base, tests.freedom + stated, generator)
+    exploration = Exploration(simulation, table, nominal, adequacy.enough, widen, workers)
+    exploration.run([cause for cause in causes
+                     if cause not in invisible or shows_when_large(simulation, cause, nominal, table)])
+    return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
 
 
-def _weighed(base: Judgement, posterior: Posterior, freedom: float,
-             generator: np.random.Generator) -> Judgement:
+@dataclass
+class _Adequacy:
+    """Tests whether what a hypothesis leaves is noise, known as well as before."""
+
+    base: Judgement
+    freedom: float
+    generator: np.random.Generator
+    results: dict[int, TestResult] = field(default_factory=dict)
+
+    def of(self, fit: Fit) -> TestResult:
+        """The test of a fit, done once."""
+        if id(fit) not in self.results:
+            columns = over(self.base.patterns, self.base.table)
+            tests = ResidualTests.of(fit.jacobian, columns, stated=0.0)
+            self.results[id(fit)] = tests(fit.residual, self.generator, known=self.freedom)
+        return self.results[id(fit)]
+
+    def enough(self, fit: Fit) -> bool:
+        """Whether it may be noise."""
+        return self.of(fit).p_value >= ADEQUATE
+
+
+def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
     """The verdict when something is wrong."""
-    after = _adequacy(base, posterior.fits[0], freedom, generator)
-    suspects = tuple(dict.fromkeys(cause for fit in posterior.credible()
-                                   for cause in fit.hypothesis))
-    weighed = replace(base, posterior=posterior, after=after, suspects=suspects)
-    unlike_any = posterior.discrepancy > DISCREPANCY * posterior.wrong
-    if unlike_any or after.p_value < ADEQUATE:
+    columns = over(base.patterns, base.table)
+    wide = exploration.widened(SCALES[-1])
+    ranked = exploration.ranked()
+    asked = [*ranked[: _ASKED[0]], *sorted(ranked, key=lambda fit: fit.chi_squared)[: _ASKED[1]]]
+    enough = {fit.hypothesis for fit in asked if adequacy.enough(fit)}
+    # What leaves more than noise is no explanation while something else leaves noise alone.
+    out = {fit.hypothesis for fit in asked} - enough if enough else set()
+
+    def posterior_of(fits: Sequence[Fit]) -> Posterior:
+        fits = [fit for fit in fits if fit.hypothesis not in out]
+        odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in fits
+                if fit.hypothesis in enough or (not enough and fit.hypothesis in asked_for)}
+        return Posterior.of(base.nominal, fits, odds)
+
+    asked_for = {fit.hypothesis for fit in asked}
+    posterior = posterior_of(ranked)
+    best = posterior.fits[0]
+    singles = tuple(fit for fit in wide if len(fit.hypothesis) == 1)
+    weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
+                      suspects=_causes(posterior.credible()))
+    if not enough or posterior.discrepancy > DISCREPANCY * posterior.wrong:
         return replace(weighed, verdict="unexplained")
-    sure = tuple(cause for cause, share in posterior.of_causes().items() if share >= SURE)
+    posteriors = {scale: posterior if scale == 1.0 else posterior_of(
+        wide if scale == SCALES[-1] else exploration.widened(scale)) for scale in SCALES}
+    robust = {scale: _sure(posterior) for scale, posterior in posteriors.items()}
+    sure = robust[1.0]
     alone = posterior.fit_of(sure) if sure else None
+    rivals = () if alone is None else _rivals(alone, singles, adequacy)
+    weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
+        [*weighed.suspects, *(rival.cause for rival in rivals)])))
     alike = any(cause in group for cause in sure for group in base.indistinguishable)
-    if alone is None or alike or _adequacy(base, alone, freedom, generator).p_value < ADEQUATE:
+    if (alone is None or alike or rivals or len({frozenset(names) for names in robust.values()}) > 1
+            or not adequacy.enough(alone)):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
 
 
-def _adequacy(base: Judgement, fit: Fit, freedom: float,
-              generator: np.random.Generator) -> TestResult:
-    """Whether what a hypothesis leaves is noise, known as well as before."""
-    tests = ResidualTests.of(fit.jacobian, over(base.patterns, base.table), stated=0.0)
-    return tests(fit.residual, generator, known=freedom)
+def _sure(posterior: Posterior) -> tuple[Cause, ...]:
+    return tuple(cause for cause, share in posterior.of_causes().items() if share >= SURE)
+
+
+def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Rival, ...]:
+    """Effects that explain the readings as well alone, if they may have the size for it."""
+    return tuple(Rival(other.hypothesis[0], other.surprise(other.hypothesis[0]))
+                 for other in singles if other.hypothesis[0] not in fit.hypothesis
+                 and other.chi_squared < fit.chi_squared + EXCLUDED and adequacy.enough(other))
+
+
+def _causes(fits: Sequence[Fit]) -> tuple[Cause, ...]:
+    return tuple(dict.fromkeys(cause for fit in fits for cause in fit.hypothesis))
 
 
 def interval(fit: Fit, number: int) -> tuple[float, float, float]:
@@ -159,37 +234,32 @@ class SingleEffect:
     """One effect fitted with hardly any prior.
 
     ``share``: of the nominal model's χ² beyond noise that it takes away; ``widths``: its largest
-    parameter in standard deviations of its prior; ``bounded``: whether it stopped at a limit.
+    parameter over its usual size.
     """
 
     cause: Cause
     fit: Fit
     share: float
     widths: float
-    bounded: bool
+
+    @property
+    def bounded(self) -> bool:
+        """Whether it stopped at a limit."""
+        sizes, (low, high) = self.fit.unknowns[SIZES], self.fit.bounds[:, SIZES]
+        return bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
 
     @property
     def plausible(self) -> bool:
-        """Whether the size is one such actuators have: within two standard deviations."""
+        """Whether the size is one such actuators have: up to twice the usual one."""
         return self.widths <= 2.0
 
 
-def single_effects(simulation: Simulation, judged: Judgement,
-                   causes: Sequence[Cause]) -> tuple[SingleEffect, ...]:
-    """Every effect fitted alone, the one that explains most first; none when nothing is wrong.
-
-    Those too that are not visible at a usual size: at an unusual one they may be.
-    """
-    if judged.posterior is None:
-        return ()
+def single_effects(judged: Judgement) -> tuple[SingleEffect, ...]:
+    """Every effect fitted alone, the one that explains most first; none when nothing is wrong."""
     excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
     effects = []
-    for cause in causes:
-        wide = fit(simulation, (cause,), judged.table, judged.nominal.unknowns, widen=_WIDE)
-        if wide.possible:
-            share = (judged.nominal.chi_squared - wide.chi_squared) / excess
-            sizes, (low, high) = wide.unknowns[SIZES], wide.bounds[:, SIZES]
-            widths = float((np.abs(sizes) / prior_widths((cause,))[SIZES]).max())
-            bounded = bool(np.any((sizes != 0) & ((sizes <= low) | (sizes >= high))))
-            effects.append(SingleEffect(cause, wide, min(max(share, 0.0), 1.0), widths, bounded))
+    for fit in judged.alone:
+        share = (judged.nominal.chi_squared - fit.chi_squared) / excess
+        cause = fit.hypothesis[0]
+        effects.append(SingleEffect(cause, fit, min(max(share, 0.0), 1.0), fit.surprise(cause)))
     return tuple(sorted(effects, key=lambda effect: -effect.share))

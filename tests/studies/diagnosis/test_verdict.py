@@ -105,8 +105,9 @@ def test_what_is_said_to_be_seen_is_seen_and_what_is_not_is_not(three_shapes: Si
     signs = signatures(three_shapes, table, np.zeros(2), causes)
     for cause, effect in zip(signs, detectable_effects(signs), strict=True):
         parameters, seen = cause.effect.parameters, effect["seen_from"]
-        if seen is None or len(parameters) > 1 or cause.name in ("voltage_sag",
-                                                                 "strain_stiffening"):
+        nearby = seen is not None and seen < 3 * effect["prior_width"]
+        if not nearby or len(parameters) > 1 or cause.name in ("voltage_sag",
+                                                               "strain_stiffening"):
             continue
         unit = parameters[0].value(parameters[0].size(parameters[0].width)) / effect["prior_width"]
         exact = table.with_values(three_shapes.predict((cause,), np.array([0.0, 0.0, seen * unit]),
@@ -140,7 +141,7 @@ def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simul
     others = [cause for cause in every_cause(three_shapes) if cause != mass]
     judged = judge(three_shapes, table, others)
     assert judged.verdict != "nothing"
-    best = single_effects(three_shapes, judged, [*others, mass])[0]
+    best = single_effects(judge(three_shapes, table, [*others, mass]))[0]
     assert best.cause == mass
     assert not best.plausible
     assert best.share > 0.97

@@ -1,0 +1,176 @@
+"""Hypotheses fitted as far as physics lets them go: the reduced model grown as the readings ask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, priors, with_sizes
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.growth import grown, refined
+from tympan.studies.diagnosis.reduced.simulation import (
+    SIZES,
+    Cause,
+    Hypothesis,
+    Simulation,
+    bounds_of,
+    hypotheses_of,
+    limits_of,
+    parameters_of,
+)
+
+Array = NDArray[np.float64]
+
+#: Sizes of one effect at which fits start besides none: a share of what is sampled, or so many
+#: usual ones where that is less.
+_SHARE, _USUAL = 0.9, 8.0
+
+#: What a fit that presses against the end of what is sampled may promise, by what factor more than
+#: its derivatives do, and how far behind the best one it may still end, in the cost.
+_PROMISE, _BEHIND = 3.0, 15.0
+
+#: Fits that are made exact: so far behind the best one at most, by evidence and prior, so many, and
+#: effects from such a share of their usual size on.
+_NEAR, _MOST, _ACTIVE = 6.0, 4, 0.2
+
+#: Fits that may matter for other scales of the priors: so far behind the best one, in the cost.
+_RELEVANT = 25.0
+
+#: How often effects alone and in pairs may be grown; share of a limit at which a fit lies on it.
+_GROWTHS, _AT = (40, 12), 1e-3
+
+
+@dataclass
+class Exploration:
+    """Fits of hypotheses to a table, and the simulation grown for them.
+
+    ``adequate`` tells whether what a fit leaves may be noise; ``widen`` is a factor on usual sizes,
+    ``workers`` the processes for new films.
+    """
+
+    simulation: Simulation
+    table: ReadingTable
+    nominal: Fit
+    adequate: Callable[[Fit], bool]
+    widen: float = 1.0
+    workers: int = 1
+    fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+
+    def run(self, causes: Sequence[Cause]) -> None:
+        """Fit every cause alone and every two together."""
+        hypotheses = hypotheses_of(causes)
+        singles = [hypothesis for hypothesis in hypotheses if len(hypothesis) == 1]
+        pairs = hypotheses[len(singles) :]
+        for hypothesis in singles:
+            self._fit(hypothesis, self._starts(hypothesis))
+        self._grow(singles, _GROWTHS[0])
+        for hypothesis in pairs:
+            members = [self.fits[cause,] for cause in hypothesis]
+            self._fit(hypothesis, [with_sizes(hypothesis, member) for member in members
+                                   if member.possible] or self._starts(hypothesis))
+        self._refine()
+        if not any(map(self.adequate, self.ranked()[:_MOST])):
+            self._grow(pairs, _GROWTHS[1])
+            self._refine()
+
+    def ranked(self) -> list[Fit]:
+        """Fits that are possible, the most probable first."""
+        weights = priors(list(self.fits))
+        logs = {fit.hypothesis: fit.evidence + np.log(weight)
+                for fit, weight in zip(self.fits.values(), weights, strict=True)}
+        return sorted((fit for fit in self.fits.values() if fit.possible),
+                      key=lambda fit: -logs[fit.hypothesis])
+
+    def widened(self, factor: float) -> list[Fit]:
+        """The fits that may matter with usual sizes ``factor`` times as large."""
+        least = min((fit.cost for fit in self.fits.values()), default=np.inf)
+        again = [fit(self.simulation, known.hypothesis, self.table, known.unknowns,
+                     factor * self.widen)
+                 for known in self.fits.values() if known.cost <= least + _RELEVANT]
+        return [fit for fit in again if fit.possible]
+
+    def _starts(self, hypothesis: Hypothesis) -> list[Array]:
+        """Without effect, and with each parameter large to either side."""
+        bounds = bounds_of(self.simulation, hypothesis)
+        none = np.zeros(bounds.shape[1])
+        none[: len(self.nominal.unknowns)] = self.nominal.unknowns
+        starts = [none]
+        for number, parameter in enumerate(parameters_of(hypothesis), SIZES.start):
+            for bound in bounds[:, number]:
+                size = np.sign(bound) * _SHARE * min(abs(bound), _USUAL * parameter.deviation)
+                if size:
+                    starts.append(none.copy())
+                    starts[-1][number] = size
+        # Where a sign changes nothing there is no way from 0.
+        even = all(parameter.sign == "even" for parameter in parameters_of(hypothesis))
+        return starts[1:] if even else starts
+
+    def _fit(self, hypothesis: Hypothesis, starts: Sequence[Array]) -> None:
+        fits = [fit(self.simulation, hypothesis, self.table, start, self.widen)
+                for start in starts]
+        self.fits[hypothesis] = best_of(fits)
+
+    def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
+        """Grow the effects that press against the end of what is sampled, promising ones first."""
+        ended: set[tuple[Hypothesis, int]] = set()
+        for _ in range(most):
+            least = min(fit.cost for fit in self.fits.values())
+            pressing = [(cost, hypothesis, number) for hypothesis in hypotheses
+                        for cost, number in self._pressing(self.fits[hypothesis])
+                        if cost < least + _BEHIND and (hypothesis, number) not in ended]
+            if not pressing:
+                return
+            _, hypothesis, number = min(pressing, key=lambda item: item[0])
+            before = self.fits[hypothesis]
+            side = 1 if before.unknowns[number] > 0 else -1
+            end = (0 if side < 0 else 1), number
+            if abs(bounds_of(self.simulation, hypothesis)[end]) <= abs(before.bounds[end]):
+                cause, index = _parameter(hypothesis, number)
+                self.simulation = grown(self.simulation, cause, index, side, self.workers)
+            bound = bounds_of(self.simulation, hypothesis)[end]
+            if abs(bound) <= abs(before.bounds[end]):
+                ended.add((hypothesis, number))
+                continue
+            further = before.unknowns.copy()
+            further[number] = _SHARE * bound
+            self._fit(hypothesis, [before.unknowns, further])
+
+    def _pressing(self, fit: Fit) -> Iterator[tuple[float, int]]:
+        """Sizes at the end of what is sampled, and the cost they promise beyond it."""
+        if not fit.possible:
+            return
+        limits, variance = limits_of(self.simulation, fit.hypothesis), np.diag(fit.covariance)
+        for number in range(SIZES.start, len(fit.unknowns)):
+            size, slope = fit.unknowns[number], fit.slope[number]
+            for bound, limit in zip(fit.bounds[:, number], limits[:, number], strict=True):
+                at_end = abs(size - bound) <= _AT * abs(bound) and size != 0
+                if at_end and slope * bound < 0 and abs(bound) < (1 - _AT) * abs(limit):
+                    yield fit.cost - _PROMISE * 0.5 * slope**2 * variance[number], number
+
+    def _refine(self) -> None:
+        """Exact films where the most probable fits are."""
+        for hypothesis in [fit.hypothesis for fit in self._near()]:
+            before = self.fits[hypothesis]
+            usual = np.array([item.deviation for item in parameters_of(hypothesis)])
+            unknowns = before.unknowns.copy()
+            unknowns[SIZES] *= np.abs(unknowns[SIZES]) >= _ACTIVE * usual
+            simulation = refined(self.simulation, hypothesis, unknowns, self.workers)
+            if simulation is not self.simulation:
+                self.simulation = simulation
+                self._fit(hypothesis, [before.unknowns])
+
+    def _near(self) -> list[Fit]:
+        ranked = self.ranked()
+        weights = dict(zip(self.fits, np.log(priors(list(self.fits))), strict=True))
+        logs = [fit.evidence + weights[fit.hypothesis] for fit in ranked]
+        return [fit for fit, log in zip(ranked, logs, strict=True) if log > logs[0] - _NEAR][:_MOST]
+
+
+def _parameter(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:
+    """The cause and the place among its parameters of an unknown."""
+    places = [(cause, index) for cause in hypothesis
+              for index in range(len(cause.effect.parameters))]
+    return places[number - SIZES.start]

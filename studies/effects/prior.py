@@ -1,0 +1,81 @@
+"""What is known of an effect's size before any data: a scale and not a wall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: The median of a half-normal distribution of unit deviation.
+_MEDIAN = 0.6744897501960817
+
+
+@dataclass(frozen=True)
+class HeavyTail:
+    """Cauchy's distribution about 0, cut at ``low`` and ``high``.
+
+    Half of it is below the median of a normal one of standard deviation ``usual``. Where such a
+    normal prior is right it costs a quarter of a nat of evidence, and where sizes are spread evenly
+    over the logarithm from 0.3 to 20 times the usual one it saves 20 nats on average
+    (``tests/studies/diagnosis/test_effects.py`` computes both).
+
+    Examples
+    --------
+    >>> HeavyTail(1.0, 0.0, float("inf")).ppf(0.5)
+    0.6744897501960817
+    >>> round(HeavyTail(1.0, 0.0, float("inf")).cdf(12.0), 3)
+    0.964
+    """
+
+    usual: float
+    low: float
+    high: float
+
+    @property
+    def scale(self) -> float:
+        """Where density is half of the largest, about 0."""
+        return _MEDIAN * self.usual
+
+    def widened(self, factor: float) -> HeavyTail:
+        """The same about a usual size ``factor`` times as large."""
+        return replace(self, usual=factor * self.usual)
+
+    def cdf(self, size: Any) -> Any:
+        """Share of the sizes below this one."""
+        below, above = self._turns
+        turn = np.arctan(np.clip(size, self.low, self.high) / self.scale)
+        return (turn - below) / (above - below)
+
+    def ppf(self, share: Any) -> Any:
+        """The size below which a share of them is."""
+        below, above = self._turns
+        return self.scale * np.tan(below + share * (above - below))
+
+    def logpdf(self, size: Any) -> Any:
+        """Logarithm of density per size."""
+        below, above = self._turns
+        inside = (size >= self.low) & (size <= self.high)
+        density = -np.log1p((size / self.scale) ** 2) - np.log(self.scale * (above - below))
+        return np.where(inside, density, -np.inf)
+
+    @property
+    def _turns(self) -> tuple[float, float]:
+        below, above = np.arctan(np.array([self.low, self.high]) / self.scale).tolist()
+        return max(below, -pi / 2), min(above, pi / 2)
+
+
+def as_residuals(sizes: Array, scales: Array) -> tuple[Array, Array]:
+    """Residuals half of whose square is minus the logarithm of density over that at 0; slopes.
+
+    The shapes are all the same; ``scales`` are those of :class:`HeavyTail`.
+    """
+    share = sizes / scales
+    rows = np.sign(share) * np.sqrt(2 * np.log1p(share**2))
+    small = np.abs(share) < 1e-6
+    slopes = 2 * share / ((1 + share**2) * np.where(small, 1.0, rows))
+    return rows, np.where(small, np.sqrt(2.0), slopes) / scales
