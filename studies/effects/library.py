@@ -203,7 +203,7 @@ def hysteresis(setup: Setup, H: Annotated[float, EffectParameter(
               "moves on, and look where guide, probe or leads touch the plate")
 def friction(setup: Setup, F: Annotated[float, EffectParameter(
         "force against the way the plate came, on the way down first", "mN", width=5e-3, low=0.0,
-        high=0.1, reason=(
+        high=10.0, reason=(
             "a guide or probe pressed against the plate by a tenth of a load of 0.2 N, with a "
             "coefficient of friction of 0.2, rubs with 4 mN; no source"))]) -> Setup:
     return setup.with_rig(friction=setup.rig.friction + F)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, priors, with_sizes
+from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown, refined
 from tympan.studies.diagnosis.reduced.simulation import (
@@ -39,6 +39,9 @@ _NEAR, _MOST, _ACTIVE = 6.0, 4, 0.2
 #: Fits that may matter for other scales of the priors: so far behind the best one, in the cost.
 _RELEVANT = 25.0
 
+#: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
+_COUNT = 3.0
+
 #: How often effects alone and in pairs may be grown; share of a limit at which a fit lies on it.
 _GROWTHS, _AT = (40, 12), 1e-3
 
@@ -62,15 +65,15 @@ class Exploration:
     def run(self, causes: Sequence[Cause]) -> None:
         """Fit every cause alone and every two together."""
         hypotheses = hypotheses_of(causes)
-        singles = [hypothesis for hypothesis in hypotheses if len(hypothesis) == 1]
+        singles: list[Hypothesis] = [(cause,) for cause in causes]
         pairs = hypotheses[len(singles) :]
-        for hypothesis in singles:
-            self._fit(hypothesis, self._starts(hypothesis))
+        for single in singles:
+            self._fit(single, self._starts(single))
         self._grow(singles, _GROWTHS[0])
-        for hypothesis in pairs:
-            members = [self.fits[cause,] for cause in hypothesis]
-            self._fit(hypothesis, [with_sizes(hypothesis, member) for member in members
-                                   if member.possible] or self._starts(hypothesis))
+        for pair in pairs:
+            members = [self.fits[cause,] for cause in pair]
+            self._fit(pair, [with_sizes(pair, member) for member in members
+                             if member.possible] or self._starts(pair))
         self._refine()
         if not any(map(self.adequate, self.ranked()[:_MOST])):
             self._grow(pairs, _GROWTHS[1])
@@ -78,11 +81,8 @@ class Exploration:
 
     def ranked(self) -> list[Fit]:
         """Fits that are possible, the most probable first."""
-        weights = priors(list(self.fits))
-        logs = {fit.hypothesis: fit.evidence + np.log(weight)
-                for fit, weight in zip(self.fits.values(), weights, strict=True)}
         return sorted((fit for fit in self.fits.values() if fit.possible),
-                      key=lambda fit: -logs[fit.hypothesis])
+                      key=lambda fit: -self._log(fit))
 
     def widened(self, factor: float) -> list[Fit]:
         """The fits that may matter with usual sizes ``factor`` times as large."""
@@ -152,7 +152,7 @@ class Exploration:
 
     def _refine(self) -> None:
         """Exact films where the most probable fits are."""
-        for hypothesis in [fit.hypothesis for fit in self._near()]:
+        for hypothesis in [near.hypothesis for near in self._near()]:
             before = self.fits[hypothesis]
             usual = np.array([item.deviation for item in parameters_of(hypothesis)])
             unknowns = before.unknowns.copy()
@@ -164,9 +164,11 @@ class Exploration:
 
     def _near(self) -> list[Fit]:
         ranked = self.ranked()
-        weights = dict(zip(self.fits, np.log(priors(list(self.fits))), strict=True))
-        logs = [fit.evidence + weights[fit.hypothesis] for fit in ranked]
-        return [fit for fit, log in zip(ranked, logs, strict=True) if log > logs[0] - _NEAR][:_MOST]
+        return [fit for fit in ranked[:_MOST] if self._log(fit) > self._log(ranked[0]) - _NEAR]
+
+    def _log(self, fit: Fit) -> float:
+        """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
+        return fit.evidence - _COUNT * len(fit.hypothesis)
 
 
 def _parameter(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.inference.residual_tests import orthonormal
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
@@ -62,7 +61,8 @@ class Fit:
     derivatives of the predictions over the noise by the unknowns; ``slope`` and ``precision``:
     first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
     and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
-    ``heave``: of the states [m].
+    ``heave``: of the states [m]. Where not all states are possible, cost and evidence are infinite,
+    and ``short`` is the cost that laws of further reach might have, or inf.
     """
 
     hypothesis: Hypothesis
@@ -75,6 +75,7 @@ class Fit:
     cost: float
     evidence: float
     heave: Array
+    short: float = np.inf
 
     @property
     def possible(self) -> bool:
@@ -89,7 +90,7 @@ class Fit:
     @property
     def covariance(self) -> Array:
         """Of the unknowns, shape (p, p)."""
-        return np.linalg.pinv(self.precision, hermitian=True)
+        return np.asarray(np.linalg.pinv(self.precision, hermitian=True), float)
 
     @property
     def deviations(self) -> Array:
@@ -126,28 +127,25 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
                 np.concatenate([1 / NUISANCE, slopes]))
 
     def evaluate(unknowns: Array, near: Evaluation | None) -> Evaluation:
-        prediction = Prediction(simulation, hypothesis, unknowns, table,
-                                None if near is None else near.state)
-        return Evaluation((table.value - prediction.values) / table.sigma,
-                          lambda: -prediction.jacobian / table.sigma[:, None], prediction.heave)
+        prediction = Prediction(simulation, hypothesis, unknowns, table)
+        return Evaluation((table.value - prediction.extended) / table.sigma,
+                          lambda: -prediction.jacobian / table.sigma[:, None], prediction)
 
     problem = LeastSquares(evaluate, bounds[0], bounds[1], prior=prior)
     start = np.clip(start, *bounds)
-    try:
-        minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
-    except InputError:  # it cannot be at the states that were read
-        rows, count = len(table), len(start)
-        return Fit(hypothesis, start, bounds, np.full(rows, np.inf), np.zeros((rows, count)),
-                   np.zeros(count), np.eye(count), np.inf, -np.inf, problem.at(start).state)
-    point, unknowns = minimum.point, minimum.unknowns
-    # Priors count their density at no effect, too.
-    cost = minimum.cost - sum(float(prior.logpdf(0.0)) for prior in priors)
+    minimum = minimise(problem, start, quick=_SMALL, iterations=_ITERATIONS)
+    point, unknowns, prediction = minimum.point, minimum.unknowns, minimum.point.state
+    derivatives = (-point.jacobian, problem.slope(unknowns, point),
+                   problem.curvature(unknowns, point))
+    if not prediction.complete:
+        further = np.all(prediction.possible | prediction.short)
+        return Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, np.inf, -np.inf,
+                   prediction.heave, minimum.cost if further else np.inf)
     likelihood = replace(problem, prior=lambda at: (
         np.concatenate([at[FACTORS] / NUISANCE, 0 * scales]),
         np.concatenate([1 / NUISANCE, 0 * scales])))
-    return Fit(hypothesis, unknowns, bounds, point.residual, -point.jacobian,
-               problem.slope(unknowns, point), problem.curvature(unknowns, point), cost,
-               _evidence(likelihood, unknowns, point, priors), point.state)
+    return Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, minimum.cost,
+               _evidence(likelihood, unknowns, point, priors), prediction.heave)
 
 
 def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
@@ -226,7 +224,7 @@ def _log_integral(curvature: Array, slope: Array, sizes: Array, low: Array, high
 
 def best_of(fits: Sequence[Fit]) -> Fit:
     """The most probable, possible ones first."""
-    return max(fits, key=lambda fit: (fit.possible, -fit.cost))
+    return min(fits, key=lambda fit: (fit.cost, fit.short))
 
 
 def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:

@@ -137,8 +137,8 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
         return base
     adequacy = _Adequacy(base, tests.freedom + stated, generator)
     exploration = Exploration(simulation, table, nominal, adequacy.enough, widen, workers)
-    exploration.run([cause for cause in causes
-                     if cause not in invisible or shows_when_large(simulation, cause, nominal, table)])
+    exploration.run([cause for cause in causes if cause not in invisible
+                     or shows_when_large(simulation, cause, nominal, table)])
     return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
 
 
@@ -196,15 +196,15 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
     weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
         [*weighed.suspects, *(rival.cause for rival in rivals)])))
-    alike = any(cause in group for cause in sure for group in base.indistinguishable)
-    if (alone is None or alike or rivals or len({frozenset(names) for names in robust.values()}) > 1
-            or not adequacy.enough(alone)):
+    firm = len({frozenset(names) for names in robust.values()}) == 1
+    if alone is None or rivals or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
 
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:
-    return tuple(cause for cause, share in posterior.of_causes().items() if share >= SURE)
+    return tuple(cause for cause, share in posterior.of_causes().items()
+                 if share >= SURE * (1 - posterior.discrepancy))
 
 
 def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Rival, ...]:
@@ -258,8 +258,9 @@ def single_effects(judged: Judgement) -> tuple[SingleEffect, ...]:
     """Every effect fitted alone, the one that explains most first; none when nothing is wrong."""
     excess = max(judged.nominal.chi_squared - len(judged.table), 1e-9)
     effects = []
-    for fit in judged.alone:
-        share = (judged.nominal.chi_squared - fit.chi_squared) / excess
-        cause = fit.hypothesis[0]
-        effects.append(SingleEffect(cause, fit, min(max(share, 0.0), 1.0), fit.surprise(cause)))
+    for alone in judged.alone:
+        share = (judged.nominal.chi_squared - alone.chi_squared) / excess
+        cause = alone.hypothesis[0]
+        effects.append(SingleEffect(cause, alone, min(max(share, 0.0), 1.0),
+                                    alone.surprise(cause)))
     return tuple(sorted(effects, key=lambda effect: -effect.share))

@@ -358,7 +358,3 @@ def _bounds(simulation: Simulation, hypothesis: Hypothesis,
             low.append(max(least, 0.0) if folded else least)
             high.append(most)
     return np.array([low, high])
-
-
-def limits_of(simulation: Simulation, hypothesis: Hypothesis) -> Array:
-    return bounds_of(simulation, hypothesis)
