@@ -18,10 +18,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 
 from benchmarks.trials import axisymmetric_readings as hidden_equations
-from tympan.fem.equilibrium.ramp import voltage_path
+from tympan.fem.equilibrium.ramp import equilibrium, voltage_path
 from tympan.fem.film.laws import Gent, MooneyRivlin, Ogden
 from tympan.fem.film.library import MATERIALS, load_specimen
 from tympan.fem.membrane.model import Model
@@ -309,10 +309,38 @@ def ramp_states(design: Design, truth: Truth, law: Material, ramp: NDArray[np.in
     voltages = [rig.film_voltage(truth.stranger.voltage(nominal), direction)
                 for nominal, direction in
                 zip(states.voltage[ramp].tolist(), states.direction[ramp].tolist(), strict=True)]
+    if rig.friction:
+        return rig, model, _rubbing(model, force, rig.friction, voltages)
     outcomes = list(voltage_path(model, force, voltages))
     if any(outcome.status != "equilibrium" for outcome in outcomes):
         return rig, model, None
     return rig, model, [outcome.state for outcome in outcomes]
+
+
+def _rubbing(model: Model, force: float, friction: float,
+             voltages: Sequence[float]) -> list[State] | None:
+    """States of a plate that stays where it is as long as friction [N] can hold it there."""
+    moving = [list(voltage_path(model, force + rub, voltages)) for rub in (-friction, friction)]
+    states: list[State] = []
+    for voltage, down, up in zip(voltages, *moving, strict=True):
+        if down.status != "equilibrium":
+            return None
+        before = states[-1].plate.deflection if states else 0.0
+        if not states or down.state.plate.deflection >= before:
+            states.append(down.state)
+        elif up.status == "equilibrium" and up.state.plate.deflection <= before:
+            states.append(up.state)
+        else:
+            held = brentq(lambda rub, at=before, volts=voltage: _gap(model, force + rub, volts, at),
+                          -friction, friction, xtol=1e-9)
+            states.append(equilibrium(model, force + held, voltage).state)
+    return states
+
+
+def _gap(model: Model, force: float, voltage: float, heave: float) -> float:
+    """How much further than a heave a force moves the plate [m]."""
+    outcome = equilibrium(model, force, voltage)
+    return outcome.state.plate.deflection - heave if outcome.status == "equilibrium" else 1.0
 
 
 def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,

@@ -129,10 +129,12 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
     order = free[np.argsort(fit.heave[free])]
     chosen = order[np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))]
     rig, states, worst = setup.rig, table.states, 0.0
-    for state in chosen.tolist():
+    place, way = Prediction(simulation, fit.hypothesis, fit.unknowns, table).came
+    for state in place[chosen].tolist():
         model = build_model(setup.specimens[int(states.specimen[state])], FINE, rig.loading)
         voltage = rig.film_voltage(float(states.voltage[state]), float(states.direction[state]))
         force = rig.force(float(states.mass[state]), model.plate_area)
+        force = rig.rubbed(force, float(way[state]))
         outcome = equilibrium(model, force, voltage, rig.gas_pressure)
         if outcome.status == "equilibrium":
             worst = max(worst, abs(outcome.state.plate.deflection - float(fit.heave[state])))

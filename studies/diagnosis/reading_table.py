@@ -26,8 +26,9 @@ class States:
     """States of the actuators that are read, shape (n,) each.
 
     Number of the specimen, nominal mass [kg] and voltage [V], time since the run began [s], way the
-    voltage got there (1 up, -1 down, 0 not known), and the heave at which the plate is held [m],
-    nan where it is free.
+    voltage got there (1 up, -1 down, 0 not known), the heave at which the plate is held [m], nan
+    where it is free, and number of the run: a specimen's states under one mass in one run stand in
+    the order in which they were reached.
     """
 
     specimen: Numbers
@@ -36,15 +37,18 @@ class States:
     elapsed: Array
     direction: Array
     heave: Array
+    run: Numbers
 
     @classmethod
     def of(cls, specimen: Sequence[int] | Numbers, mass: Sequence[float] | Array,
            voltage: Sequence[float] | Array, elapsed: Array | float = 0.0,
-           direction: Array | float = 0.0) -> States:
+           direction: Array | float = 0.0, run: Numbers | int = 0) -> States:
         """States with the plate free."""
-        parts = (mass, voltage, elapsed, direction, np.nan)
-        return cls(np.asarray(specimen, dtype=np.int64),
-                   *(np.full(len(specimen), part, float) for part in parts))
+        mass, voltage, elapsed, direction, heave = (
+            np.full(len(specimen), part, float)
+            for part in (mass, voltage, elapsed, direction, np.nan))
+        return cls(np.asarray(specimen, dtype=np.int64), mass, voltage, elapsed, direction, heave,
+                   np.full(len(specimen), run, np.int64))
 
     def __len__(self) -> int:
         return len(self.specimen)
@@ -53,6 +57,24 @@ class States:
     def of_specimen(self) -> tuple[Numbers, ...]:
         count = int(self.specimen.max(initial=-1)) + 1
         return tuple(np.flatnonzero(self.specimen == number) for number in range(count))
+
+    @cached_property
+    def of_run(self) -> tuple[Numbers, ...]:
+        """States with the plate free of each specimen, mass and run, as they were reached."""
+        free = np.flatnonzero(np.isnan(self.heave))
+        keys = np.stack([self.specimen, self.mass, self.run], 1)[free]
+        numbers = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+        return tuple(free[numbers == number] for number in range(numbers.max(initial=-1) + 1))
+
+    @cached_property
+    def way(self) -> Array:
+        """The direction, where it is not known by the voltage before in the run; at first up."""
+        way = np.ones(len(self))
+        for run in self.of_run:
+            turned = np.sign(np.diff(self.voltage[run], prepend=-np.inf))
+            last = np.maximum.accumulate(np.where(turned != 0, np.arange(len(run)), 0))
+            way[run] = turned[last]
+        return np.where(self.direction != 0, self.direction, way)
 
     def __getitem__(self, rows: NDArray[np.bool_] | Numbers) -> States:
         return States(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
@@ -117,13 +139,21 @@ class ReadingTable:
     def rows_of(self) -> dict[str, Numbers]:
         return {str(kind): np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)}
 
+    def reached(self, turn: Numbers) -> ReadingTable:
+        """The same rows, of states reached in another order, their numbers in ``turn``."""
+        place = np.argsort(turn)
+        return replace(self, states=self.states[turn], state=place[self.state],
+                       since=np.where(self.since < 0, -1, place[self.since]))
+
     def compact(self) -> ReadingTable:
-        """The rows with only the states they are of."""
-        used, numbers = np.unique(np.r_[self.state, self.since[self.since >= 0]],
-                                  return_inverse=True)
-        since = self.since.copy()
-        since[since >= 0] = numbers[len(self) :]
-        return replace(self, states=self.states[used], state=numbers[: len(self)], since=since)
+        """The rows with only the states they are of and those before them in their runs."""
+        used = np.zeros(len(self.states), bool)
+        used[np.r_[self.state, self.since[self.since >= 0]]] = True
+        for run in self.states.of_run:
+            used[run] = np.logical_or.accumulate(used[run][::-1])[::-1]
+        number = np.cumsum(used) - 1
+        return replace(self, states=self.states[used], state=number[self.state],
+                       since=np.where(self.since < 0, -1, number[self.since]))
 
     def with_values(self, value: Array) -> ReadingTable:
         return replace(self, value=value)
@@ -132,10 +162,12 @@ class ReadingTable:
         return replace(self, sigma=sigma)
 
     def joined(self, other: ReadingTable) -> ReadingTable:
-        count = len(self.states)
-        moved = replace(other, state=other.state + count,
+        """These rows, and others in runs of their own."""
+        count, runs = len(self.states), 1 + self.states.run.max(initial=-1)
+        states = replace(other.states, run=other.states.run + runs)
+        moved = replace(other, states=states, state=other.state + count,
                         since=np.where(other.since < 0, -1, other.since + count))
-        return ReadingTable(self.states.joined(other.states), *(
+        return ReadingTable(self.states.joined(moved.states), *(
             np.concatenate([getattr(self, name), getattr(moved, name)])
             for name in self.__dataclass_fields__ if name != "states"))
 

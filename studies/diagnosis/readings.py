@@ -110,7 +110,8 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
 def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[ReadingTable]:
     direction = (readings.direction == "up") * 1.0 - (readings.direction == "down")
     states = States.of([numbers[name] for name in readings.specimen.tolist()], readings.mass,
-                       readings.voltage, np.nan_to_num(readings.elapsed), direction)
+                       readings.voltage, np.nan_to_num(readings.elapsed), direction,
+                       np.unique(readings.run, return_inverse=True)[1])
     origin = readings.order, readings.run, "static.csv", readings.line
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage")
@@ -119,28 +120,33 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
         if (seen := np.isfinite(values)).any():
             noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
             tables.append(rows(states, kind, noise, values, *origin)[seen])
+    if np.isfinite(readings.order).all():
+        tables = [table.reached(np.argsort(readings.order, kind="stable")) for table in tables]
     return tables
 
 
 def _ranges(ranges: Sheet, numbers: dict[str, int]) -> ReadingTable:
-    specimen = [numbers[name] for name in ranges.specimen.tolist()]
-    highest, lowest = (States.of(specimen, ranges.mass, voltage)
-                       for voltage in (ranges.voltage_max, ranges.voltage_min))
-    table = rows(highest, "range", ranges.sigma, ranges.range, file="range.csv", line=ranges.line)
-    return replace(table, states=highest.joined(lowest), since=len(ranges) + table.state)
+    # From the lowest voltage to the highest one.
+    specimen = np.array([numbers[name] for name in ranges.specimen.tolist()] * 2)
+    mass, voltage = np.tile(ranges.mass, 2), np.r_[ranges.voltage_min, ranges.voltage_max]
+    states = States.of(specimen, mass, voltage, run=np.tile(np.arange(len(ranges)), 2))
+    table = rows(states[len(ranges) + np.arange(len(ranges))], "range", ranges.sigma, ranges.range,
+                 file="range.csv", line=ranges.line)
+    return replace(table, states=states, state=len(ranges) + table.state, since=table.state)
 
 
 def averaged(table: ReadingTable) -> ReadingTable:
     """Rows of nearly the same state as one, with the mean of what they say and its noise.
 
-    States are nearly the same within a two-hundredth of the voltages and a twentieth of the times.
+    States are nearly the same within a two-hundredth of the voltages and a twentieth of the times,
+    reached the same way.
     """
     states = table.states
     voltage = np.round(states.voltage / max(states.voltage.max(initial=0.0), 1e-9) * _BINS)
     elapsed = np.round(states.elapsed / max(states.elapsed.max(initial=0.0), 1e-9) * _BINS / 10)
     kind = np.unique(table.kind, return_inverse=True)[1]
     key = np.stack([kind.ravel(), table.specimen, table.mass, voltage[table.state],
-                    elapsed[table.state], states.direction[table.state],
+                    elapsed[table.state], states.way[table.state],
                     np.where(table.since < 0, -1, table.line)], axis=1)
     _, first, group, count = np.unique(key, axis=0, return_index=True, return_inverse=True,
                                        return_counts=True)
@@ -152,7 +158,8 @@ def averaged(table: ReadingTable) -> ReadingTable:
     sigma = np.sqrt(np.bincount(group, table.sigma**2)) / count
     at = table.state[first]
     merged = States(states.specimen[at], states.mass[at], mean(states.voltage[table.state]),
-                    mean(states.elapsed[table.state]), states.direction[at], states.heave[at])
+                    mean(states.elapsed[table.state]), states.direction[at], states.heave[at],
+                    states.run[at])
     origin = table.since[first] >= 0
     since = np.full(len(first), -1)
     since[origin] = len(first) + np.arange(int(origin.sum()))
@@ -160,5 +167,6 @@ def averaged(table: ReadingTable) -> ReadingTable:
     order = np.full(len(first), np.nan)
     if np.isfinite(table.order).all():
         order = mean(table.order)
-    return ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
-                        sigma, order, table.run[first], table.file[first], table.line[first])
+    fewer = ReadingTable(merged, table.kind[first], np.arange(len(first)), since, mean(table.value),
+                         sigma, order, table.run[first], table.file[first], table.line[first])
+    return fewer.reached(np.argsort(np.r_[at, table.since[first][origin]], kind="stable"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ Balance = Callable[[Array], tuple[Array, Array]]
 _PLACES = 17
 #: Halvings that leave nothing of a bracket, and a step of Newton's after which the next is nothing.
 _HALVINGS, _SMALL = 60, 1e-9
+#: A difference of heaves that is none [m].
+_STAYS = 1e-10
 
 
 def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mask]:
@@ -58,6 +60,31 @@ def resting_place(balance: Balance, low: Array, high: Array) -> tuple[Array, Mas
     with np.errstate(all="ignore"):
         secant = before + ends[0] / (ends[0] - ends[1]) * (after - before)
     return crossing(along, before, after, secant) * far, rests
+
+
+def play(first: Array, last: Array, runs: Iterable[NDArray[np.int64]],
+         begun: Array) -> tuple[NDArray[np.int64], Array]:
+    """Of each state the one at whose heave a rubbing plate stands, and the way it came there.
+
+    ``first`` and ``last`` are the heaves between which it stays where it is, shape (states,). The
+    ``runs`` are states in their order; ``begun`` says which way the first came: 1 down, -1 up.
+    """
+    at, way = np.arange(len(first)), np.ones(len(first))
+    for run in runs:
+        heave, before = 0.0, -1
+        for state, lower, upper in zip(run.tolist(), first[run].tolist(), last[run].tolist(),
+                                       strict=True):
+            if before < 0:
+                way[state] = begun[state]
+            elif heave < lower - _STAYS:
+                way[state] = 1.0
+            elif heave > upper + _STAYS:
+                way[state] = -1.0
+            else:
+                at[state], way[state] = at[before], way[before]
+                continue
+            heave, before = (lower if way[state] > 0 else upper), state
+    return at, way
 
 
 def crossing(function: Balance, low: Array, high: Array, start: Array) -> Array:

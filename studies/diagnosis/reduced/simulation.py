@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,12 @@ from tympan.geometry.outlines import area
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.axes import Axis
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw, ForceSurface
-from tympan.studies.diagnosis.reduced.resting_place import resting_place
+from tympan.studies.diagnosis.reduced.resting_place import play, resting_place
 from tympan.studies.effects import EFFECTS, Effect, EffectParameter, Setup, Use
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
 
 #: The logarithm of the largest factor on stiffness or permittivity.
 _FACTOR = np.log(20.0)
@@ -148,22 +149,50 @@ class Prediction:
             [law.grid.voltage_squared for law in simulation.laws])[states.specimen]
 
     @cached_property
+    def _came(self) -> tuple[Numbers, Array, Array, Mask]:
+        """As ``came``; where plates rest that move that way, or nearest to it; whether they do."""
+        states, sizes = self.table.states, [item.deviation for item in
+                                            parameters_of(self.hypothesis)]
+        may = _rig(self.simulation, self.hypothesis, np.array([0.0, 0.0, *sizes]))
+        if not self.rig.friction and not may.friction:
+            return np.arange(len(states)), np.zeros(len(states)), *self._resting(0.0)
+        (first, above), (last, below) = self._resting(1.0), self._resting(-1.0)
+        place, way = play(first, np.where(below, last, np.inf), states.of_run,
+                          np.where(states.direction < 0, -1.0, 1.0))
+        return (place, np.where(self.free, way, 0.0), np.where(way > 0, first, last),
+                np.where(way > 0, above, below))
+
+    @property
+    def came(self) -> tuple[Numbers, Array]:
+        """Of each state the one at whose heave the plate stands, and the way it came there.
+
+        1 down, -1 up, 0 and itself where nothing rubs.
+        """
+        return self._came[:2]
+
+    def _resting(self, way: float) -> tuple[Array, Mask]:
+        return resting_place(partial(self.balance, way=way), self.low, self.high)
+
+    @cached_property
     def _rest(self) -> tuple[Array, Mask]:
-        """Where plates come to rest within the laws' reach in heave, or come nearest to it."""
-        at, rests = resting_place(self.balance, self.low, self.high)
+        """Where plates come to rest within the laws' reach in heave, or come nearest to it.
+
+        If they move: one that rubs may stay where it was.
+        """
+        _, _, at, rests = self._came
         return np.where(self.free, at, self.table.states.heave), rests | ~self.free
 
     @cached_property
     def possible(self) -> Mask:
         """States of stable equilibrium within the force laws' reach."""
-        return self._rest[1] & (self.voltage_squared <= self.top)
+        return self._rest[1][self._came[0]] & (self.voltage_squared <= self.top)
 
     @cached_property
     def short(self) -> Mask:
         """States that are none, but might be by force laws that reach further in heave or U²."""
         at, rests = self._rest
         ended = ~rests & ((at <= self.low) | (at >= self.high))
-        return ended | (self.voltage_squared > self.top)
+        return ended[self._came[0]] | (self.voltage_squared > self.top)
 
     @property
     def complete(self) -> bool:
@@ -180,6 +209,11 @@ class Prediction:
     @cached_property
     def extended_heave(self) -> Array:
         """Heave of each state [m]; where the plate nowhere rests, its continuation."""
+        return self._moved[self._came[0]]
+
+    @cached_property
+    def _moved(self) -> Array:
+        """Heave of each state if the plate moves there [m], or its continuation."""
         at, rests = self._rest
         if rests.all():
             return at
@@ -217,13 +251,13 @@ class Prediction:
         By the implicit function theorem where a plate rests: differences are taken of the balance
         of forces at fixed heaves only.
         """
-        heave, table = self.extended_heave, self.table
-        force, stiffness = self.balance(heave)
+        heave, table, (place, way, *_) = self.extended_heave, self.table, self._came
+        force, stiffness = self.balance(self._moved)
         stiffness = np.maximum(stiffness, _LEAST)
         tiny = 1e-6 * np.mean(self.high)
         # Right for rows of one state; a range is of two.
         by_heave = (self.shown(heave + tiny) - self.shown(heave - tiny)) / (2 * tiny)
-        rests, ranges = self._rest[1], table.since >= 0
+        rests, ranges = self._rest[1][place], table.since >= 0
         columns, most = [], bounds_of(self.simulation, self.hypothesis)[1]
         deviations = [parameter.deviation for parameter in parameters_of(self.hypothesis)]
         for number, step in enumerate(1e-6 * np.array([1.0, 1.0, *deviations])):
@@ -231,7 +265,8 @@ class Prediction:
             moved = self.unknowns.copy()
             moved[number] += step
             there = Prediction(self.simulation, self.hypothesis, moved, table)
-            shift = np.where(self.free, -(there.balance(heave)[0] - force) / stiffness, 0.0)
+            missing = there.balance(self._moved, way)[0] - force
+            shift = np.where(self.free, -missing / stiffness, 0.0)[place]
             if not rests.all():
                 shift = np.where(rests, shift, there.extended_heave - heave)
             change = by_heave * shift[table.state]
@@ -240,10 +275,11 @@ class Prediction:
             columns.append((there.shown(heave) - self.extended + change) / step)
         return np.stack(columns, axis=1)
 
-    def balance(self, heave: Array) -> tuple[Array, Array]:
+    def balance(self, heave: Array, way: Array | float | None = None) -> tuple[Array, Array]:
         """Force that is missing [N], and the stiffness of film and rig [N/m].
 
-        At heaves [m] of the states, shape (..., states).
+        At heaves [m] of the states, shape (..., states), to which a plate that rubs moves down (1)
+        or up (-1); left out: as it came to its own.
         """
         at = np.clip(heave, self.low, self.high)
         force, rate = np.empty((2, *at.shape))
@@ -258,7 +294,8 @@ class Prediction:
             more = np.array([bias.derivatives(place)[1:] for place in heave.ravel().tolist()])
             force, rate = (part + more[:, order].reshape(heave.shape)
                            for order, part in enumerate((force, rate)))
-        return force - self.load, rate
+        load = self.rig.rubbed(self.load, self._came[1] if way is None else way)
+        return force - load, rate
 
     def shown(self, heave: Array) -> Array:
         """What the rows show when the states have these heaves [m]."""
@@ -279,7 +316,7 @@ class Prediction:
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
             else:
-                shown[rows] = (self.balance(heave)[0] + self.load)[at]
+                shown[rows] = (self.balance(heave, 0.0)[0] + self.load)[at]
         return shown
 
 
