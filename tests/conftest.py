@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,18 @@ from tympan.studies.effects import Setup
 from tympan.studies.paper.actuators import actuators
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """What is kept on disk for later runs is kept for this session, by all its processes."""
+    os.environ["TYMPAN_CACHE"] = str(shared_folder(tmp_path_factory) / "cache")
+
+
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A temporary folder of the session, the same for all its processes."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
 @pytest.fixture(scope="session")
 def skewed_model() -> Model:
     return model(skewed(), refine=0.7, order=2)
@@ -30,8 +43,7 @@ def three_shapes(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 
     Made by one of several test processes.
     """
-    base = tmp_path_factory.getbasetemp()
-    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder = shared_folder(tmp_path_factory)
     with (folder / "three_shapes.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         stored = folder / "three_shapes.pickle"

@@ -31,9 +31,6 @@ _SOME_HEAVES, _SOME_VOLTAGES = np.array([0, 2, 4]), np.array([0, 2, 3, 5])
 #: Degree of the polynomials that Floater's and Hormann's interpolant blends, at most.
 _DEGREE = 4
 
-#: From how many places what is missing at others is continued.
-_NEAREST = 4
-
 #: Ratio of the next larger to a largest heave or U² to which grids are rounded.
 _STEP = 1.15
 
@@ -104,6 +101,12 @@ class Grid:
         values = _polynomials(x, self.heaves)
         return values, values @ _derivative(self.heaves) * rate[:, None]
 
+    def values(self, coefficients: Array, other: Grid) -> Array:
+        """Values of polynomials at the nodes of another grid."""
+        heaves, voltages_squared = other.nodes
+        return np.asarray(self.of_heave(heaves)[0] @ coefficients
+                          @ self.of_voltage(voltages_squared).T)
+
     def of_voltage(self, voltage_squared: Array) -> Array:
         """Chebyshev polynomials of U² [V²], shape (n, count)."""
         return _polynomials(2 * voltage_squared / self.voltage_squared - 1, self.voltages)
@@ -153,18 +156,35 @@ def _rounded(value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
+class Sampled:
+    """Force [N], capacitance [F] and squared tilt [rad²] of a film, (3, heaves, voltages)."""
+
+    grid: Grid
+    values: Array
+
+    def coefficients(self, grid: Grid, less: Array | None = None) -> Array:
+        """Of polynomials on a grid, ``less`` some others; of the force, if odd, over the heave."""
+        values = self.values.copy()
+        if self.grid.odd:
+            values[FORCE] /= self.grid.nodes[0][:, None]
+        if less is not None:
+            values -= grid.values(less, self.grid)
+        full = replace(grid, some=False)
+        return full.coefficients(self.grid.values(self.grid.coefficients(values), full))
+
+
+@dataclass(frozen=True, eq=False)
 class ForceLaw:
     """What a film does at a heave, a U² and sizes of the effects that change it.
 
-    ``samples``: force, capacitance and squared tilt of the film solved, shape (3, heaves, voltages)
-    on the grid, or, with effects, on the coarse one; nan beyond the voltage at which it could not
-    be solved. ``solver`` made them and makes more.
+    ``samples``: films solved, the one without effects on the law's own grid. ``solver`` made them
+    and makes more.
     """
 
     solver: Solver
     grid: Grid
     axes: tuple[Axis, ...]
-    samples: Mapping[Sample, Array]
+    samples: Mapping[Sample, Sampled]
 
     def at(self, sizes: Array) -> ForceSurface:
         """The law at some sizes of the axes' parameters on the nominal film, shape (axes,)."""
@@ -173,8 +193,7 @@ class ForceLaw:
     @cached_property
     def nominal(self) -> Array:
         """Coefficients of the film without effects, shape (3, heaves, voltages)."""
-        values = _completed(self.grid, self.samples[()])
-        return self.grid.coefficients(_over_heave(self.grid, values))
+        return self.samples[()].coefficients(self.grid)
 
     @cached_property
     def terms(self) -> tuple[tuple[Term, ...], ...]:
@@ -192,18 +211,10 @@ class ForceLaw:
 
     def _term(self, group: tuple[int, ...], members: list[Sample],
               lower: list[tuple[Term, ...]]) -> Term:
-        coarse = self.grid.coarse
-        rows, columns = coarse.numbers
-        nominal = _completed(self.grid, self.samples[()])[:, rows[:, None], columns]
         at = np.array([[self.axes[number].coordinate(size) for number, size in sample]
                        for sample in members])
-        values = np.array([self.samples[sample] - nominal for sample in members])
-        for item in values:
-            _complete_along_voltage(coarse, item)
-        if len(group) == 1:
-            _complete_along(at[:, 0], values)
-        added = np.array([coarse.coefficients(_over_heave(coarse, _completed(coarse, item)))
-                          for item in values])
+        added = np.array([self.samples[sample].coefficients(self.grid, self.nominal)
+                          for sample in members])
         for row, sample in enumerate(members):
             sizes = dict(sample)
             for terms in lower:
@@ -213,7 +224,7 @@ class ForceLaw:
                                                   for number in term.group])
         return Term(group, at, added)
 
-    def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Array]) -> ForceLaw:
+    def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Sampled]) -> ForceLaw:
         """The law through more samples; those no longer at places of the axes are dropped."""
         kept = {sample: values for sample, values in {**self.samples, **more}.items()
                 if len(sample) != 1 or sample[0][1] in axes[sample[0][0]].places}
@@ -300,59 +311,6 @@ def _slopes(nodes: Array, weights: Array, at: float) -> Array:
     slopes[others] = weights[others] / weights[here] / (at - nodes[others])
     slopes[here] = -slopes.sum()
     return slopes
-
-
-def _over_heave(grid: Grid, values: Array) -> Array:
-    """Values whose force, if odd, is over the heave [N/m]."""
-    values = values.copy()
-    if grid.odd:
-        values[FORCE] /= grid.nodes[0][:, None]
-    return values
-
-
-def _completed(grid: Grid, values: Array) -> Array:
-    """Values continued where there are none: along the voltage, then along the heave.
-
-    By a parabola through the nearest three, a line through two.
-    """
-    if np.isfinite(values).all():
-        return values
-    values = values.copy()
-    _complete_along_voltage(grid, values, fewest=2)
-    for table in values:
-        for column in table.T:
-            _continue(grid.nodes[0] / grid.heave, column)
-    return values
-
-
-def _complete_along_voltage(grid: Grid, values: Array, fewest: int = 3) -> None:
-    for row in values.reshape(-1, values.shape[-1]):
-        _continue(grid.nodes[1] / grid.voltage_squared, row, fewest)
-
-
-def _complete_along(at: Array, values: Array) -> None:
-    """Fill what is missing at some places of an axis so that it bends nothing where there is some.
-
-    ``values``: what the places add, shape (places, 3, heaves, voltages), at coordinates ``at``.
-    """
-    places, values = np.append(0.0, at), values.reshape(len(at), -1)
-    for node in np.flatnonzero(np.isnan(values).any(axis=0)):
-        line = np.append(0.0, values[:, node])
-        there = np.flatnonzero(np.isfinite(line))
-        for number in np.flatnonzero(np.isnan(line)) if len(there) > 2 else ():
-            nearest = there[np.argsort(np.abs(places[there] - places[number]))[:_NEAREST]]
-            weights = _floater_hormann(places[np.sort(nearest)])
-            values[number - 1, node] = line[np.sort(nearest)] @ _cardinal(
-                places[np.sort(nearest)], weights, places[number])
-
-
-def _continue(at: Array, values: Array, fewest: int = 2) -> None:
-    """Fill what is missing of a line from the nearest values, where there are enough."""
-    there = np.flatnonzero(np.isfinite(values))
-    for number in np.flatnonzero(np.isnan(values)) if len(there) >= fewest else ():
-        nearest = there[np.argsort(np.abs(there - number), kind="stable")[:3]]
-        line = np.polyfit(at[nearest], values[nearest], len(nearest) - 1)
-        values[number] = np.polyval(line, at[number])
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from tympan.studies.diagnosis.reduced.axes import (
     film_axes,
     sampled_film,
 )
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, Solver
+from tympan.studies.diagnosis.reduced.force_law import FORCE, ForceLaw, Grid, Sampled, Solver
 from tympan.studies.diagnosis.reduced.simulation import (
     Cause,
     Hypothesis,
@@ -31,6 +31,7 @@ from tympan.studies.parallel import mapped
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+Solve = Callable[[HeldFilm, Grid, Sequence[HeldFilm]], Array]
 
 #: By what factor the largest size sampled grows at once; and the share of the largest reachable
 #: from which on it grows to that.
@@ -39,8 +40,12 @@ _GROWTH, _ALMOST = 1.8, 0.8
 #: Where a film that cannot be solved is tried instead, as shares of the way to there.
 _SHARES = (0.5, 0.25, 0.1)
 
-#: Sizes this close, relative, are the same; and those below are none, in standard deviations.
-_ALIKE, _NONE = 0.05, 0.02
+#: Sizes this close, relative, are the same, beyond the first places and between them; and those
+#: below are none, in standard deviations.
+_ALIKE, _ALIKE_INSIDE, _NONE = 0.05, 0.2, 0.02
+
+#: The lowest of the grid's highest U² up to which a film with effects must be solved, as a share.
+_LOWEST = 0.4
 
 #: Samples that take less time than the start of processes.
 _FEW = 24
@@ -54,7 +59,7 @@ class Chain:
     """Samples of one film to solve one after the other, each near those before.
 
     ``behind`` have been solved before. On one that fails the chain ends, ``patient`` after samples
-    nearer to the last.
+    nearer to the last. If ``exact``, all nodes of the grid are solved whatever the sizes.
     """
 
     solver: Solver
@@ -65,6 +70,7 @@ class Chain:
     samples: tuple[Sample, ...]
     behind: tuple[Sample, ...] = ((),)
     patient: bool = False
+    exact: bool = False
 
     @classmethod
     def along(cls, base: Chain, number: int, places: Iterable[float],
@@ -75,12 +81,12 @@ class Chain:
 
     def run(self) -> Solved:
         """Everything solved."""
-        return self._followed(lambda film, near: self.solver.solved(film, self.grid, near))
+        return self._followed(self.solver.solved)
 
     def at_once(self) -> Solved | None:
         """The same, if all of it is at hand."""
-        def stored(film: HeldFilm, near: Sequence[HeldFilm]) -> Array:
-            values = self.solver.stored(film, self.grid)
+        def stored(film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
+            values = self.solver.stored(film, grid)
             if values is None:
                 raise LookupError
             return values
@@ -90,8 +96,8 @@ class Chain:
         except LookupError:
             return None
 
-    def _followed(self, solve: Callable[[HeldFilm, Sequence[HeldFilm]], Array]) -> Solved:
-        answers: dict[Sample, Array] = {}
+    def _followed(self, solve: Solve) -> Solved:
+        answers: dict[Sample, Sampled] = {}
         near = [self._film(sample) for sample in self.behind]
         last, failure = self.behind[-1] if self.behind else (), None
         for sample in self.samples:
@@ -100,7 +106,7 @@ class Chain:
             for trial in tries:
                 try:
                     film = self._film(trial)
-                    answers[trial] = solve(film, near)
+                    answers[trial] = self._sampled(solve, film, self._grid(trial), near)
                 except MissingLibrary:
                     raise
                 except (ArithmeticError, ValueError, RuntimeError) as error:
@@ -113,6 +119,32 @@ class Chain:
                 break
         return Solved(self, answers, failure)
 
+    def _sampled(self, solve: Solve, film: HeldFilm, grid: Grid,
+                 near: Sequence[HeldFilm]) -> Sampled:
+        """A film on the grid, or up to a lower voltage if it cannot be solved at the highest."""
+        least = _LOWEST * grid.voltage_squared if near else 0.0
+        while True:
+            values = solve(film, grid, near)
+            failing = np.flatnonzero(np.isnan(values[FORCE]).any(axis=0))
+            if not len(failing):
+                return Sampled(grid, values)
+            squares = grid.nodes[1]
+            reached = squares[failing[0] - 1] if failing[0] else 0.0
+            # Half way to where it failed; the nodes end somewhat below the grid.
+            top = (reached + squares[failing[0]]) / 2 * grid.voltage_squared / squares[-1]
+            grid = replace(grid, voltage_squared=min(top, 0.9 * grid.voltage_squared))
+            if grid.voltage_squared < max(least, 1.0):
+                raise ArithmeticError("the film could not be solved with its plate held at "
+                                      f"{squares[failing[0]] ** 0.5:.4g} V")
+
+    def _grid(self, sample: Sample) -> Grid:
+        """Small effects change the film smoothly; large ones and the film itself need all nodes."""
+        if self.exact:
+            return self.grid
+        small = all(abs(size) <= 1.01 * FIRST_SPAN * self.axes[number].parameter.deviation
+                    for number, size in sample)
+        return self.grid.coarse if sample and small else self.grid
+
     def _film(self, sample: Sample) -> HeldFilm:
         return sampled_film(self.setup, self.name, self.axes, sample)
 
@@ -122,7 +154,7 @@ class Solved:
     """What a chain answers: values by sample, and what ended it before its end."""
 
     chain: Chain
-    answers: dict[Sample, Array]
+    answers: dict[Sample, Sampled]
     failure: Exception | None
 
 
@@ -152,7 +184,7 @@ def solve_chains(chains: Sequence[Chain], workers: int,
 
 def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
     """A law with the answers of chains; an axis whose chain ended early ends there."""
-    axes, more = list(law.axes), dict[Sample, Array]()
+    axes, more = list(law.axes), dict[Sample, Sampled]()
     for answer in solved:
         more |= answer.answers
         for sample in answer.answers:
@@ -162,7 +194,8 @@ def extended_law(law: ForceLaw, solved: Iterable[Solved]) -> ForceLaw:
         if answer.chain.patient and answer.failure:
             (number, size), = answer.chain.samples[-1]
             axes[number] = axes[number].ended(1 if size > 0 else -1, str(answer.failure))
-    return law.with_samples(tuple(axes), more)
+    law = law.with_samples(tuple(axes), more)
+    return replace(law, grid=law.samples[()].grid)
 
 
 def first_laws(solver: Solver, setup: Setup, grids: Sequence[Grid], workers: int = 1,
@@ -189,7 +222,7 @@ def _sampled(setup: Setup, laws: Sequence[ForceLaw], joint: Sequence[Sequence[Sa
     chains: list[Chain] = []
     for number, (specimen, law) in enumerate(zip(setup.specimens, laws, strict=True)):
         base = _base(setup, specimen.name, law)
-        chains.append(replace(base, grid=law.grid, samples=((),), behind=()))
+        chains.append(replace(base, samples=((),), behind=()))
         # Films on meshes of their own, which take longest, are those of the last effects.
         chains += [Chain.along(base, axis, places) for axis in reversed(range(len(law.axes)))
                    for sense in (1, -1) if (places := law.axes[axis].side(sense))]
@@ -201,14 +234,14 @@ def _sampled(setup: Setup, laws: Sequence[ForceLaw], joint: Sequence[Sequence[Sa
     sampled = []
     for specimen, law in zip(setup.specimens, laws, strict=True):
         axes = tuple(replace(axis, places=()) for axis in law.axes)
-        sampled.append(extended_law(replace(law, axes=axes, samples={}), (
-            answer for answer in solved if answer.chain.name == specimen.name)))
+        sampled.append(extended_law(replace(law, axes=axes, samples={}), [
+            answer for answer in solved if answer.chain.name == specimen.name]))
     return tuple(sampled)
 
 
 def _base(setup: Setup, name: str, law: ForceLaw) -> Chain:
     """A chain of a law's film without samples."""
-    return Chain(law.solver, setup, name, law.grid.coarse, law.axes, ())
+    return Chain(law.solver, setup, name, law.grid, law.axes, ())
 
 
 def grown(simulation: Simulation, cause: Cause, index: int, side: int,
@@ -248,7 +281,7 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
         sizes = sizes_on(simulation, law_number, hypothesis, unknowns)
         active = [number for number, size in enumerate(sizes.tolist())
                   if abs(size) > _NONE * law.axes[number].parameter.deviation]
-        base = _chain_of(simulation, law_number)
+        base = replace(_chain_of(simulation, law_number), exact=True)
         for number in active:
             chains += _single(base, law.axes[number], number, float(sizes[number]))
         groups = {2, len(active)} if len(active) > 1 else set()
@@ -264,8 +297,9 @@ def _single(base: Chain, axis: Axis, number: int, size: float) -> list[Chain]:
     sense = 1 if size > 0 else -1
     side = axis.side(sense)
     size = sense * min(abs(size), axis.reach(sense))
-    if abs(size) <= min(FIRST_SPAN * axis.parameter.deviation, axis.span(sense)) or any(
-            abs(size - place) < _ALIKE * abs(size) for place in side):
+    inside = abs(size) <= min(FIRST_SPAN * axis.parameter.deviation, axis.span(sense))
+    if any(abs(size - place) < (_ALIKE_INSIDE if inside else _ALIKE) * abs(size)
+           for place in side):
         return []
     below = [place for place in side if abs(place) < abs(size)]
     return [replace(Chain.along(base, number, [size], below), patient=below == [*side])]

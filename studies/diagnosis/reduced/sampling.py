@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +19,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reduced.axes import HeldFilm
-from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid
+from tympan.studies.diagnosis.reduced.cache import digest, keep, kept
+from tympan.studies.diagnosis.reduced.force_law import ForceLaw, Grid, Sampled
 from tympan.studies.diagnosis.reduced.growth import first_laws
 from tympan.studies.effects import Setup
 
@@ -35,8 +37,8 @@ _BOLD = PathSettings(shortest=0.1)
 #: Fewest heaves and voltages with a solution.
 _FEWEST = 2
 
-#: Of how many films the states are kept for others to begin with.
-_KEPT = 24
+#: How many films' states this process keeps for others to begin with.
+_MOST = 24
 
 
 class NotSampled(ArithmeticError):
@@ -136,38 +138,52 @@ def _solved(model: Model, guess: State | None, heave: float, voltage_squared: fl
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """The solver of films as they are."""
+    """The solver of films as they are; what it solved is kept on disk."""
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array | None:
-        return None
+        key = _key(film, grid)
+        return None if key is None else kept(key, (3, *map(len, grid.numbers)))
 
     def solved(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Array:
-        nodes = at_nodes(film, grid, self._similar(film, grid, near))
-        _keep(film, grid, nodes)
-        return nodes.values
+        if (values := self.stored(film, grid)) is not None:
+            return values
+        return _kept(film, grid, at_nodes(film, grid, self._similar(film, grid, near)))
 
     def _similar(self, film: HeldFilm, grid: Grid, near: Sequence[HeldFilm]) -> Nodes | None:
         """The nearest film on the same mesh that has been solved, else the farthest, solved now."""
         mesh = meshed_outlines(film.specimen)
         alike = [other for other in near if meshed_outlines(other.specimen) == mesh]
         for other in reversed(alike):
-            for kept in (grid, replace(grid, some=False)):
-                if (nodes := _states.get((other, kept))) is not None:
-                    return nodes
+            if (nodes := _states.get((other, grid.heave))) is not None:
+                return nodes
         if not alike:
             return None
         nodes = at_nodes(alike[0], grid)
-        _keep(alike[0], grid, nodes)
+        _kept(alike[0], grid, nodes)
         return nodes
 
 
-_states: OrderedDict[tuple[HeldFilm, Grid], Nodes] = OrderedDict()
+#: By film and largest heave, the last used last.
+_states: OrderedDict[tuple[HeldFilm, float], Nodes] = OrderedDict()
 
 
-def _keep(film: HeldFilm, grid: Grid, nodes: Nodes) -> None:
-    _states[film, grid] = nodes
-    while len(_states) > _KEPT:
+def _kept(film: HeldFilm, grid: Grid, nodes: Nodes) -> Array:
+    """The values of a film, kept on disk, its states in this process."""
+    _states[film, grid.heave] = nodes
+    _states.move_to_end((film, grid.heave))
+    while len(_states) > _MOST:
         _states.popitem(last=False)
+    if (key := _key(film, grid)) is not None:
+        keep(key, nodes.values)
+    return nodes.values
+
+
+def _key(film: HeldFilm, grid: Grid) -> bytes | None:
+    """Of all that a film's values depend on; its name is not among it."""
+    nameless = replace(film, specimen=replace(film.specimen, name="film"))
+    with suppress(TypeError):
+        return digest(nameless, grid.nodes, COARSE)
+    return None
 
 
 def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
@@ -175,19 +191,20 @@ def nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -
 
     Or a little more: the grid is :attr:`Grid.rounded`.
     """
-    film = HeldFilm.of(setup, name)
+    film, solver = HeldFilm.of(setup, name), FiniteElements()
     grid = Grid(heave, voltage_squared, film.odd).rounded
     while True:
         try:
-            nodes = at_nodes(film, grid, strict=True)
+            values = solver.stored(film, grid)
+            if values is None:
+                values = _kept(film, grid, at_nodes(film, grid, strict=True))
         except NotSampled as error:
             grid = replace(grid, voltage_squared=min(0.9 * grid.voltage_squared,
                                                      error.voltage_squared))
             if grid.voltage_squared < 1.0:
                 raise
         else:
-            _keep(film, grid, nodes)
-            return ForceLaw(FiniteElements(), grid, (), {(): nodes.values})
+            return ForceLaw(solver, grid, (), {(): Sampled(grid, values)})
 
 
 def force_laws(setup: Setup, grids: Sequence[Grid], workers: int = 1,
