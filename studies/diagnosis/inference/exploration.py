@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
+from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import grown, refined
+from tympan.studies.diagnosis.reduced.growth import grown, refined, regridded
 from tympan.studies.diagnosis.reduced.simulation import (
     SIZES,
     Cause,
@@ -36,11 +37,14 @@ _PROMISE, _BEHIND = 3.0, 15.0
 #: effects from such a share of their usual size on.
 _NEAR, _MOST, _ACTIVE = 6.0, 4, 0.2
 
-#: Fits that may matter for other scales of the priors: so far behind the best one, in the cost.
-_RELEVANT = 25.0
+#: By what factor more than its derivatives tell a second effect may help.
+_HELP = 1.5
 
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
 _COUNT = 3.0
+
+#: By what factor heaves and U² reach further at once.
+_FURTHER = 1.4
 
 #: How often effects alone and in pairs may be grown; share of a limit at which a fit lies on it.
 _GROWTHS, _AT = (40, 12), 1e-3
@@ -48,7 +52,7 @@ _GROWTHS, _AT = (40, 12), 1e-3
 
 @dataclass
 class Exploration:
-    """Fits of hypotheses to a table, and the simulation grown for them.
+    """Fits of hypotheses of one or two causes to a table, and the simulation grown for them.
 
     ``adequate`` tells whether what a fit leaves may be noise; ``widen`` is a factor on usual sizes,
     ``workers`` the processes for new films.
@@ -57,26 +61,29 @@ class Exploration:
     simulation: Simulation
     table: ReadingTable
     nominal: Fit
+    causes: Sequence[Cause]
     adequate: Callable[[Fit], bool]
     widen: float = 1.0
     workers: int = 1
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
 
-    def run(self, causes: Sequence[Cause]) -> None:
-        """Fit every cause alone and every two together."""
-        hypotheses = hypotheses_of(causes)
-        singles: list[Hypothesis] = [(cause,) for cause in causes]
-        pairs = hypotheses[len(singles) :]
+    def run(self) -> None:
+        """Fit every cause alone, and every two together that may help."""
+        singles: list[Hypothesis] = [(cause,) for cause in self.causes]
+        pairs = hypotheses_of(self.causes)[len(singles) :]
         for single in singles:
             self._fit(single, self._starts(single))
+        self._reach()
         self._grow(singles, _GROWTHS[0])
         for pair in pairs:
             members = [self.fits[cause,] for cause in pair]
-            self._fit(pair, [with_sizes(pair, member) for member in members
-                             if member.possible] or self._starts(pair))
+            starts = [with_sizes(pair, member) for member, other in (members, members[::-1])
+                      if member.possible and self._may_help(member, other)]
+            if starts:
+                self._fit(pair, starts)
         self._refine()
         if not any(map(self.adequate, self.ranked()[:_MOST])):
-            self._grow(pairs, _GROWTHS[1])
+            self._grow([pair for pair in pairs if pair in self.fits], _GROWTHS[1])
             self._refine()
 
     def ranked(self) -> list[Fit]:
@@ -84,13 +91,22 @@ class Exploration:
         return sorted((fit for fit in self.fits.values() if fit.possible),
                       key=lambda fit: -self._log(fit))
 
-    def widened(self, factor: float) -> list[Fit]:
-        """The fits that may matter with usual sizes ``factor`` times as large."""
-        least = min((fit.cost for fit in self.fits.values()), default=np.inf)
+    def alone(self, factor: float) -> list[Fit]:
+        """Every effect fitted by itself with usual sizes ``factor`` times as large."""
         again = [fit(self.simulation, known.hypothesis, self.table, known.unknowns,
                      factor * self.widen)
-                 for known in self.fits.values() if known.cost <= least + _RELEVANT]
+                 for known in self.fits.values() if len(known.hypothesis) == 1]
         return [fit for fit in again if fit.possible]
+
+    @property
+    def _least(self) -> float:
+        return min(fit.cost for fit in self.fits.values())
+
+    def _may_help(self, member: Fit, other: Fit) -> bool:
+        """Whether a second effect may take enough away of what the first one leaves."""
+        columns = without(orthonormal(member.jacobian), other.jacobian[:, SIZES])
+        gain = 0.5 * float(np.sum((orthonormal(columns).T @ member.residual) ** 2))
+        return member.cost - _HELP * gain < self._least + _BEHIND
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:
         """Without effect, and with each parameter large to either side."""
@@ -113,14 +129,22 @@ class Exploration:
                 for start in starts]
         self.fits[hypothesis] = best_of(fits)
 
+    def _reach(self) -> None:
+        """Force laws of further heaves and voltages, where an effect alone may ask for them."""
+        short = [fit.hypothesis for fit in self.fits.values()
+                 if not fit.possible and fit.short < self._least + _BEHIND]
+        if short:
+            self.simulation = reached_further(self.simulation, self.workers)
+            for hypothesis in short:
+                self._fit(hypothesis, [self.fits[hypothesis].unknowns, *self._starts(hypothesis)])
+
     def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
         """Grow the effects that press against the end of what is sampled, promising ones first."""
         ended: set[tuple[Hypothesis, int]] = set()
         for _ in range(most):
-            least = min(fit.cost for fit in self.fits.values())
             pressing = [(cost, hypothesis, number) for hypothesis in hypotheses
                         for cost, number in self._pressing(self.fits[hypothesis])
-                        if cost < least + _BEHIND and (hypothesis, number) not in ended]
+                        if cost < self._least + _BEHIND and (hypothesis, number) not in ended]
             if not pressing:
                 return
             _, hypothesis, number = min(pressing, key=lambda item: item[0])
@@ -169,6 +193,17 @@ class Exploration:
     def _log(self, fit: Fit) -> float:
         """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
         return fit.evidence - _COUNT * len(fit.hypothesis)
+
+
+def reached_further(simulation: Simulation, workers: int) -> Simulation:
+    """With force laws of larger heaves and voltages, where the films have them."""
+    grids = [replace(law.grid, heave=_FURTHER * law.grid.heave,
+                     voltage_squared=_FURTHER * law.grid.voltage_squared)
+             for law in simulation.laws]
+    try:
+        return regridded(simulation, grids, workers)
+    except ArithmeticError:  # the films go no further
+        return simulation
 
 
 def _parameter(hypothesis: Hypothesis, number: int) -> tuple[Cause, int]:

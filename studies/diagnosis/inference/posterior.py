@@ -118,8 +118,8 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
 def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
               widen: float) -> Fit:
     bounds = bounds_of(simulation, hypothesis)
-    priors = [parameter.prior.widened(widen) for parameter in parameters_of(hypothesis)]
-    scales = np.array([prior.scale for prior in priors])
+    scales = np.array([parameter.prior.widened(widen).scale
+                       for parameter in parameters_of(hypothesis)])
 
     def prior(unknowns: Array) -> tuple[Array, Array]:
         rows, slopes = as_residuals(unknowns[SIZES], scales)
@@ -141,11 +141,9 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
         further = np.all(prediction.possible | prediction.short)
         return Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, np.inf, -np.inf,
                    prediction.heave, minimum.cost if further else np.inf)
-    likelihood = replace(problem, prior=lambda at: (
-        np.concatenate([at[FACTORS] / NUISANCE, 0 * scales]),
-        np.concatenate([1 / NUISANCE, 0 * scales])))
-    return Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, minimum.cost,
-               _evidence(likelihood, unknowns, point, priors), prediction.heave)
+    made = Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, minimum.cost, 0.0,
+               prediction.heave)
+    return replace(made, evidence=evidence(made, widen))
 
 
 def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
@@ -161,28 +159,30 @@ def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
     return [first + share * moved for share in (0.5, 2.0)]
 
 
-def _evidence(likelihood: LeastSquares, unknowns: Array, point: Evaluation,
-              priors: Sequence[HeavyTail]) -> float:
-    """Logarithm of the integral of prior times likelihood.
+def evidence(fit: Fit, widen: float = 1.0) -> float:
+    """Logarithm of the integral of prior times likelihood, usual sizes ``widen`` times as large.
 
-    The logarithm of likelihood is taken as a parabola, Laplace's approximation. It is integrated
-    exactly over stiffness and permittivity, and with the sizes' priors as they are by quadrature
-    within their limits.
+    The logarithm of likelihood is taken as a parabola about the fit, Laplace's approximation. It is
+    integrated exactly over stiffness and permittivity, and with the sizes' priors as they are by
+    quadrature within their limits.
     """
-    precision = likelihood.curvature(unknowns, point)
-    slope = likelihood.slope(unknowns, point)
+    known = np.zeros(len(fit.unknowns))
+    known[FACTORS] = NUISANCE**-2.0
+    precision = fit.jacobian.T @ fit.jacobian + np.diag(known)
+    slope = known * fit.unknowns - fit.jacobian.T @ fit.residual
     inner = precision[FACTORS, FACTORS]
-    top = -likelihood.cost(unknowns, point)
+    top = -0.5 * (fit.chi_squared + float(known @ fit.unknowns**2))
     top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
     top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
-    if not priors:
+    if not fit.hypothesis:
         return float(top)
     # The sizes' own parabola, stiffness and permittivity at their best for each.
     gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
     curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
     pull = slope[SIZES] - gain.T @ slope[FACTORS]
-    return float(top + _log_integral(curvature, pull, unknowns[SIZES], likelihood.low[SIZES],
-                                     likelihood.high[SIZES], priors))
+    priors = [parameter.prior.widened(widen) for parameter in parameters_of(fit.hypothesis)]
+    low, high = fit.bounds[:, SIZES]
+    return float(top + _log_integral(curvature, pull, fit.unknowns[SIZES], low, high, priors))
 
 
 def _log_integral(curvature: Array, slope: Array, sizes: Array, low: Array, high: Array,
@@ -278,14 +278,16 @@ class Posterior:
     discrepancy: float
 
     @classmethod
-    def of(cls, nominal: Fit, fits: Sequence[Fit], left: Mapping[Hypothesis, float]) -> Posterior:
-        """By evidence and prior.
+    def of(cls, nominal: Fit, fits: Sequence[Fit], left: Mapping[Hypothesis, float],
+           among: Sequence[Hypothesis]) -> Posterior:
+        """By evidence and prior, that of all hypotheses ``among`` which they are.
 
         ``left``: of some hypotheses, the odds that there is a discrepancy beside them, by what they
         leave (:func:`odds_of_more`); of others those are taken to be as before any data.
         """
         logs = np.array([fit.evidence for fit in fits])
-        logs = logs + np.log(priors([fit.hypothesis for fit in fits]))
+        shares = dict(zip(among, priors(among).tolist(), strict=True))
+        logs = logs + np.log([shares[fit.hypothesis] for fit in fits])
         odds = np.array([left.get(fit.hypothesis, 1.0) for fit in fits])
         more = float(logsumexp(logs, b=np.maximum(odds, 1e-300)))
         both = np.array([nominal.evidence + np.log(NOTHING),

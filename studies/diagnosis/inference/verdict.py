@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.exploration import Exploration, reached_further
 from tympan.studies.diagnosis.inference.identifiability import (
     Signatures,
     classes_of,
@@ -20,6 +20,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.posterior import (
     Fit,
     Posterior,
+    evidence,
     fit,
     nominal_fit,
     odds_of_more,
@@ -32,7 +33,12 @@ from tympan.studies.diagnosis.inference.residual_tests import (
     patterns,
 )
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.simulation import SIZES, Cause, Simulation
+from tympan.studies.diagnosis.reduced.simulation import (
+    SIZES,
+    Cause,
+    Simulation,
+    hypotheses_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -43,14 +49,18 @@ Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 #: What it takes: the probability by noise alone below which something is wrong, and below which
 #: what a cause leaves is not explained by it; the probability from which a cause is named, and that
-#: of something beside the library from which the verdict is unexplained.
-ALARM, ADEQUATE, SURE, DISCREPANCY = 0.03, 0.01, 0.9, 0.5
+#: of something beside the library from which nothing is named, and that from which the verdict is
+#: unexplained.
+ALARM, ADEQUATE, SURE, DOUBTED, DISCREPANCY = 0.03, 0.01, 0.9, 1 / 3, 0.5
 
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
 #: χ² by which a rival must miss the readings more than what is named, whatever its size may be.
 EXCLUDED = 6.0
+
+#: How often force laws are made to reach further for the nominal fit.
+_REACHES = 3
 
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
@@ -114,6 +124,11 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     """
     generator = np.random.default_rng(seed)
     nominal = nominal_fit(simulation, table)
+    for _ in range(_REACHES):
+        if nominal.possible or nominal.short == np.inf:
+            break
+        simulation = reached_further(simulation, workers)
+        nominal = nominal_fit(simulation, table)
     if not nominal.possible:
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     names = [specimen.name for specimen in simulation.setup.specimens]
@@ -136,9 +151,10 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     if test.p_value >= ALARM:
         return base
     adequacy = _Adequacy(base, tests.freedom + stated, generator)
-    exploration = Exploration(simulation, table, nominal, adequacy.enough, widen, workers)
-    exploration.run([cause for cause in causes if cause not in invisible
-                     or shows_when_large(simulation, cause, nominal, table)])
+    possible = tuple(cause for cause in causes if cause not in invisible
+                     or shows_when_large(simulation, cause, nominal, table))
+    exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
+    exploration.run()
     return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
 
 
@@ -167,44 +183,41 @@ class _Adequacy:
 def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> Judgement:
     """The verdict when something is wrong."""
     columns = over(base.patterns, base.table)
-    wide = exploration.widened(SCALES[-1])
+    singles = tuple(exploration.alone(SCALES[-1]))
     ranked = exploration.ranked()
     asked = [*ranked[: _ASKED[0]], *sorted(ranked, key=lambda fit: fit.chi_squared)[: _ASKED[1]]]
     enough = {fit.hypothesis for fit in asked if adequacy.enough(fit)}
     # What leaves more than noise is no explanation while something else leaves noise alone.
     out = {fit.hypothesis for fit in asked} - enough if enough else set()
 
-    def posterior_of(fits: Sequence[Fit]) -> Posterior:
-        fits = [fit for fit in fits if fit.hypothesis not in out]
-        odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in fits
-                if fit.hypothesis in enough or (not enough and fit.hypothesis in asked_for)}
-        return Posterior.of(base.nominal, fits, odds)
-
-    asked_for = {fit.hypothesis for fit in asked}
-    posterior = posterior_of(ranked)
+    among = hypotheses_of(exploration.causes)
+    kept = [fit for fit in ranked if fit.hypothesis not in out]
+    odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in asked if fit in kept}
+    posterior = Posterior.of(base.nominal, kept, odds, among)
     best = posterior.fits[0]
-    singles = tuple(fit for fit in wide if len(fit.hypothesis) == 1)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
     if not enough or posterior.discrepancy > DISCREPANCY * posterior.wrong:
         return replace(weighed, verdict="unexplained")
-    posteriors = {scale: posterior if scale == 1.0 else posterior_of(
-        wide if scale == SCALES[-1] else exploration.widened(scale)) for scale in SCALES}
-    robust = {scale: _sure(posterior) for scale, posterior in posteriors.items()}
+    robust = {scale: _sure(Posterior.of(base.nominal, [
+        replace(fit, evidence=evidence(fit, scale * exploration.widen)) for fit in kept], odds,
+        among)) for scale in SCALES}
     sure = robust[1.0]
     alone = posterior.fit_of(sure) if sure else None
     rivals = () if alone is None else _rivals(alone, singles, adequacy)
     weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
         [*weighed.suspects, *(rival.cause for rival in rivals)])))
     firm = len({frozenset(names) for names in robust.values()}) == 1
-    if alone is None or rivals or not firm or not adequacy.enough(alone):
+    doubted = posterior.discrepancy > DOUBTED * posterior.wrong
+    if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
 
 
 def _sure(posterior: Posterior) -> tuple[Cause, ...]:
-    return tuple(cause for cause, share in posterior.of_causes().items()
-                 if share >= SURE * (1 - posterior.discrepancy))
+    """Causes of which the library is sure, if it is one of its effects at all."""
+    least = SURE * posterior.probabilities.sum() / posterior.wrong
+    return tuple(cause for cause, share in posterior.of_causes().items() if share >= least)
 
 
 def _rivals(fit: Fit, singles: Sequence[Fit], adequacy: _Adequacy) -> tuple[Rival, ...]:
