@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Template
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from tympan.reports import look as style
+from tympan.reports.diagnosis.figures import compose_readings, compose_residuals
 from tympan.reports.template import embedded_picture, sentence, template
 from tympan.studies.diagnosis.reading_table import LENGTHS
 from tympan.studies.diagnosis.result import load_diagnosis
+from tympan.studies.diagnosis.sentences import plain, probability_text, suspects_among
 from tympan.studies.effects import EFFECTS
 from tympan.studies.files import write_text
 
@@ -24,48 +23,55 @@ Content = Mapping[str, Any]
 #: Standard deviations of the noise from which a ratio is clearly wrong.
 CLEARLY = 3.0
 
-_TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
-_LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
+#: Effects told of where none explains what is wrong.
+_TRIED = 4
 
 
 def build_diagnosis_page(folder: Path) -> Path:
     """Write folder/diagnosis.html from what a diagnosis stored there; answers that file."""
-    content, columns = load_diagnosis(folder)
+    content, columns, curves = load_diagnosis(folder)
     lengths = np.isin(columns["kind"], LENGTHS)
-    draw_residuals({name: values[lengths] for name, values in columns.items()}, folder)
+    columns = {name: values[lengths] for name, values in columns.items()}
+    style.save_figure(folder, "curves", lambda: compose_readings(columns, curves), ("svg",))
+    style.save_figure(folder, "residuals", lambda: compose_residuals(columns), ("svg",))
     file = folder / "diagnosis.html"
-    write_text(file, render_diagnosis(content, embedded_picture(folder / "residuals.svg")))
+    write_text(file, render_diagnosis(content, *(embedded_picture(folder / f"{name}.svg")
+                                                 for name in ("curves", "residuals"))))
     return file
 
 
-def render_diagnosis(content: Content, figure: str) -> str:
-    """The page as text; the figure as a data URI."""
+def render_diagnosis(content: Content, readings: str, residuals: str) -> str:
+    """The page as text; the pictures as data URIs."""
+    attempts = _explained(content["attempts"])
+    tried = attempts[:_TRIED] if content["verdict"] == "unexplained" else []
     return _template("reports/diagnosis/diagnosis.html").render(
-        diagnosis=content, headline=headline(content["verdict"]), verdict=verdict_words(content),
-        figure=figure, causes=_explained(content["causes"]),
-        attempts=_explained(content["attempts"]))
-
-
-def headline(verdict: str) -> str:
-    """What a reader is told first."""
-    return sentence(_template("reports/diagnosis/words.txt"), "headline", verdict)
+        diagnosis=content, verdict=verdict_words(content), readings=readings, residuals=residuals,
+        causes=_explained(content["causes"]), attempts=attempts, tried=tried,
+        suspects=_suspects(content), gain=_said("gain", content), robust=_said("robust", content),
+        noise=_said("noise", content["misfit"]))
 
 
 def verdict_words(content: Content) -> str:
-    """The verdict in one or two sentences.
+    """What follows the headline, in a few sentences.
 
     Examples
     --------
     >>> misfit = {"baseline_rmse_um": 21.0, "noise_um": 20.0, "where": "nowhere"}
     >>> verdict_words({"verdict": "nothing", "causes": [], "misfit": misfit, "after": None})[:55]
-    'With stiffness and permittivity fitted, it misses the r'
+    'With stiffness and permittivity fitted, the nominal mod'
     """
+    named = [cause for cause in _explained(content["causes"])
+             if content["verdict"] == "named" and cause["named"]]
+    return _said("verdict", content, named, _suspects(content), _worst_ratios(content["misfit"]))
+
+
+def _suspects(content: Content) -> list[dict[str, Any]]:
     causes = _explained(content["causes"])
-    named = [cause for cause in causes
-             if content["after"] and cause["label"] in content["after"]["effects"]]
-    suspects = [cause for cause in causes if cause["probability"] >= 0.05][:4]
-    return sentence(_template("reports/diagnosis/words.txt"), "verdict", content, named, suspects,
-                    _worst_ratios(content["misfit"]))
+    return suspects_among(causes) if content["verdict"] == "ambiguous" else []
+
+
+def _said(part: str, *values: Any) -> str:
+    return sentence(_template("reports/diagnosis/words.txt"), part, *values)
 
 
 def _worst_ratios(misfit: Content) -> list[Content]:
@@ -76,14 +82,15 @@ def _worst_ratios(misfit: Content) -> list[Content]:
             if ratios]
 
 
-def _explained(causes: Iterable[Content]) -> list[Content]:
+def _explained(causes: Iterable[Content]) -> list[dict[str, Any]]:
     """Causes with their names and what they mean."""
     return [{**cause, "label": cause_label(cause),
              "explanation": EFFECTS[cause["effect"]].explanation} for cause in causes]
 
 
 def _template(name: str) -> Template:
-    return template(name, number=number, error=error, probability=probability_text, chance=chance)
+    return template(name, number=number, error=error, probability=probability_text, chance=chance,
+                    plain=plain, capitalised=capitalised, times=times)
 
 
 def cause_label(cause: Content) -> str:
@@ -101,11 +108,14 @@ def error(value: float | None) -> str:
     return "–" if value is None else number(value)
 
 
-def probability_text(share: float) -> str:
-    """A probability, never rounded to certainty."""
-    if not 0.01 <= share <= 0.99:
-        return "above 99 %" if share > 0.5 else "below 1 %"
-    return f"{100 * share:.0f} %"
+def times(factor: float) -> str:
+    """How many times something."""
+    return f"{factor:.2g} times"
+
+
+def capitalised(words: str) -> str:
+    """With a capital at the beginning."""
+    return words[:1].upper() + words[1:]
 
 
 def chance(p_value: float) -> str:
@@ -114,57 +124,3 @@ def chance(p_value: float) -> str:
         return f"{100 * p_value:.0f} times in a hundred"
     times = 10 ** max(3, round(-np.log10(max(p_value, 1e-9))))
     return f"once in {times:,} times or less".replace(",", " ")
-
-
-def draw_residuals(readings: Mapping[str, NDArray[Any]], folder: Path) -> list[Path]:
-    """Draw folder/residuals.svg of columns of readings.csv, lengths in m; answers the files."""
-    return style.save_figure(folder, "residuals", lambda: _compose(readings), ("svg",))
-
-
-def _compose(readings: Mapping[str, NDArray[Any]]) -> Figure:
-    """All panels with one scale."""
-    names = list(dict.fromkeys(readings["specimen"].tolist()))
-    before, after = (1e6 * (readings["read"] - readings[model])
-                     for model in ("baseline", "extended"))
-    height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
-    figure = style.new_figure(height)
-    width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
-    changed = not np.array_equal(before, after)
-    noise = float((1e6 * readings["sigma"]).max())
-    reach = 1.15 * max(float(np.abs(before).max()), 2.5 * noise)
-    titles = "nominal model, stiffness and permittivity fitted", "extended model"
-    for row, name in enumerate(names):
-        for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
-            axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
-                                    _TITLE + row * (_PANEL + _GAP), width, _PANEL)
-            _panel(axes, readings, name, values if column == 0 or changed else None)
-            axes.set_ylim(-reach, reach)
-            axes.set_title(title if row == 0 else "", loc="left", weight="bold")
-            axes.set(ylabel=f"{name}\nread − model (µm)" if column == 0 else "",
-                     xlabel="voltage (kV)" if row == len(names) - 1 else "")
-            axes.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=6)
-    return figure
-
-
-def _panel(axes: Axes, readings: Mapping[str, NDArray[Any]], name: str,
-           values: NDArray[np.float64] | None) -> None:
-    of_specimen = readings["specimen"] == name
-    voltage, noise = readings["voltage"][of_specimen] / 1e3, 1e6 * readings["sigma"][of_specimen]
-    order = np.argsort(voltage)
-    edges, band = voltage[order], noise[order]
-    if np.ptp(voltage) == 0:
-        edges, band = np.array([voltage[0] - 0.5, voltage[0] + 0.5]), np.full(2, noise.max())
-    axes.fill_between(edges, -2 * band, 2 * band, color="#e4e6ea", linewidth=0,
-                      label="95 % of the noise")
-    axes.axhline(0.0, color="#5a6475", linewidth=0.6)
-    if values is None:
-        axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
-                  color="#5a6475")
-        return
-    for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
-        rows = of_specimen & (readings["mass"] == mass)
-        axes.plot(readings["voltage"][rows] / 1e3, values[rows], style.marker_of(number),
-                  color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
-                  label=f"{1e3 * mass:.4g} g")

@@ -26,12 +26,9 @@ from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
 from tympan.studies.diagnosis.reduced.simulation import Simulation
-from tympan.studies.diagnosis.result import Diagnosis, cause_names
+from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
-
-#: Factors on the widths of the priors for which the verdict is found again.
-SWEEP = (0.5, 2.0)
 
 #: How often, and each time by what factor, the reach of the laws of planned readings may grow.
 _ROUNDS, _GROWTH = 5, 1.5
@@ -63,16 +60,13 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     readings = replace(readings, table=table)
     simulation = with_effects(nominal, progress, workers)
     try:
-        judged = judge(simulation, table, readings.causes, readings.stated, seed=seed)
+        judged = judge(simulation, table, readings.causes, readings.stated, seed=seed,
+                       workers=workers)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
-    swept = []
-    for widen in SWEEP if judged.posterior is not None else ():
-        other = judge(simulation, table, readings.causes, readings.stated, widen=widen, seed=seed)
-        swept.append((other.verdict, cause_names(other.named)))
     if judged.chosen is not None:
-        error = max(error, law_error(simulation, judged.chosen, table))
-    return Diagnosis.of(dataset, readings, simulation, judged, error, tuple(swept), seed)
+        error = max(error, law_error(judged.simulation, judged.chosen, table))
+    return Diagnosis.of(dataset, readings, judged, error, seed)
 
 
 def plan_readings(dataset: Dataset, workers: int = 1,

@@ -9,7 +9,7 @@ truth.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from tympan.studies.diagnosis.inference.identifiability import SAME, signatures, visibility
-from tympan.studies.diagnosis.inference.posterior import NOTHING, Fit, fit_all, nominal_fit, priors
+from tympan.studies.diagnosis.inference.posterior import (
+    NOTHING,
+    Fit,
+    best_of,
+    fit,
+    fit_all,
+    nominal_fit,
+    priors,
+)
+from tympan.studies.diagnosis.inference.predictive import SHARE, Predictive
 from tympan.studies.diagnosis.inference.verdict import Judgement
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
@@ -33,6 +42,9 @@ LOW_VOLTAGES = 0.7
 Split = tuple[str, str, Rows]
 
 _FEWEST_ROWS, _FEWEST_LEFT, _FEWEST_RAMPS, _SHORTLIST, _DRAWS = 6, 2, 3, 5, 4000
+
+#: Sizes over the usual ones from which an effect is sought there too.
+_LARGE = 3.0
 
 #: Lengths of a Gaussian process in U² over its largest and in mass over its largest, likeness of
 #: specimens, and sizes over the residuals'.
@@ -53,7 +65,8 @@ class SplitGain:
     predictions of the nominal model refitted, of the extended model, of the nominal model plus a
     Gaussian process, and of the best wrong cause. Readings where the nominal or the extended model
     has no equilibrium are left out. ``ramp`` numbers specimen and mass of each row; ``note`` says
-    why the split says nothing of the gain, if so.
+    why the split says nothing of the gain, if so. ``below``: the probabilities that less is read
+    than was, in every row, by all hypotheses together; none where the cause cannot be learned.
     """
 
     kind: str
@@ -64,6 +77,7 @@ class SplitGain:
     errors: dict[str, Array]
     ramp: NDArray[np.int64]
     note: str = ""
+    below: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -94,6 +108,21 @@ class GainReport:
     splits: tuple[SplitGain, ...]
     impossible: tuple[str, ...]
 
+    @property
+    def predictive(self) -> dict[str, Any] | None:
+        """How well readings held out were predicted; None without any.
+
+        The share "coverage_95" within bands that are to hold 95 %, counts of the probabilities of
+        less than was read in ten equal bins ("pit"), and the number of "readings".
+        """
+        below = np.concatenate([np.empty(0), *(split.below for split in self.splits)])
+        below = below[np.isfinite(below)]
+        if not len(below):
+            return None
+        inside = np.abs(below - 0.5) <= SHARE / 2
+        return {"coverage_95": float(np.mean(inside)), "readings": len(below),
+                "pit": np.histogram(below, 10, (0.0, 1.0))[0].tolist()}
+
     def json(self) -> dict[str, Any] | None:
         """As a JSON object."""
         return self.overall and {**self.overall, "splits": [split.json() for split in self.splits],
@@ -108,13 +137,10 @@ def gain_of(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     is held out; a mass left out of account, with one mass left), or shows nothing wrong at all, the
     split says so and does not count.
     """
-    if judgement.chosen is None:
-        return GainReport(None, (),
-                          ("nothing was found to be wrong, so there is no extended model to test",))
     table = table.with_sigma(judgement.table.sigma)
     splits, impossible = splits_of(simulation, table)
-    tested = tuple(_tested(simulation, table, causes, split, judgement.indistinguishable,
-                           judgement.chosen.hypothesis) for split in splits)
+    tested = tuple(_tested(simulation, table, causes if judgement.chosen else (), split, judgement)
+                   for split in splits)
     return GainReport(_overall(tested, seed), tested, impossible)
 
 
@@ -157,7 +183,7 @@ def _unfit(kind: str, test: Rows, table: ReadingTable, levels: NDArray[Any]) -> 
 
 
 def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], split: Split,
-            classes: tuple[tuple[Cause, ...], ...], best: Hypothesis) -> SplitGain:
+            judgement: Judgement) -> SplitGain:
     kind, held_out, rows = split
     train = table[~rows].compact()
     counted = rows & table.lengths
@@ -165,16 +191,20 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     names = {simulation.setup.specimens[number].name for number in np.unique(train.specimen)}
     trained = [cause for cause in causes if cause.which in (None, *names)]
     nominal = nominal_fit(simulation, train)
-    fitted, wrong, odds = _choose(simulation, train, trained, nominal, classes)
-    chosen = fitted or nominal
+    fits, logs = _alternatives(simulation, train, trained, nominal, judgement.alone)
+    chosen, wrong = (*fits, nominal)[0], _unlike_the_best(fits, judgement.indistinguishable)
+    # That something is wrong all readings say; what it is, those left to train on.
+    expected = Predictive.of(simulation, fits or [nominal],
+                             np.exp(np.array(logs or [0.0]) - max(logs, default=0.0)), test)
 
     before, after, rival = (
-        test.value - simulation.predict(fit.hypothesis, fit.unknowns, test) if fit
-        else np.full(len(test), np.nan) for fit in (nominal, chosen, wrong))
+        test.value - simulation.predict(one.hypothesis, one.unknowns, test) if one
+        else np.full(len(test), np.nan) for one in (nominal, chosen, wrong))
     process = GaussianProcess.trained(train, nominal.residual * train.sigma)
     errors = {"before": before, "after": after, "process": before - process.predicted(test),
               "rival": rival, "noise": test.sigma}
     solved = np.isfinite(before + after)
+    best = judgement.chosen.hypothesis if judgement.chosen else ()
     signs = signatures(simulation, train, nominal.unknowns, best)
     hidden = [cause for cause in signs if visibility(signs[cause]) < SAME]
     if not solved.any():
@@ -182,40 +212,49 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
     elif hidden:
         note = f"{hidden[0]} cannot be learned while {held_out} is held out"
     else:
-        note = f"nothing is seen to be wrong while {held_out} is held out" if odds < 1 else ""
+        unseen = logsumexp([*logs, -np.inf]) < 0
+        note = f"nothing is seen to be wrong while {held_out} is held out" if unseen else ""
     return SplitGain(kind, held_out, rows, chosen.hypothesis, wrong.hypothesis if wrong else (),
                      {name: values[solved] for name, values in errors.items()},
-                     table.ramp[counted][solved], note)
+                     table.ramp[counted][solved], note,
+                     np.empty(0) if hidden else expected.below(test.value, test.sigma))
 
 
-def _choose(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause], nominal: Fit,
-            classes: Sequence[Sequence[Cause]]) -> tuple[Fit | None, Fit | None, float]:
-    """The most probable causes, the best that share none with them nor their class, and odds.
+def _alternatives(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
+                  nominal: Fit, alone: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
+    """Hypotheses with an effect, the most probable first, and logarithms of their odds.
 
-    The odds are that there is a cause at all. Each cause alone, the best of them with every other,
-    and pairs of the best few are weighed.
+    The odds are against nothing. Each cause alone, the best of them with every other, and pairs of
+    the best few are weighed. Causes that are large in ``alone`` are sought from there too.
     """
+    large = {other.hypothesis: other for other in alone
+             if other.surprise(other.hypothesis[0]) > _LARGE}
     hypotheses = hypotheses_of(causes)
     prior = dict(zip(hypotheses, np.log(priors(hypotheses)).tolist(), strict=True))
 
     def ranked(fits: Sequence[Fit]) -> list[Fit]:
-        return sorted((fit for fit in fits if fit.possible),
-                      key=lambda fit: -(fit.evidence + prior[fit.hypothesis]))
+        return sorted((other for other in fits if other.possible),
+                      key=lambda other: -(other.evidence + prior[other.hypothesis]))
 
-    singles = ranked(fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns))
-    if not singles:
-        return None, None, 0.0
+    near = fit_all(simulation, [(cause,) for cause in causes], table, nominal.unknowns)
+    far = {other.hypothesis: fit(simulation, other.hypothesis, table,
+                                 large[other.hypothesis].unknowns)
+           for other in near if other.hypothesis in large}
+    singles = ranked([best_of([other, far.get(other.hypothesis, other)]) for other in near])
     order = [single.hypothesis[0] for single in singles]
     pairs = [pair for pair in prior if len(pair) == 2 and set(pair) <= set(order)
              and (order[0] in pair or set(pair) <= set(order[:_SHORTLIST]))]
     fits = ranked([*singles,
                    *fit_all(simulation, pairs, table, nominal.unknowns, fitted=singles)])
-    taken = set(fits[0].hypothesis)
+    return fits, [other.evidence + prior[other.hypothesis] - nominal.evidence - np.log(NOTHING)
+                  for other in fits]
+
+
+def _unlike_the_best(fits: Sequence[Fit], classes: Sequence[Sequence[Cause]]) -> Fit | None:
+    """The best fit that shares no cause with the first one, nor with their class."""
+    taken = set(fits[0].hypothesis) if fits else set()
     taken |= {cause for group in classes if taken & set(group) for cause in group}
-    weights = [fit.evidence + prior[fit.hypothesis] - nominal.evidence - np.log(NOTHING)
-               for fit in fits]
-    wrong = next((fit for fit in fits if not taken & set(fit.hypothesis)), None)
-    return fits[0], wrong, float(np.exp(min(logsumexp(weights), 700.0)))
+    return next((other for other in fits if not taken & set(other.hypothesis)), None)
 
 
 def excess_ratio(before: Array | float, after: Array | float, noise: Array | float,

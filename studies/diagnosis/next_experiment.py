@@ -338,13 +338,17 @@ def _apart(first: Hypothesis, second: Hypothesis) -> tuple[str, str]:
             " with ".join(str(cause) for cause in second if cause not in first))
 
 
+def _plain(names: str) -> str:
+    return names.replace("_", " ")
+
+
 def _sentence(ranked: Sequence[Proposal], pair: tuple[str, str]) -> str:
     """What to do; and whether the two most probable rivals stay together whatever is done."""
-    none = WORDS["none"].format(first=pair[0], second=pair[1])
+    none = WORDS["none"].format(first=_plain(pair[0]), second=_plain(pair[1]))
     able = [proposal for proposal in ranked if proposal.enough]
     if not able:
         return none
     first, second = able[0].separates
-    words = WORDS["best"].format(what=able[0].what, first=first, second=second)
+    words = WORDS["best"].format(what=able[0].what, first=_plain(first), second=_plain(second))
     apart = any(proposal.separates == pair for proposal in able)
     return words if apart else f"{words}; {none}"

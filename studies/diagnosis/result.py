@@ -15,6 +15,7 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.data.checks import dataset_warnings
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import extended_setup
+from tympan.studies.diagnosis.curves import CURVES, curves
 from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
@@ -29,8 +30,16 @@ from tympan.studies.diagnosis.inference.verdict import (
 from tympan.studies.diagnosis.next_experiment import Proposal, propose
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import PreparedReadings
-from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, sizes_of
+from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation
 from tympan.studies.diagnosis.self_check import Bench
+from tympan.studies.diagnosis.sentences import (
+    found_sizes,
+    headline,
+    next_step,
+    suspects_among,
+    told,
+    where,
+)
 from tympan.studies.effects import Setup
 from tympan.studies.files import read_json, words_beside, write_json, write_text
 
@@ -46,8 +55,11 @@ COLUMNS: tuple[Column, ...] = (
 
 #: Causes of less than this probability are not listed.
 _LEAST = 0.01
-#: Patterns that noise shows less often than this are told too.
-_CLEAR = 1e-3
+#: Of the misfit, the share that an effect must take away alone for its check to be worth while
+#: where nothing explains it, and how many such checks are told.
+_WORTH, _CHECKS = 0.5, 2
+#: Factor on the noise for which the probabilities are told too.
+_NOISIER = 1.5
 #: Scatter about smooth curves over the stated noise from which it is worth a word.
 _ROUGH = 1.4
 
@@ -60,19 +72,17 @@ class Diagnosis:
     """All that was found.
 
     ``model_error``: of the reduced model's deflections at the nominal fit and the best one, against
-    finite elements on a fine mesh [m]; ``swept``: verdict and causes with the priors' widths times
-    each of some factors; ``chosen``: the hypothesis the extended model has, None when nothing is
-    wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and ``advice`` in a
-    sentence; ``single_effects`` each fitted alone; ``detectable``: what these readings can tell;
-    ``self_check``: what it makes of synthetic ones, None where that was not asked.
+    finite elements on a fine mesh [m]; ``chosen``: the hypothesis the extended model has, None when
+    nothing is wrong; ``gain`` on readings held out; ``proposals`` for the next experiment and
+    ``advice`` in a sentence; ``single_effects`` each fitted alone; ``detectable``: what these
+    readings can tell; ``self_check``: what it makes of synthetic ones, None where that was not
+    asked.
     """
 
     dataset: Dataset
     readings: PreparedReadings
-    simulation: Simulation
     judgement: Judgement
     model_error: float
-    swept: tuple[tuple[str, tuple[str, ...]], ...]
     chosen: Fit | None
     gain: GainReport
     proposals: tuple[Proposal, ...]
@@ -82,15 +92,13 @@ class Diagnosis:
     self_check: Json | None = None
 
     @classmethod
-    def of(cls, dataset: Dataset, readings: PreparedReadings, simulation: Simulation,
-           judgement: Judgement, model_error: float = 0.0,
-           swept: tuple[tuple[str, tuple[str, ...]], ...] = (), seed: int = 0) -> Diagnosis:
+    def of(cls, dataset: Dataset, readings: PreparedReadings, judgement: Judgement,
+           model_error: float = 0.0, seed: int = 0) -> Diagnosis:
         """With all that follows from a judgement of the dataset's readings."""
         causes = readings.causes
-        return cls(dataset, readings, simulation, judgement, model_error, swept,
-                   judgement.chosen,
-                   gain_of(simulation, readings.table, causes, judgement, seed),
-                   *propose(simulation, judgement, causes),
+        return cls(dataset, readings, judgement, model_error, judgement.chosen,
+                   gain_of(judgement.simulation, readings.table, causes, judgement, seed),
+                   *propose(judgement.simulation, judgement, causes),
                    single_effects(judgement),
                    detectable_effects(judgement.signatures))
 
@@ -99,6 +107,11 @@ class Diagnosis:
         """The verdict; with a noise that is only assumed no cause is named."""
         verdict = self.judgement.verdict
         return "ambiguous" if verdict == "named" and self.readings.assumed else verdict
+
+    @property
+    def simulation(self) -> Simulation:
+        """The dataset's simulation, as far as effects were explored."""
+        return self.judgement.simulation
 
     @property
     def bench(self) -> Bench:
@@ -116,26 +129,30 @@ class Diagnosis:
     def json(self) -> Json:
         """The JSON object that the command prints, and what else the report shows."""
         judged, posterior, chosen = self.judgement, self.judgement.posterior, self.chosen
-        # Whether the verdict or the named causes change with the priors' widths.
-        moves = any(verdict != (judged.verdict, cause_names(judged.named))
-                    for verdict in self.swept)
+        causes = [] if posterior is None else self._causes(posterior)
+        place = "nowhere: what is left is noise" if self.verdict == "nothing" else where(judged)
+        suspects = [] if self.verdict != "ambiguous" else suspects_among(causes)
+        named = [cause for cause in causes if self.verdict == "named" and cause["named"]]
         factors = {name: np.exp(interval(judged.nominal, number)).tolist()
                    for number, name in enumerate(("stiffness_factor", "permittivity_factor"))}
         return {
             "dataset": self.dataset.name,
             "verdict": self.verdict,
-            "causes": [] if posterior is None else self._causes(posterior),
+            "headline": headline(self.verdict, named, suspects, place),
+            "causes": causes,
             "indistinguishable": [sorted({cause.name for cause in group})
                                   for group in judged.indistinguishable],
-            "misfit": self._misfit(),
+            "misfit": self._misfit(place),
+            "predictive": self.gain.predictive,
             "gain": self.gain.json(),
-            "next_experiment": self._next_experiment(),
+            "next_experiment": self._next_experiment([*named, *suspects]),
             "not_visible": sorted({cause.name for cause in judged.invisible}),
             "probability": {"nothing": 1.0 if posterior is None else posterior.nothing,
                             "unknown": 0.0 if posterior is None else posterior.discrepancy},
             "attempts": [{"effect": effect.cause.name, "which": effect.cause.which,
                           "explains": effect.share,
                           "parameters": _parameters(effect.fit, effect.cause),
+                          "headline": told(effect.fit, effect.cause)["headline"],
                           "prior_widths": effect.widths, "plausible": effect.plausible,
                           "at_limit": effect.bounded} for effect in self.single_effects],
             "after": chosen and {"rmse_um": _rmse_um(chosen.residual, judged.table),
@@ -143,11 +160,13 @@ class Diagnosis:
                                  "effects": [str(cause) for cause in chosen.hypothesis]},
             "baseline": {name: dict(zip(("value", "low", "high"), values, strict=True))
                          for name, values in factors.items()},
-            "priors_swept": {"moves": moves, "verdicts": [verdict for verdict, _ in self.swept]},
+            "noisier": {"factor": _NOISIER, "probability": self._with_more_noise()},
+            "robust": [{"factor": factor, "stand_out": sorted(map(str, causes))}
+                       for factor, causes in sorted(judged.robust.items())],
             "model_error_um": 1e6 * self.model_error,
             "knowable": self.detectable,
             "self_check": self.self_check,
-            "warnings": self._limitations(moves),
+            "warnings": self._limitations(),
         }
 
     def save(self, folder: Path) -> None:
@@ -161,6 +180,8 @@ class Diagnosis:
             "read": table.value, "sigma": table.sigma,
             "baseline": table.value - nominal.residual * table.sigma,
             "extended": table.value - (self.chosen or nominal).residual * table.sigma})
+        write_sheet(folder / "curves.csv", CURVES,
+                    curves(self.simulation, self.judgement, self.chosen))
         setup = self.extended
         if setup is not None:
             write_text(folder / "extended" / "rig.toml", rig_to_toml(setup.rig))
@@ -173,18 +194,39 @@ class Diagnosis:
         write_json(folder / "diagnosis.json", self.json())
 
     def _causes(self, posterior: Posterior) -> list[Json]:
+        judged, probabilities = self.judgement, posterior.of_causes()
+        rivals = {rival.cause for rival in judged.rivals}
+        causes = dict.fromkeys([*probabilities, *rivals])
         listed = []
-        for cause, probability in posterior.of_causes().items():
-            if probability < _LEAST and cause not in self.judgement.suspects:
+        for cause in causes:
+            probability = probabilities.get(cause, 0.0)
+            if probability < _LEAST and cause not in judged.suspects:
                 continue
-            fit = posterior.fit_of((cause,)) or posterior.with_cause(cause)
-            if self.chosen is not None and cause in self.chosen.hypothesis:
-                fit = self.chosen
+            fit = next(fit for fit in (self.chosen, *posterior.fits, *judged.alone)
+                       if fit and cause in fit.hypothesis)
+            if cause in rivals:
+                fit = next(fit for fit in judged.alone if fit.hypothesis == (cause,))
             listed.append({"effect": cause.name, "which": cause.which, "probability": probability,
-                           "parameters": _parameters(fit, cause)})
+                           **told(fit, cause, probability), "only_its_size": cause in rivals,
+                           "with": [str(other) for other in fit.hypothesis if other != cause],
+                           "named": cause in judged.named, "parameters": _parameters(fit, cause)})
         return listed
 
-    def _misfit(self) -> Json:
+    def _with_more_noise(self) -> float | None:
+        """About how probable what is named would be with a larger noise; None without any."""
+        posterior, nominal = self.judgement.posterior, self.judgement.nominal
+        if posterior is None or self.verdict != "named":
+            return None
+        fits = (nominal, *posterior.fits)
+        # Misfits weigh less, and what they leave of the unknowns grows.
+        change = np.array([0.5 * (1 - _NOISIER**-2.0) * fit.chi_squared
+                           + len(fit.unknowns) * np.log(_NOISIER) for fit in fits])
+        weight = np.array([posterior.nothing, *posterior.probabilities])
+        weight = weight * np.exp(change - change.max())
+        named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
+        return float(weight[named].sum() / weight.sum())
+
+    def _misfit(self, place: str) -> Json:
         judged, table = self.judgement, self.judgement.table
         names = [specimen.name for specimen in self.simulation.setup.specimens]
         predicted = table.value - judged.nominal.residual * table.sigma
@@ -195,29 +237,35 @@ class Diagnosis:
             "noise_from": self.readings.noise_from,
             "noise_over_stated": judged.test.noise,
             "p_value": judged.test.p_value,
-            "where": (_where(judged) if self.verdict != "nothing"
-                      else "nowhere: what is left is noise"),
+            "where": place,
             "ratios": ratios(table, predicted, names),
             "patterns": [{"what": words_of(name), "p_value": p} for name, p in p_values
                          if name in judged.patterns],
         }
 
-    def _next_experiment(self) -> Json | None:
-        """The best experiment; None where nothing is to be told apart."""
-        if self.verdict == "unexplained":
-            return {"what": WORDS["again"], "separates": [], "expected_chi_squared": None,
-                    "menu": []}
-        if not self.proposals:
+    def _next_experiment(self, concerned: list[Json]) -> Json | None:
+        """The direct checks of what is concerned, then the best experiment; None if all is well."""
+        if self.verdict == "nothing":
             return None
+        advice = self.advice if self.proposals else ""
+        checks = [cause["check"] for cause in concerned]
+        if self.verdict == "unexplained":
+            worth = [effect for effect in self.single_effects if effect.share >= _WORTH][:_CHECKS]
+            advice, checks = WORDS["again"], [told(effect.fit, effect.cause)["check"]
+                                              for effect in worth]
+        step = {"what": next_step(self.verdict, checks, advice),
+                "checks": list(dict.fromkeys(checks)), "after_checks": advice}
+        if self.verdict == "unexplained" or not self.proposals:
+            return {**step, "separates": [], "expected_chi_squared": None, "menu": []}
         menu = [{"what": proposal.what, "separates": list(proposal.separates),
                  "expected_chi_squared": proposal.expected, "enough": proposal.enough}
                 for proposal in self.proposals]
         best = next((entry for entry in menu if entry["enough"]), menu[0])
-        return {"what": self.advice, "separates": best["separates"],
+        return {**step, "separates": best["separates"],
                 "expected_chi_squared": best["expected_chi_squared"], "menu": menu}
 
-    def _limitations(self, moves: bool) -> list[str]:
-        """What limits the conclusions; ``moves``: whether the verdict does so with the priors."""
+    def _limitations(self) -> list[str]:
+        """What limits the conclusions."""
         words = [*dataset_warnings(self.dataset), *self.readings.remarks]
         noise, scatter = float(np.median(self.judgement.table.sigma)), self.judgement.test.noise
         if self.readings.assumed:
@@ -226,34 +274,20 @@ class Diagnosis:
             words.append(WORDS["reduced"].format(error=1e6 * self.model_error, noise=1e6 * noise))
         if scatter > _ROUGH and self.readings.stated:
             words.append(WORDS["rough"].format(scatter=scatter))
-        if moves:
-            words.append(WORDS["moves"])
         return words
 
 
-def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]]]:
-    """What :meth:`Diagnosis.save` wrote: the JSON object, and the columns of readings.csv [SI]."""
-    return read_json(folder / "diagnosis.json"), read_own_sheet(folder / "readings.csv", COLUMNS)
+def load_diagnosis(folder: Path) -> tuple[Json, dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """What :meth:`Diagnosis.save` wrote: the JSON object, readings.csv and curves.csv [SI].
 
-
-def cause_names(causes: tuple[Cause, ...]) -> tuple[str, ...]:
-    """Causes as words, in order."""
-    return tuple(sorted(map(str, causes)))
-
-
-def _where(judged: Judgement) -> str:
-    """Where the misfit is: the strongest pattern, and the strongest of another kind.
-
-    Of patterns that are about as strong the one is taken that says more: of a specimen before of
-    all readings.
+    An :class:`InputError` for what an older version has written.
     """
-    strength = {name: max(p, 1e-12) for name, p in judged.test.p_values.items()
-                if name in judged.patterns and name != "ramps"}
-    vague = {"level": 1e4, "fitted value": 1e3, "voltage": 10.0}
-    order = sorted(strength, key=lambda name: strength[name] * vague.get(name, 1.0))
-    others = [name for name in order[1:] if strength[name] < _CLEAR and name not in vague
-              and name.split()[0] != order[0].split()[0]]
-    return "; ".join(words_of(name) for name in order[:1] + others[:1])
+    content = read_json(folder / "diagnosis.json")
+    if "headline" not in content:
+        raise InputError("is of an older version: run tympan diagnose again",
+                         file=folder / "diagnosis.json")
+    return (content, read_own_sheet(folder / "readings.csv", COLUMNS),
+            read_own_sheet(folder / "curves.csv", CURVES))
 
 
 def _rmse_um(residual: Array, table: ReadingTable) -> float:
@@ -264,11 +298,10 @@ def _rmse_um(residual: Array, table: ReadingTable) -> float:
 def _parameters(fit: Fit, cause: Cause) -> Json:
     """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
     parameters: Json = {}
-    first = sizes_of(fit.hypothesis, cause).start
-    for number, parameter in enumerate(cause.effect.parameters, first):
-        values = [parameter.shown(parameter.value(size)) for size in interval(fit, number)]
-        limits = sorted(values[1:], key=lambda limit: limit if np.isfinite(limit) else np.inf)
-        value, low, high = (item if np.isfinite(item) else None for item in (values[0], *limits))
-        parameters[parameter.name] = {"value": value, "unit": parameter.unit, "low": low,
-                                      "high": high}
+    for name, found in found_sizes(fit, cause).items():
+        shown = (found.parameter.shown(value) for value in (found.value, found.low, found.high))
+        value, low, high = (item if np.isfinite(item) else None for item in shown)
+        parameters[name] = {"value": value, "unit": found.parameter.unit, "low": low,
+                            "high": high,
+                            "words": "" if found.range else f"{found}"}
     return parameters

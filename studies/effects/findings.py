@@ -12,6 +12,9 @@ from tympan.studies.effects.effect import Effect, EffectParameter
 #: Significant digits at most, and the share of half the width between limits that they resolve.
 _DIGITS, _RESOLVED = 3, 0.6
 
+#: Share of the width between limits within which nothing is told from no effect.
+_NEAR = 1e-3
+
 
 @dataclass(frozen=True)
 class FoundSize:
@@ -42,7 +45,15 @@ class FoundSize:
     def small(self) -> bool:
         """Whether it is known only to be less than something."""
         value, low, high = self._told
-        return low <= 0 <= high and (self.parameter.sign == "even" or value == 0)
+        near = _NEAR * (high - low)
+        return low <= near and -near <= high and (
+            self.parameter.sign == "even" or abs(value) <= near)
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is known to be something."""
+        _, low, high = self._told
+        return not self.small and (low > 0 or high < 0)
 
     @property
     def range(self) -> str:

@@ -101,8 +101,7 @@ def _diagnosis(simulation: Simulation, table: ReadingTable, tmp_path: Path) -> D
     readings = prepared_readings(dataset)
     causes = tuple(every_cause(simulation))
     judged = judge(simulation, table, causes)
-    return Diagnosis.of(dataset, replace(readings, setup=simulation.setup, table=table),
-                        simulation, judged)
+    return Diagnosis.of(dataset, replace(readings, setup=simulation.setup, table=table), judged)
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +163,7 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
         written: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = written
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
-    assert "the cause stands out" in page
+    assert "The electrodes end" in page
     assert "The electrode does not reach the frame" in page
     assert "http" not in page.replace("http://www.w3.org", "")
     (folder / "diagnosis.html").unlink()

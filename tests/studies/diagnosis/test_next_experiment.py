@@ -100,7 +100,7 @@ def test_that_nothing_on_the_menu_helps_is_said(three_shapes: Simulation) -> Non
     judgement = judged_between(three_shapes, table, causes)
     ranked, words = propose(three_shapes, judgement, causes, (REPEAT, BETWEEN))
     assert not any(proposal.enough for proposal in ranked)
-    assert words == "no experiment on this menu separates sensor_gain and amplifier_gain"
+    assert words == "no experiment on this menu separates sensor gain and amplifier gain"
 
 
 def test_nothing_wrong_needs_no_experiment(three_shapes: Simulation) -> None:

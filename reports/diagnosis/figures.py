@@ -1,0 +1,124 @@
+"""The pictures of a diagnosis: readings with both models through them, and what these leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from tympan.reports import look as style
+
+Columns = Mapping[str, NDArray[Any]]
+
+_TITLE, _PANEL, _GAP, _AXIS, _LEGEND = 8.0, 34.0, 6.0, 11.0, 8.0  # heights [mm]
+_LEFT, _RIGHT, _BETWEEN = 16.0, 3.0, 8.0
+
+#: Panels of readings beside each other, their height and what is below them [mm].
+_ACROSS, _TALL, _BELOW = 3, 52.0, 14.0
+
+_SHOWN = {"displacement": "deflection (mm)", "range": "range (mm)"}
+_GREY, _BAND = "#5a6475", "#e4e6ea"
+
+
+def compose_readings(readings: Columns, curves: Columns) -> Figure:
+    """Readings of lengths and the curves of both models with their band, a panel a specimen."""
+    panels = list(dict.fromkeys(zip(readings["kind"].tolist(), readings["specimen"].tolist(),
+                                    strict=True)))
+    across = min(_ACROSS, len(panels))
+    rows = -(-len(panels) // across)
+    figure = style.new_figure(_TITLE + rows * (_TALL + _BELOW) + _LEGEND - _TITLE / 2)
+    width = (style.WIDTH - _RIGHT - across * _LEFT) / across
+    masses = np.unique(readings["mass"]).tolist()
+    for number, (kind, name) in enumerate(panels):
+        row, column = divmod(number, across)
+        axes = style.place_axes(figure, _LEFT + column * (width + _LEFT),
+                                _TITLE + row * (_TALL + _BELOW), width, _TALL)
+        for colour, mass in enumerate(masses):
+            _ramp(axes, style.colour_of(colour), style.marker_of(colour), *(
+                {key: values[(table["kind"] == kind) & (table["specimen"] == name)
+                             & (table["mass"] == mass)] for key, values in table.items()}
+                for table in (readings, curves)))
+        style.describe(axes, "voltage (kV)", _SHOWN[kind], name, bold=True)
+    _models_legend(figure, masses, not np.array_equal(curves["baseline"], curves["extended"],
+                                                      equal_nan=True))
+    return figure
+
+
+def _ramp(axes: Axes, colour: str, marker: str, readings: Columns, curves: Columns) -> None:
+    for way in np.unique(curves["direction"]):
+        rows = curves["direction"] == way
+        voltage = curves["voltage"][rows] / 1e3
+        low, high, nominal, extended = (1e3 * curves[name][rows] for name in
+                                        ("low", "high", "baseline", "extended"))
+        axes.fill_between(voltage, low, high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(voltage, nominal, "--", color=colour, linewidth=0.9)
+        axes.plot(voltage, extended, color=colour, linewidth=0.9)
+    axes.plot(readings["voltage"] / 1e3, 1e3 * readings["read"], marker, color=colour,
+              markersize=3, markeredgecolor="white", markeredgewidth=0.3)
+
+
+def _models_legend(figure: Figure, masses: list[float], changed: bool) -> None:
+    """What points, lines and bands are, below the panels."""
+    points = [Line2D([], [], marker=style.marker_of(number), color=style.colour_of(number),
+                     linestyle="", markersize=3.5, label=f"{1e3 * mass:.4g} g")
+              for number, mass in enumerate(masses)]
+    lines = [Line2D([], [], color=_GREY, linestyle="--", linewidth=0.9, label="nominal model")]
+    if changed:
+        lines.append(Line2D([], [], color=_GREY, linewidth=0.9, label="extended model"))
+    band = Patch(color=_GREY, alpha=0.25, linewidth=0, label="where 95 % of readings are expected")
+    figure.legend(handles=[*points, *lines, band], loc="lower center", ncols=6)
+
+
+def compose_residuals(readings: Columns) -> Figure:
+    """Readings of lengths less what each model says: a row a specimen, all with one scale."""
+    names = list(dict.fromkeys(readings["specimen"].tolist()))
+    before, after = (1e6 * (readings["read"] - readings[model])
+                     for model in ("baseline", "extended"))
+    height = _TITLE + len(names) * (_PANEL + _GAP) - _GAP + _AXIS + _LEGEND
+    figure = style.new_figure(height)
+    width = (style.WIDTH - _LEFT - _RIGHT - _BETWEEN) / 2
+    changed = not np.array_equal(before, after)
+    noise = float((1e6 * readings["sigma"]).max())
+    reach = 1.15 * max(float(np.abs(before).max()), 2.5 * noise)
+    titles = "nominal model, stiffness and permittivity fitted", "extended model"
+    for row, name in enumerate(names):
+        for column, (title, values) in enumerate(zip(titles, (before, after), strict=True)):
+            axes = style.place_axes(figure, _LEFT + column * (width + _BETWEEN),
+                                    _TITLE + row * (_PANEL + _GAP), width, _PANEL)
+            _panel(axes, readings, name, values if column == 0 or changed else None)
+            axes.set_ylim(-reach, reach)
+            axes.set_title(title if row == 0 else "", loc="left", weight="bold")
+            axes.set(ylabel=f"{name}\nread − model (µm)" if column == 0 else "",
+                     xlabel="voltage (kV)" if row == len(names) - 1 else "")
+            axes.tick_params(labelbottom=row == len(names) - 1, labelleft=column == 0)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=6)
+    return figure
+
+
+def _panel(axes: Axes, readings: Columns, name: str,
+           values: NDArray[np.float64] | None) -> None:
+    of_specimen = readings["specimen"] == name
+    voltage, noise = readings["voltage"][of_specimen] / 1e3, 1e6 * readings["sigma"][of_specimen]
+    edges = np.unique(voltage)
+    band = np.array([noise[voltage == edge].max() for edge in edges])
+    if len(edges) == 1:
+        edges, band = edges + np.array([-0.5, 0.5]), np.full(2, band[0])
+    axes.fill_between(edges, -2 * band, 2 * band, color=_BAND, linewidth=0,
+                      label="95 % of the noise")
+    axes.axhline(0.0, color=_GREY, linewidth=0.6)
+    if values is None:
+        axes.text(0.5, 0.8, "nothing to extend", transform=axes.transAxes, ha="center",
+                  color=_GREY)
+        return
+    for number, mass in enumerate(np.unique(readings["mass"]).tolist()):
+        rows = of_specimen & (readings["mass"] == mass)
+        axes.plot(readings["voltage"][rows] / 1e3, values[rows], style.marker_of(number),
+                  color=style.colour_of(number), markersize=3.2, markeredgewidth=0, alpha=0.9,
+                  label=f"{1e3 * mass:.4g} g")

@@ -1,0 +1,75 @@
+"""What the models say between the readings, with the band that readings are expected in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.columns import Column
+from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.inference.predictive import Predictive
+from tympan.studies.diagnosis.inference.verdict import Judgement
+from tympan.studies.diagnosis.reading_table import LENGTHS, ReadingTable
+from tympan.studies.diagnosis.reduced.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+#: The columns of curves.csv: readings of a kind that both models expect at a voltage reached up (1)
+#: or down (-1), and the limits of the band [SI]; nan where there is no equilibrium.
+CURVES: tuple[Column, ...] = (
+    Column.labels("kind"), Column.labels("specimen"), Column("mass", "g"), Column("voltage", "kV"),
+    Column("direction"),
+    *(Column(name, "mm", required=False, absent="nan")
+      for name in ("baseline", "extended", "low", "high")))
+
+_POINTS = 41
+
+
+def curves(simulation: Simulation, judged: Judgement, chosen: Fit | None) -> dict[str, Array | Any]:
+    """The columns of curves.csv, from no voltage to the highest one that was read.
+
+    Hypotheses are mixed by their probabilities; the noise is the ramp's usual one.
+    """
+    table = dense(judged.table)
+    posterior, nominal = judged.posterior, judged.nominal
+    fits, weights = ((nominal,), np.ones(1)) if posterior is None else (
+        posterior.fits, posterior.probabilities)
+    low, high = Predictive.of(simulation, fits, weights, table).band(table.sigma)
+    names = np.array([specimen.name for specimen in simulation.setup.specimens])
+    baseline, extended = (simulation.predict(fit.hypothesis, fit.unknowns, table)
+                          for fit in (nominal, chosen or nominal))
+    return {"kind": table.kind, "specimen": names[table.specimen], "mass": table.mass,
+            "voltage": table.voltage, "direction": table.states.direction[table.state],
+            "baseline": baseline, "extended": extended, "low": low, "high": high}
+
+
+def dense(table: ReadingTable) -> ReadingTable:
+    """The lengths' ramps at many voltages, at the times at which these were passed.
+
+    Ranges are from the smallest voltage of their ramp. The rows' noise is the ramp's median.
+    """
+    table = table[table.lengths]
+    direction = table.states.direction[table.state]
+    keys = [(kind, ramp, way) for kind in LENGTHS for ramp in np.unique(table.ramp)
+            for way in np.unique(direction)]
+    ramps = [_ramp(table[chosen]) for kind, ramp, way in keys
+             if (chosen := (table.kind == kind) & (table.ramp == ramp) & (direction == way)).any()]
+    return reduce(ReadingTable.joined, ramps)
+
+
+def _ramp(ramp: ReadingTable) -> ReadingTable:
+    """One ramp of one kind and way at many voltages."""
+    first = ramp.states[ramp.state[:1]]
+    start = ramp.states.voltage[ramp.since].min() if ramp.since[0] >= 0 else 0.0
+    voltage = np.linspace(start, float(ramp.voltage.max()), _POINTS)
+    order = np.argsort(ramp.voltage, kind="stable")
+    elapsed = np.interp(voltage, ramp.voltage[order], ramp.states.elapsed[ramp.state][order])
+    states = replace(first[np.zeros(_POINTS, np.int64)], voltage=voltage, elapsed=elapsed)
+    rows = ramp[np.zeros(_POINTS, np.int64)]
+    return replace(rows, states=states, state=np.arange(_POINTS),
+                   since=np.full(_POINTS, 0 if ramp.since[0] >= 0 else -1),
+                   value=np.full(_POINTS, np.nan), sigma=np.full(_POINTS, np.median(ramp.sigma)))

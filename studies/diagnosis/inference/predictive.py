@@ -1,0 +1,97 @@
+"""What readings are expected to be: a mixture of hypotheses, each with its own uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.simulation import Prediction, Simulation
+
+Array = NDArray[np.float64]
+
+#: The share of readings that a band is to hold.
+SHARE = 0.95
+
+#: Hypotheses of which nobody need know are those less probable than this.
+_LEAST = 1e-3
+
+#: Halvings of the interval in which a limit of a band is sought.
+_HALVINGS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Predictive:
+    """Normal distributions of what rows show without noise, shape (members, rows) each.
+
+    Their ``weight`` adds up to 1 over the members, and is 0 in rows of which a member makes no
+    state of equilibrium; rows where no member does have nan. ``mean`` and ``deviation`` are in the
+    rows' units.
+    """
+
+    weight: Array
+    mean: Array
+    deviation: Array
+
+    @classmethod
+    def of(cls, simulation: Simulation, fits: Sequence[Fit], weights: Array,
+           table: ReadingTable) -> Predictive:
+        """Fits by their weights, shape (fits,), each linear in its unknowns about the best.
+
+        The least probable ones are left out.
+        """
+        used = np.flatnonzero(weights >= _LEAST * weights.max())
+        fits, weights = [fits[k] for k in used.tolist()], weights[used]
+        mean, deviation = np.empty((2, len(fits), len(table)))
+        for k, fit in enumerate(fits):
+            prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
+            mean[k] = prediction.values
+            spread = np.linalg.solve(np.linalg.cholesky(fit.precision), prediction.jacobian.T)
+            deviation[k] = np.sqrt((spread**2).sum(0))
+        return cls._mixed(weights[:, None], mean, deviation)
+
+    @classmethod
+    def _mixed(cls, weight: Array, mean: Array, deviation: Array) -> Predictive:
+        there = np.isfinite(mean + deviation)
+        weight = np.where(there, weight, 0.0)
+        with np.errstate(invalid="ignore"):
+            weight = weight / weight.sum(0)
+        return cls(weight, np.where(there, mean, 0.0), np.where(there, deviation, 0.0))
+
+    def with_member(self, weight: float, mean: Array, deviation: Array) -> Predictive:
+        """With one member more, which has that weight wherever it has a mean."""
+        return self._mixed(np.vstack([(1 - weight) * self.weight, np.full(len(mean), weight)]),
+                           np.vstack([self.mean, mean]), np.vstack([self.deviation, deviation]))
+
+    @property
+    def centre(self) -> Array:
+        """The mean of each row."""
+        return np.asarray((self.weight * self.mean).sum(0))
+
+    def below(self, values: Array, noise: Array | float) -> Array:
+        """Probabilities that rows show less than some values with that noise, shape (rows,)."""
+        spread = np.sqrt(self.deviation**2 + np.square(noise))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray((self.weight * ndtr((values - self.mean) / spread)).sum(0))
+
+    def band(self, noise: Array | float, share: float = SHARE) -> tuple[Array, Array]:
+        """Limits between which a ``share`` of readings with that noise lies, shape (rows,) each."""
+        spread = np.sqrt(self.deviation**2 + np.square(noise))
+        used = self.weight > 0
+        reach = 10 * spread.max(0, where=used, initial=0.0)
+        least = self.mean.min(0, where=used, initial=np.inf) - reach
+        most = self.mean.max(0, where=used, initial=-np.inf) + reach
+        limits = []
+        for part in ((1 - share) / 2, (1 + share) / 2):
+            low, high = least, most
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                under = self.below(middle, noise) < part
+                low, high = np.where(under, middle, low), np.where(under, high, middle)
+            limits.append(np.where(used.any(0), high, np.nan))
+        return limits[0], limits[1]

@@ -1,0 +1,141 @@
+"""What a diagnosis says in sentences that a laboratory understands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.studies.diagnosis.inference.posterior import Fit
+from tympan.studies.diagnosis.inference.residual_tests import orthonormal, over, without, words_of
+from tympan.studies.diagnosis.inference.verdict import Judgement, interval
+from tympan.studies.diagnosis.reduced.simulation import Cause, sizes_of
+from tympan.studies.effects.findings import FoundSize, finding, limits_told
+from tympan.studies.files import words_beside
+
+Array = NDArray[np.float64]
+Json = dict[str, Any]
+
+#: Sentences, by key.
+WORDS = words_beside(__file__)
+
+#: Sizes over the usual ones from which they are called a surprise.
+SURPRISING = 3.0
+
+#: Suspects are causes of at least this probability, and so many at most.
+_SUSPECT, _MOST = 0.05, 4
+
+#: Shares by which what vague patterns take away counts, so that what says more is told instead.
+_VAGUE = {"level": 0.5, "fitted": 0.6, "voltage": 0.9}
+
+#: χ² from which a pattern is told beside another one, and how many times that of any other specimen
+#: one takes away that is off itself.
+_CLEAR, _ALONE = 30.0, 2.0
+
+
+def probability_text(share: float) -> str:
+    """A probability, never rounded to certainty."""
+    if not 0.01 <= share <= 0.99:
+        return "above 99 %" if share > 0.5 else "below 1 %"
+    return f"{100 * share:.0f} %"
+
+
+def plain(names: str) -> str:
+    """Names of effects as words."""
+    return names.replace("_", " ")
+
+
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """Items with commas and a word before the last one."""
+    return f" {last} ".join(filter(None, (", ".join(items[:-1]), *items[-1:])))
+
+
+def found_sizes(fit: Fit, cause: Cause) -> dict[str, FoundSize]:
+    """The parameters of a cause at a fit with their 95 % limits."""
+    first = sizes_of(fit.hypothesis, cause).start
+    sizes = {}
+    for number, parameter in enumerate(cause.effect.parameters, first):
+        value, *limits = (parameter.value(size) for size in interval(fit, number))
+        sizes[parameter.name] = FoundSize(parameter, value, min(limits), max(limits))
+    return sizes
+
+
+def told(fit: Fit, cause: Cause, probability: float | None = None) -> Json:
+    """A cause at a fit: its "headline" with its size, whether that is "clear", its "check".
+
+    And the "surprise", its size over the usual one.
+    """
+    sizes = found_sizes(fit, cause)
+    chance = "" if probability is None else probability_text(probability)
+    inside = ", ".join(filter(None, (limits_told(cause.effect, sizes), chance)))
+    sentence = finding(cause.effect, sizes, cause.which)
+    return {"headline": f"{sentence} ({inside})" if inside else sentence,
+            "clear": any(size.clear for size in sizes.values()),
+            "check": cause.effect.check.format(which=cause.which), "surprise": fit.surprise(cause)}
+
+
+def suspects_among(causes: Sequence[Json]) -> list[Json]:
+    """Those of the listed causes that may be it."""
+    likely = [cause for cause in causes
+              if cause["only_its_size"] or (cause["clear"] and cause["probability"] >= _SUSPECT)]
+    return likely[:_MOST] or list(causes[:1])
+
+
+def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], where: str) -> str:
+    """What a reader is told first."""
+    if verdict == "named":
+        return ". ".join(cause["headline"] for cause in named) + "."
+    if verdict == "ambiguous":
+        heads = [cause["headline"] for cause in suspects]
+        if len(heads) == 1:
+            return WORDS["probably"].format(cause=heads[0])
+        heads = [heads[0], *(head[0].lower() + head[1:] for head in heads[1:])]
+        return WORDS["either"].format(first=heads[0], others="; or ".join(heads[1:]))
+    return WORDS[verdict].format(where=where)
+
+
+def next_step(verdict: str, checks: Sequence[str], advice: str) -> str:
+    """The direct checks, and only then an experiment."""
+    if not (checks and advice):
+        return "; ".join(dict.fromkeys(checks)) or advice
+    key = "check_named" if verdict == "named" else "check_suspects"
+    return WORDS[key].format(checks="; ".join(dict.fromkeys(checks)), advice=advice)
+
+
+def where(judged: Judgement) -> str:
+    """Where the misfit is: the pattern that takes most of it, and what one more takes beside it.
+
+    Each is counted by what it takes that the refitted stiffness and permittivity leave; so a
+    specimen is not blamed for what these have moved.
+    """
+    columns = over(judged.patterns, judged.table)
+    columns.pop("ramps", None)
+    taken, told_of = orthonormal(judged.nominal.jacobian), list[str]()
+    for least in (0.0, _CLEAR):
+        shares = {name: _taken(judged.nominal, taken, values) for name, values in columns.items()
+                  if name.split()[0] not in [other.split()[0] for other in told_of]}
+        shares = {name: share * _VAGUE.get(name.split()[0], 1.0) for name, share in shares.items()}
+        best = max(shares, key=lambda name: shares[name], default=None)
+        if best is None or shares[best] <= least or (told_of and best.split()[0] in _VAGUE):
+            break
+        told_of.append(best)
+        taken = np.hstack([taken, orthonormal(without(taken, columns[best]))])
+        if len(told_of) == 1:
+            first = _specimens(best, shares)
+    return "; ".join([first, *(words_of(name) for name in told_of[1:])]) if told_of else ""
+
+
+def _taken(nominal: Fit, taken: Array, columns: Array) -> float:
+    """χ² that columns take away beside what is taken already, beyond their number."""
+    basis = orthonormal(without(taken, columns), np.abs(columns).max())
+    return float(np.sum((basis.T @ nominal.residual) ** 2) - basis.shape[1])
+
+
+def _specimens(best: str, shares: dict[str, float]) -> str:
+    """Words for the best pattern; of a specimen only where no other takes nearly as much."""
+    of_specimens = sorted(share for name, share in shares.items() if name.startswith("specimen "))
+    if best.startswith("specimen ") and of_specimens[-1] < _ALONE * max(*of_specimens[:-1], 0.0):
+        return WORDS["apart"]
+    return words_of(best)
