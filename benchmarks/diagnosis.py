@@ -70,10 +70,10 @@ def main() -> None:
                    for which in effect.choices(setup))
     spent: dict[str, tuple[float, float]] = {}
     with stage("stiffness and permittivity", spent):
-        nominal, found = calibrated(setup, table)
-        error = law_error(nominal, found, table)
+        nominal = calibrated(setup, table)
+        error = law_error(nominal.simulation, nominal.fit, table)
     with stage("force laws with all effects", spent):
-        simulation = with_effects(nominal, lambda done, count: None, workers)
+        simulation = with_effects(nominal.simulation, lambda done, count: None, workers)
     with stage("all effects and pairs, verdict", spent):
         judged = judge(simulation, table, causes)
     with stage("priors half and twice as wide", spent):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,13 @@ from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
 from tympan.studies.case import build_model
-from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit
+from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nominal_fits
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.readings import FEWEST
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
 from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
-    PERMITTIVITY,
-    STIFFNESS,
     Hypothesis,
     Prediction,
     Simulation,
@@ -29,43 +28,153 @@ from tympan.studies.effects import Setup, extended
 
 Array = NDArray[np.float64]
 
-#: Largest heave of a force law, as a share of the gap between plate and frame.
-_LARGEST = 0.35
+#: How much further than the readings need force laws reach, as factors on heave and U²; of films
+#: that hardly go so far; and how much less is enough, for laws are good for a little more.
+_ROOM, _TIGHT, _ENOUGH = (1.3, 1.15), (0.95, 0.95), 0.94
 
-#: How much further than the nominal model needs the force laws reach, as factors on heave and U².
-_ROOM = (1.3, 1.3)
+#: Shares of the gap between plate and frame: the largest heave of a force law, the least, and one
+#: where nothing says how far it must reach; the least U² [V²].
+_LARGEST, _LEAST, _UNKNOWN, _QUIET = 1.5, 0.01, 0.2, 1e4
 
-_ROUNDS = 5
+#: How often laws may grow, and by what factor at most each time.
+_ROUNDS, _GROWTH = 8, 2.0
+
+#: Why a reading is left out: the laws end before it, or the film does.
+_REASONS = ("the film cannot be solved so far out",
+            "a film that fits the other readings has no equilibrium there")
 
 
-def calibrated(setup: Setup, table: ReadingTable) -> tuple[Simulation, Fit]:
-    """The nominal simulation over what the readings need, with stiffness and permittivity fitted.
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The nominal simulation over what readings need, with stiffness and permittivity fitted.
 
-    An :class:`InputError` when the films cannot be solved, or no stiffness and permittivity make
-    equilibria of the states that were read.
+    ``table``: the readings that films of some stiffness and permittivity can show; ``remarks``:
+    which were left out, and why, and which are of films that wrinkle.
     """
-    heave, voltage_squared = _reach(setup, table)
+
+    simulation: Simulation
+    fit: Fit
+    table: ReadingTable
+    remarks: tuple[str, ...] = ()
+
+
+def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
+    """The nominal simulation fitted to readings; those that it cannot be at are left out.
+
+    An :class:`InputError` when the films cannot be solved, or too few readings are left.
+    """
+    def unknowns_of(simulation: Simulation) -> Array:
+        # As long as they are possible: impossible states tell little.
+        fits = list(nominal_fits(simulation, table))
+        return next((fit for fit in reversed(fits) if fit.possible), fits[0]).unknowns
+
+    simulation = reaching(setup, table, unknowns_of)
+    fit = nominal_fit(simulation, table)
+    if fit.possible:
+        return Calibration(simulation, fit, table)
+    kept, reasons = np.arange(len(table)), np.full(len(table), "", "<U99")
+    while not fit.possible:
+        prediction = Prediction(simulation, (), fit.unknowns, table[kept].compact())
+        out = farthest(prediction)
+        reasons[kept[out]] = np.where(prediction.short[prediction.table.state[out]], *_REASONS)
+        kept = kept[~out]
+        if len(kept) < FEWEST:
+            raise InputError(f"less than {FEWEST} are left that films of some stiffness and "
+                             "permittivity can show: are masses, voltages and sizes right?",
+                             key="readings", given="; ".join(_left_out(setup, table, reasons)))
+        fit = nominal_fit(simulation, table[kept].compact())
+    rest = calibrated(setup, table[kept].compact())
+    return replace(rest, remarks=(*_left_out(setup, table, reasons), *rest.remarks))
+
+
+def _left_out(setup: Setup, table: ReadingTable, reasons: NDArray[np.str_]) -> list[str]:
+    """Remarks on the rows that there are reasons for."""
+    return [f"{place} left out: {reason}" for reason in np.unique(reasons[reasons != ""]).tolist()
+            for place in by_ramp(setup, table, reasons == reason)]
+
+
+def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulation], Array]
+             ) -> Simulation:
+    """The simulation without effects whose laws reach all that a table asks for, or films' ends.
+
+    ``unknowns_of`` a simulation are the nominal hypothesis' where its reach is judged. An
+    :class:`InputError` when a film cannot be solved.
+    """
+    names = [specimen.name for specimen in setup.specimens]
+    needed = _needed(setup, table)
+    room = np.repeat(np.array([_ROOM]).T, len(names), axis=1)
+    laws: dict[tuple[str, float, float], ForceLaw] = {}
     for _ in range(_ROUNDS):
+        asked = list(zip(names, *(room * needed).tolist(), strict=True))
+        for reach in asked:
+            if reach not in laws:
+                laws[reach] = _nominal_law(setup, *reach)
+        simulation = Simulation(setup, tuple(laws[reach] for reach in asked))
+        have = np.array([[law.grid.heave, law.grid.voltage_squared]
+                         for law in simulation.laws]).T
+        wanted = _needed(setup, table, Prediction(simulation, (), unknowns_of(simulation), table))
+        lacking, ended = _ENOUGH * wanted > have, have < 0.99 * room * needed
+        # A film held at less heave bears more voltage.
+        narrowed = (lacking & ended).any(0) & (room[0] > _TIGHT[0])
+        growing = lacking & ~ended
+        if not (narrowed.any() or growing.any()):
+            break
+        room = np.where(narrowed, np.array([_TIGHT]).T, room)
+        needed = np.where(growing, np.minimum(wanted, _GROWTH * have), needed)
+    return simulation
+
+
+def _nominal_law(setup: Setup, name: str, heave: float, voltage_squared: float) -> ForceLaw:
+    """A film's force law without effects, up to a heave [m] and a U² [V²], or as far as it goes."""
+    least = _LEAST * setup.specimen(name).gap
+    while True:
         try:
-            simulation = Simulation(setup, nominal_laws(setup, heave, voltage_squared))
+            return nominal_law(setup, name, heave, voltage_squared)
         except NotSampled as error:
-            raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
-                             given=", ".join(film.name for film in setup.specimens)) from None
-        fit = nominal_fit(simulation, table)
-        wanted = _reach(setup, table, simulation, fit)
-        reached = np.array([law.grid.voltage_squared for law in simulation.laws])
-        if fit.possible and np.all(wanted <= 1.05 * np.array([heave, voltage_squared])):
-            return simulation, fit
-        # Never less than before: a fit held back by the reach of its laws must not take that reach
-        # away.
-        heave = np.maximum(heave, np.minimum(wanted[0], 2 * heave) if fit.possible else 1.5 * heave)
-        further = np.maximum(voltage_squared, np.minimum(wanted[1], 2 * voltage_squared))
-        voltage_squared = np.where(reached < 0.99 * voltage_squared, voltage_squared, further)
-    if not fit.possible:
-        raise InputError("no stiffness and permittivity make equilibria of all states that were "
-                         "read: are masses, voltages and sizes right?", key="readings",
-                         given=f"{len(table)} readings")
-    return simulation, fit
+            if heave <= least:
+                raise InputError(f"the nominal film cannot be solved: {error}", key="specimen",
+                                 given=name) from None
+            heave = max(0.7 * heave, least)
+
+
+def _needed(setup: Setup, table: ReadingTable, prediction: Prediction | None = None) -> Array:
+    """Heaves and U² needed, shape (2, specimens): by the readings and by a prediction of them."""
+    states, needed = table.states, []
+    squared = np.asarray(setup.rig.film_voltage(states.voltage, states.direction)) ** 2
+    if prediction is not None:
+        squared = prediction.voltage_squared
+    for number, specimen in enumerate(setup.specimens):
+        read = table.value[(table.specimen == number) & (table.kind == "displacement")]
+        there = states.specimen == number
+        if prediction is not None:
+            sought = there & (prediction.possible | prediction.short)
+            read = np.append(read, prediction.extended_heave[sought])
+        read = np.abs(read[np.isfinite(read)])
+        largest = float(read.max()) if len(read) else _UNKNOWN * specimen.gap
+        needed.append((np.clip(largest, _LEAST * specimen.gap, _LARGEST * specimen.gap),
+                       max(_QUIET, squared[there].max(initial=0.0))))
+    return np.array(needed).T
+
+
+def farthest(prediction: Prediction) -> NDArray[np.bool_]:
+    """Rows of impossible states, of each ramp those at its highest voltage."""
+    table, rows = prediction.table, prediction.impossible_rows
+    highest = np.zeros(int(table.ramp.max()) + 1)
+    np.maximum.at(highest, table.ramp[rows], table.voltage[rows])
+    return rows & (table.voltage >= highest[table.ramp])
+
+
+def by_ramp(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_]) -> list[str]:
+    """Where rows of a table are from, ramp by ramp: file, lines, specimen, mass, voltages."""
+    words = []
+    for ramp in np.unique(table.ramp[rows]):
+        some = table[rows & (table.ramp == ramp)]
+        lines = ", ".join(str(line) for line in np.unique(some.line))
+        low, high = 1e-3 * some.voltage.min(), 1e-3 * some.voltage.max()
+        voltages = f"{high:.4g} kV" if low == high else f"{low:.4g} to {high:.4g} kV"
+        words.append(f"{some.file[0]} line {lines} ({setup.specimens[some.specimen[0]].name}, "
+                     f"{1e3 * some.mass[0]:.4g} g, {voltages})")
+    return words
 
 
 def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
@@ -73,38 +182,6 @@ def with_effects(calibration: Simulation, progress: Callable[[int, int], None],
     """The same simulation with the effects of the library."""
     grids = [law.grid for law in calibration.laws]
     return replace(calibration, laws=force_laws(calibration.setup, grids, workers, progress))
-
-
-def nominal_laws(setup: Setup, heave: Array, voltage_squared: Array) -> tuple[ForceLaw, ...]:
-    """Each film's force law without effects, up to a heave [m] and a U² [V²] or less."""
-    return tuple(nominal_law(setup, specimen.name, float(w), float(q))
-                 for specimen, w, q in zip(setup.specimens, heave, voltage_squared, strict=True))
-
-
-def largest_voltage_squared(setup: Setup, table: ReadingTable) -> Array:
-    """The largest U² that each specimen's film sees, shape (specimens,)."""
-    states = table.states
-    seen = np.asarray(setup.rig.film_voltage(states.voltage, states.direction)) ** 2
-    return np.array([seen[states.specimen == number].max(initial=0.0)
-                     for number in range(len(setup.specimens))])
-
-
-def _reach(setup: Setup, table: ReadingTable, simulation: Simulation | None = None,
-           fit: Fit | None = None) -> Array:
-    """Heaves and U² needed, shape (2, specimens): by the readings, else by a fit where possible."""
-    heave, share = None, 1.0
-    if simulation is not None and fit is not None and fit.possible:
-        heave = np.nan_to_num(Prediction(simulation, (), fit.unknowns, table).heave)
-        share = float(np.exp(fit.unknowns[PERMITTIVITY] - fit.unknowns[STIFFNESS]))
-    heaves = []
-    for number, specimen in enumerate(setup.specimens):
-        read = table.value[(table.specimen == number) & (table.kind == "displacement")]
-        if heave is not None:
-            read = np.maximum(heave[table.states.specimen == number], 0.0)
-        largest = max(_ROOM[0] * float(np.abs(read).max(initial=0.0)), 0.01 * specimen.gap)
-        heaves.append(min(largest, _LARGEST * specimen.gap) if len(read) else 0.2 * specimen.gap)
-    squared = _ROOM[1] * share * largest_voltage_squared(setup, table)
-    return np.array([heaves, np.maximum(squared, 1e4)])
 
 
 def extended_setup(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Setup:

@@ -12,9 +12,8 @@ from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import Dataset
 from tympan.studies.diagnosis.calibration import (
     calibrated,
-    largest_voltage_squared,
     law_error,
-    nominal_laws,
+    reaching,
     with_effects,
 )
 from tympan.studies.diagnosis.inference.identifiability import (
@@ -25,13 +24,9 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
-from tympan.studies.diagnosis.reduced.simulation import Simulation
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
-
-#: How often, and each time by what factor, the reach of the laws of planned readings may grow.
-_ROUNDS, _GROWTH = 5, 1.5
 
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
@@ -54,11 +49,11 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
         be solved.
     """
     readings = prepared_readings(dataset)
-    nominal, fit = calibrated(readings.setup, readings.table)
-    error = law_error(nominal, fit, readings.table)
-    table = _with_model_error(readings.table, error)
-    readings = replace(readings, table=table)
-    simulation = with_effects(nominal, progress, workers)
+    nominal = calibrated(readings.setup, readings.table)
+    error = law_error(nominal.simulation, nominal.fit, nominal.table)
+    table = _with_model_error(nominal.table, error)
+    readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
+    simulation = with_effects(nominal.simulation, progress, workers)
     try:
         judged = judge(simulation, table, readings.causes, readings.stated, seed=seed,
                        workers=workers)
@@ -79,12 +74,12 @@ def plan_readings(dataset: Dataset, workers: int = 1,
     """
     readings = prepared_readings(dataset)
     table = _predicted(readings.setup, readings.table)
-    nominal, fit = calibrated(readings.setup, table)
-    simulation = with_effects(nominal, progress, workers)
-    signs = signatures(simulation, table, fit.unknowns, readings.causes)
+    nominal = calibrated(readings.setup, table)
+    simulation = with_effects(nominal.simulation, progress, workers)
+    signs = signatures(simulation, table, nominal.fit.unknowns, readings.causes)
     invisible, classes = classes_of(signs)
-    noisy = _with_model_error(table, law_error(nominal, fit, table))
-    bench = Bench(simulation, fit.unknowns, noisy, readings.causes, readings.stated)
+    noisy = _with_model_error(table, law_error(nominal.simulation, nominal.fit, table))
+    bench = Bench(simulation, nominal.fit.unknowns, noisy, readings.causes, readings.stated)
     return {
         "dataset": dataset.name,
         "readings": len(table),
@@ -102,15 +97,10 @@ def _with_model_error(table: ReadingTable, error: float) -> ReadingTable:
 
 
 def _predicted(setup: Setup, table: ReadingTable) -> ReadingTable:
-    heave = np.array([0.2 * specimen.gap for specimen in setup.specimens])
-    highest = np.array([0.8 * specimen.gap for specimen in setup.specimens])
-    voltage_squared = 1.3 * largest_voltage_squared(setup, table) + 1e4
-    for _ in range(_ROUNDS):
-        simulation = Simulation(setup, nominal_laws(setup, heave, voltage_squared))
-        values = simulation.predict((), np.zeros(2), table)
-        if np.isfinite(values).all():
-            return table.with_values(values)
-        heave = np.minimum(_GROWTH * heave, highest)
+    simulation = reaching(setup, table, lambda simulation: np.zeros(2))
+    values = simulation.predict((), np.zeros(2), table)
+    if np.isfinite(values).all():
+        return table.with_values(values)
     row = int(np.flatnonzero(~np.isfinite(values))[0])
     raise InputError("the nominal model has no equilibrium there: plan a lower voltage or mass",
                      key="readings",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -40,9 +40,8 @@ _ITERATIONS, _SMALL = 40, 1e-4
 #: deviations.
 _NODES, _REACH = (32, 20, 12, 6, 4, 3), 6.0
 
-#: Starts for the logarithms of stiffness and permittivity when the nominal model has no equilibria.
-_STARTS = ((0.0, 0.0), (0.4, 0.0), (0.8, 0.0), (1.5, 0.0), (0.0, -0.5), (0.0, -1.5), (-0.7, -0.7),
-           (2.5, 0.0))
+#: Shares of the readings, those of the lowest voltages first, that the nominal model is fitted to.
+_SHARES = (0.25, 0.5, 0.75, 1.0)
 
 #: What is thought before any data: that something is wrong at all is as probable as not; then that
 #: it is one effect of the library, two, or none of them. Effects share theirs equally, an effect on
@@ -228,12 +227,22 @@ def best_of(fits: Sequence[Fit]) -> Fit:
 
 
 def nominal_fit(simulation: Simulation, table: ReadingTable) -> Fit:
-    """The nominal model fitted, from the first start that has equilibria everywhere."""
-    for start in _STARTS:
-        nominal = fit(simulation, (), table, np.array(start))
-        if nominal.possible:
-            break
-    return nominal
+    """The nominal model fitted: to the readings of low voltages first, and from there to more.
+
+    So films find their stiffness before their limits matter.
+    """
+    return list(nominal_fits(simulation, table))[-1]
+
+
+def nominal_fits(simulation: Simulation, table: ReadingTable) -> Iterator[Fit]:
+    """The nominal model fitted to more and more readings, in the end to all."""
+    order, unknowns = np.argsort(table.voltage, kind="stable"), np.zeros(FACTORS.stop)
+    for share in _SHARES:
+        count = max(int(share * len(order)), FACTORS.stop)
+        lowest = table[np.sort(order[:count])].compact() if count < len(order) else table
+        nominal = fit(simulation, (), lowest, unknowns)
+        unknowns = nominal.unknowns
+        yield nominal
 
 
 def fit_all(simulation: Simulation, hypotheses: Sequence[Hypothesis], table: ReadingTable,

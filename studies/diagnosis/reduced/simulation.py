@@ -195,11 +195,15 @@ class Prediction:
         return ended[self._came[0]] | (self.voltage_squared > self.top)
 
     @property
+    def impossible_rows(self) -> Mask:
+        """Rows that are of a state that is not possible."""
+        state, since = self.table.state, self.table.since
+        return ~self.possible[state] | ((since >= 0) & ~self.possible[since])
+
+    @property
     def complete(self) -> bool:
         """Whether all states that are read are possible."""
-        table = self.table
-        return bool(self.possible[table.state].all()
-                    and self.possible[table.since[table.since >= 0]].all())
+        return not self.impossible_rows.any()
 
     @cached_property
     def heave(self) -> Array:
