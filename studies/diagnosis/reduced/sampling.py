@@ -83,7 +83,8 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     for i, heave in enumerate(heaves.tolist()):
         for j, voltage_squared in enumerate(voltages_squared.tolist()):
             guess = _guess(nodes, near, rows[: i + 1].tolist(), columns[: j + 1].tolist())
-            solution = _solved(model, guess, heave, voltage_squared, film.gas_pressure)
+            last = nodes.states.get((int(rows[i]), int(columns[j - 1]))) if j else None
+            solution = _solved(model, guess, last, heave, voltage_squared, film.gas_pressure)
             if solution is None:
                 if strict:
                     raise NotSampled(voltage_squared)
@@ -124,13 +125,23 @@ def _guess(nodes: Nodes, near: Nodes | None, rows: list[int], columns: list[int]
     return last
 
 
-def _solved(model: Model, guess: State | None, heave: float, voltage_squared: float,
-            pressure: float) -> Solution | None:
+def _solved(model: Model, guess: State | None, last: State | None, heave: float,
+            voltage_squared: float, pressure: float) -> Solution | None:
+    """From a guess, else half way from this heave's ``last`` state, else from the flat film."""
     guess = model.mounted() if guess is None else guess
-    solution = newton(model, guess.under(voltage=voltage_squared, pressure=pressure), ("force",),
+
+    def at(state: State, squared: float) -> Solution:
+        return newton(model, state.under(voltage=squared, pressure=pressure), ("force",),
                       (held_plate(heave),))
-    if solution.converged:
-        return solution
+
+    solution = at(guess, voltage_squared)
+    if not solution.converged and last is not None:
+        solution = at(last, (last.voltage_squared + voltage_squared) / 2)
+        if solution.converged:
+            further = 2 * solution.state.positions - last.positions
+            solution = at(replace(solution.state, positions=further), voltage_squared)
+    if solution.converged or last is not None:
+        return solution if solution.converged else None
     start = newton(model, model.mounted().under(pressure=pressure), ("force",), (held_plate(0.0),))
     outcome = held(model, heave, voltage_squared**0.5, start, _BOLD)
     return outcome.solution if outcome.status == "equilibrium" else None
