@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from tympan.fem.rig import Rig
@@ -35,8 +36,8 @@ _BEYOND, _BELOW = 0.15, 0.2
 #: that [N/m]; the heave that a film certainly has at its limit, as a share of a linear film's.
 _SOFT, _LEAST, _LINEAR = 0.1, 1e-6, 1.0
 
-#: How near to its largest U² its slope there is taken, as a share.
-_NEAR = 1e-4
+#: How near to its largest U² its slope there is taken, and derivatives by U², as shares.
+_NEAR, _TINY = 1e-4, 1e-4
 
 #: What every hypothesis has: the two factors; and the sizes of its effects.
 STIFFNESS, PERMITTIVITY = 0, 1
@@ -123,30 +124,65 @@ class Prediction:
     """
 
     def __init__(self, simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
-                 table: ReadingTable, start: Array | None = None) -> None:
+                 table: ReadingTable, like: Prediction | None = None) -> None:
+        """``like``: the same films under nearly the same voltages."""
         self.simulation, self.hypothesis, self.unknowns = simulation, hypothesis, unknowns
         self.table, states = table, table.states
         self.stiffness = float(np.exp(unknowns[STIFFNESS]))
         self.permittivity = float(np.exp(unknowns[PERMITTIVITY]))
         self.rig = _rig(simulation, hypothesis, unknowns)
-        surfaces = [_surface_of(simulation, number, hypothesis, unknowns, self.stiffness)
-                    for number in range(len(simulation.laws))]
         # A probe shows what the supply gives, without the film's lag.
         self.supplied = np.asarray(self.rig.film_voltage(states.voltage))
         seen = np.asarray(self.rig.film_voltage(states.voltage, states.direction))
         self.voltage_squared = self.permittivity / self.stiffness * seen**2
-        # Of each specimen, its states, its film, and their forces as polynomials of the heave.
-        self.films = [(rows, surface, _by_heave(surface, self.voltage_squared[rows]))
-                      for rows, surface in zip(states.of_specimen, surfaces, strict=False)
-                      if len(rows)]
         areas = np.array([area(specimen.plate.outline) if self.rig.plate_pressure else 0.0
                           for specimen in simulation.setup.specimens])
         self.load: Array = self.rig.force(states.mass, areas[states.specimen])
-        reach = np.array([law.grid.heave for law in simulation.laws])[states.specimen]
-        self.low, self.high = -_BELOW * reach, (1 + _BEYOND) * reach
+        grids = [law.grid for law in simulation.laws]
+        self.reach = np.array([grid.heave for grid in grids])[states.specimen]
+        self.odd = np.array([grid.odd for grid in grids])[states.specimen]
+        self.low, self.high = -_BELOW * self.reach, (1 + _BEYOND) * self.reach
         self.free = np.isnan(states.heave)
         self.top = (1 + _BEYOND) * np.array(
-            [law.grid.voltage_squared for law in simulation.laws])[states.specimen]
+            [grid.voltage_squared for grid in grids])[states.specimen]
+        if like is not None:
+            self.films: list[tuple[Numbers, ForceSurface]] = like.films
+            further = self.voltage_squared - like.voltage_squared
+            self.powers: Array = like.powers + like.powers_by_voltage * further
+        else:
+            # Of each specimen, its states and its film.
+            self.films = [(rows, _surface_of(simulation, number, hypothesis, unknowns,
+                                             self.stiffness))
+                          for number, rows in enumerate(states.of_specimen) if len(rows)]
+            self.powers = self._powers(self.voltage_squared)
+
+    def _powers(self, voltage_squared: Array) -> Array:
+        """Coefficients of the films' forces by powers of the heave's coordinate, by U² [V²].
+
+        Shape (powers, states).
+        """
+        powers = np.empty((len(self.low), self.simulation.laws[0].grid.heaves))
+        for rows, surface in self.films:
+            powers[rows] = _by_heave(surface, voltage_squared[rows])
+        return np.asarray((powers @ _in_powers(powers.shape[1])).T)
+
+    @cached_property
+    def powers_by_voltage(self) -> Array:
+        """Derivatives of these coefficients by U², shape (powers, states)."""
+        tiny = _TINY * self.top
+        return (self._powers(self.voltage_squared + tiny)
+                - self._powers(self.voltage_squared - tiny)) / (2 * tiny)
+
+    def _changes_films(self, number: int) -> bool:
+        """Whether an unknown changes more of the films' force laws than the voltage."""
+        if number == STIFFNESS:
+            return any(parameter.dimension == "stress" for parameter in
+                       parameters_of(self.hypothesis))
+        return number >= SIZES.start and not any(
+            cause.name in self.simulation.rig_effects
+            for cause in self.hypothesis
+            if sizes_of(self.hypothesis, cause).start <= number
+            < sizes_of(self.hypothesis, cause).stop)
 
     @cached_property
     def _came(self) -> tuple[Numbers, Array, Array, Mask]:
@@ -233,7 +269,7 @@ class Prediction:
     def _flat_stiffness(self) -> Array:
         """Stiffness of the flat film without voltage, shape (states,)."""
         stiffness = np.empty(len(self.low))
-        for rows, surface, _ in self.films:
+        for rows, surface in self.films:
             none = np.zeros(1)
             stiffness[rows] = surface.force(none, surface.by_heave(none))[1]
         return np.maximum(self.stiffness * stiffness, _LEAST)
@@ -268,7 +304,8 @@ class Prediction:
             step = -step if self.unknowns[number] + step > most[number] else step
             moved = self.unknowns.copy()
             moved[number] += step
-            there = Prediction(self.simulation, self.hypothesis, moved, table)
+            there = Prediction(self.simulation, self.hypothesis, moved, table,
+                               None if self._changes_films(number) else self)
             missing = there.balance(self._moved, way)[0] - force
             shift = np.where(self.free, -missing / stiffness, 0.0)[place]
             if not rests.all():
@@ -286,12 +323,16 @@ class Prediction:
         or up (-1); left out: as it came to its own.
         """
         at = np.clip(heave, self.low, self.high)
-        force, rate = np.empty((2, *at.shape))
-        for rows, surface, by_heave in self.films:
-            some = at[..., rows]
-            each = np.broadcast_to(by_heave, (*some.shape, by_heave.shape[1]))
-            parts = surface.force(some.ravel(), each.reshape(-1, by_heave.shape[1]))
-            force[..., rows], rate[..., rows] = (part.reshape(some.shape) for part in parts)
+        share = at / self.reach
+        x = np.where(self.odd, 2 * share**2, 2 * share) - 1
+        force, rate = np.broadcast_to(self.powers[-1], x.shape), np.zeros_like(x)
+        for power in self.powers[-2::-1]:
+            rate = rate * x + force
+            force = force * x + power
+        rate = rate * np.where(self.odd, 4 * share, 2.0) / self.reach
+        if self.odd.any():
+            rate = np.where(self.odd, force + at * rate, rate)
+            force = np.where(self.odd, at * force, force)
         force = self.stiffness * (force + rate * (heave - at)) + self.rig.spring * heave
         rate = self.stiffness * rate + self.rig.spring
         for bias in self.rig.biases:
@@ -314,7 +355,7 @@ class Prediction:
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
             elif kind == "capacitance":
                 of_states = np.empty(len(heave))
-                for group, surface, _ in self.films:
+                for group, surface in self.films:
                     of_states[group] = surface.capacitance(within[group], squared[group])
                 shown[rows] = self.permittivity * of_states[at]
             elif kind == "film_voltage":
@@ -360,6 +401,13 @@ def affected(simulation: Simulation, cause: Cause, index: int) -> list[tuple[int
             if cause.which in (None, specimen.name)
             for place, axis in enumerate(law.axes)
             if (axis.effect, axis.index) == (cause.name, index)]
+
+
+@lru_cache
+def _in_powers(count: int) -> Array:
+    """Chebyshev polynomials by powers, shape (polynomials, powers)."""
+    return np.stack([np.pad(chebyshev.cheb2poly(row), (0, count - 1 - degree))
+                     for degree, row in enumerate(np.eye(count))])
 
 
 def _by_heave(surface: ForceSurface, voltage_squared: Array) -> Array:

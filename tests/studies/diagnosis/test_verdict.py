@@ -138,7 +138,9 @@ def test_an_effect_out_of_the_question_is_tried_all_the_same(three_shapes: Simul
     """
     mass = Cause("unaccounted_mass")
     table = read(three_shapes, design(SIGMA, masses=(17.9e-3, 14e-3)), (mass,), [-4e-3], seed=5)
-    others = [cause for cause in every_cause(three_shapes) if cause != mass]
+    # On the way up a plate that rubs is as good as a lighter load.
+    others = [cause for cause in every_cause(three_shapes)
+              if cause.name not in ("unaccounted_mass", "friction")]
     judged = judge(three_shapes, table, others)
     assert judged.verdict != "nothing"
     best = single_effects(judge(three_shapes, table, [*others, mass]))[0]
