@@ -100,7 +100,7 @@ class Exploration:
 
     @property
     def _least(self) -> float:
-        return min(fit.cost for fit in self.fits.values())
+        return min((fit.cost for fit in self.fits.values()), default=np.inf)
 
     def _may_help(self, member: Fit, other: Fit) -> bool:
         """Whether a second effect may take enough away of what the first one leaves."""

@@ -292,13 +292,15 @@ class Posterior:
         """By evidence and prior, that of all hypotheses ``among`` which they are.
 
         ``left``: of some hypotheses, the odds that there is a discrepancy beside them, by what they
-        leave (:func:`odds_of_more`); of others those are taken to be as before any data.
+        leave (:func:`odds_of_more`); of others those are taken to be as before any data. Without
+        any fits, of the nominal one.
         """
         logs = np.array([fit.evidence for fit in fits])
         shares = dict(zip(among, priors(among).tolist(), strict=True))
         logs = logs + np.log([shares[fit.hypothesis] for fit in fits])
         odds = np.array([left.get(fit.hypothesis, 1.0) for fit in fits])
-        more = float(logsumexp(logs, b=np.maximum(odds, 1e-300)))
+        more = (float(logsumexp(logs, b=np.maximum(odds, 1e-300))) if fits
+                else nominal.evidence + float(np.log(left[()])))
         both = np.array([nominal.evidence + np.log(NOTHING),
                          more + np.log(DISCREPANCY / (SINGLE + PAIR)), *logs])
         weight = np.exp(both - both.max())

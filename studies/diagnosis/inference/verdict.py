@@ -193,8 +193,10 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     among = hypotheses_of(exploration.causes)
     kept = [fit for fit in ranked if fit.hypothesis not in out]
     odds = {fit.hypothesis: odds_of_more(fit, columns) for fit in asked if fit in kept}
+    if not kept:
+        odds = {(): odds_of_more(base.nominal, columns)}
     posterior = Posterior.of(base.nominal, kept, odds, among)
-    best = posterior.fits[0]
+    best = next(iter(posterior.fits), base.nominal)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
     if not enough or posterior.discrepancy > DISCREPANCY * posterior.wrong:

@@ -176,3 +176,12 @@ def test_order_of_rows_and_causes_changes_no_verdict(three_shapes: Simulation) -
     assert second.posterior.of_causes()[cause] == pytest.approx(first.posterior.of_causes()[cause],
                                                                abs=1e-3)
     assert replace(first.posterior).wrong == pytest.approx(second.posterior.wrong, abs=1e-5)
+
+
+def test_without_any_effect_to_think_of_a_misfit_is_unexplained(three_shapes: Simulation) -> None:
+    table = read(three_shapes, design(SIGMA), (Cause("unaccounted_mass"),), [3e-3], seed=1)
+    judged = judge(three_shapes, table, ())
+    assert judged.verdict == "unexplained"
+    assert judged.posterior is not None
+    assert judged.posterior.discrepancy > 0.99
+    assert judged.chosen is None
