@@ -23,14 +23,15 @@ from pathlib import Path
 
 from benchmarks.trials.rates import draw_power, page, rates
 from benchmarks.trials.synthetic_trials import LOOP, circles, paper
-from benchmarks.trials.trial import Lab, Record
+from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab, Record
 from tympan.progress import bar
 from tympan.studies.files import write_text
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
 COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320,
           "alias": 102,
-          "noise": 100, "form": 60, "gain": 100}
+          "noise": 100, "form": 60, "gain": 100, "large": 400, "large pair": 80,
+          "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2}
 
 _labs: list[Lab] = []
 

@@ -36,9 +36,12 @@ from tympan.studies.diagnosis.reading_table import ReadingTable, States, rows
 from tympan.studies.diagnosis.reduced.force_law import Grid
 from tympan.studies.diagnosis.reduced.sampling import force_laws
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation
+from tympan.studies.diagnosis.self_check import sizes_at
 from tympan.studies.effects import EFFECTS, Setup, extended
 
 Array = NDArray[np.float64]
+#: The least and the most.
+Span = tuple[float, float]
 Means = Literal["elements", "equations", "another law", "form error"]
 
 MASSES, UP = (17.9e-3, 22.45e-3), np.linspace(0.0, 6500.0, 15)
@@ -237,16 +240,33 @@ class Truth:
     stranger: Stranger = NOBODY
 
     @property
+    def widths(self) -> tuple[float, ...]:
+        """How many usual sizes each effect has."""
+        sizes, shares = iter(self.sizes), []
+        for cause in self.hypothesis:
+            parts = [next(sizes) / item.deviation for item in cause.effect.parameters]
+            shares.append(float(np.linalg.norm(parts)))
+        return tuple(shares)
+
+    @property
     def unknowns(self) -> Array:
         """As the fitted model has them."""
         return np.array([np.log(self.stiffness), np.log(self.permittivity), *self.sizes])
 
 
 def draw(generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
-         stranger: Stranger = NOBODY) -> Truth:
-    """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors."""
-    sizes = [float(item.prior.ppf(generator.random())) for cause in hypothesis
-             for item in cause.effect.parameters]
+         stranger: Stranger = NOBODY, widths: Span | None = None) -> Truth:
+    """Stiffness and permittivity scattered by 10 and 5 %, sizes from the effects' priors.
+
+    Or, given a span of sizes over the usual ones, with each power of ten as probable as another.
+    """
+    if widths is None:
+        sizes = [float(item.prior.ppf(generator.random())) for cause in hypothesis
+                 for item in cause.effect.parameters]
+    else:
+        shares = np.exp(generator.uniform(*np.log(widths), len(hypothesis)))
+        sizes = [float(size) for cause, share in zip(hypothesis, shares.tolist(), strict=True)
+                 for size in sizes_at(generator, cause, share)]
     return Truth(float(np.exp(generator.normal(0, 0.1))), float(np.exp(generator.normal(0, 0.05))),
                  hypothesis,
                  tuple(sizes), means, int(generator.integers(len(MESHES))), stranger)
@@ -256,8 +276,12 @@ def readings(design: Design, truth: Truth) -> Array | None:
     """Readings of a design's rows without noise [m]; None where a state has no equilibrium or a
     film cannot be built.
 
-    The latter are electrode margins of less than 1 % of the gap.
+    The latter are sizes beyond their limits, and electrode margins of less than 1 % of the gap.
     """
+    limits = [item.limits for cause in truth.hypothesis for item in cause.effect.parameters]
+    if any(not low <= size <= high
+           for size, (low, high) in zip(truth.sizes, limits, strict=True)):
+        return None
     try:
         return _readings(design, truth)
     except InputError:
@@ -344,11 +368,11 @@ def _gap(model: Model, force: float, voltage: float, heave: float) -> float:
 
 
 def hidden(design: Design, generator: np.random.Generator, hypothesis: Hypothesis, means: Means,
-           stranger: Stranger = NOBODY) -> tuple[Truth, Array, int]:
+           stranger: Stranger = NOBODY, widths: Span | None = None) -> tuple[Truth, Array, int]:
     """A truth with its readings, drawn again while a state has no equilibrium, and how often that
     was."""
     for again in range(100):
-        truth = draw(generator, hypothesis, means, stranger)
+        truth = draw(generator, hypothesis, means, stranger, widths)
         found = readings(design, truth)
         if found is not None:
             return truth, found, again

@@ -33,6 +33,17 @@ _LOOSE = 5.0
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
 
+#: Sizes over the usual ones of single effects of any size, and of two.
+SIZES_DRAWN, PAIRS_DRAWN = (0.3, 20.0), (1.0, 10.0)
+#: What is judged also by priors of another scale, and by how much it is wrong.
+WRONG_SCALES = {"large, priors a fifth as wide": 0.2, "large, priors five times as wide": 5.0}
+
+#: Effects that look alike, of which both are hidden in a map, and their sizes over the usual ones.
+ALIAS_PAIRS = (("parallel_spring", "prestretch_anisotropy"),
+               ("electrode_stiffness", "strain_stiffening"),
+               ("plate_eccentricity", "prestretch_anisotropy"))
+MAP_WIDTHS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+
 
 @dataclass(frozen=True)
 class Record:
@@ -45,6 +56,7 @@ class Record:
     intervals of its sizes have the true ones, None where that was not asked. ``reported``: whether
     an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
     model over the nominal one, over all splits that can show it; None where there is none.
+    ``widths``: how many usual sizes each hidden effect has.
     """
 
     population: str
@@ -68,6 +80,7 @@ class Record:
     reported: bool | None = None
     words: str = ""
     ratio: float | None = None
+    widths: tuple[float, ...] = ()
 
     @property
     def identifiable(self) -> bool:
@@ -209,6 +222,67 @@ def _deleted(record: Record, design: Design, simulation: Simulation, table: Read
     return [judged(blank, replace(design, causes=kept), simulation, table, truth)]
 
 
+def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """An effect of any size, judged also by priors whose scale is wrong."""
+    design, simulation, means = lab.by(number)
+    causes = _visible(design)
+    truth, values, again = hidden(design, generator, (causes[int(generator.integers(len(causes)))],),
+                                  means, widths=SIZES_DRAWN)
+    table = measured(design, values, generator, number)
+    found = [_of_one("large", number, design, simulation, truth, table, values, again)]
+    for name, widen in WRONG_SCALES.items() if number % 2 == 0 else ():
+        record = replace(_blank(found[0]), population=name)
+        found.append(_judged(record, design, simulation, table, truth, widen)[0])
+    return found
+
+
+def _large_pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """Two effects of the usual size or more."""
+    design, simulation = lab.loops if number % 3 == 1 else lab.paper
+    pairs = _pairs(design)
+    truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))],
+                                  "another law" if number % 3 == 2 else "elements",
+                                  widths=PAIRS_DRAWN)
+    return [_of_two("large pair", number, design, simulation, truth,
+                    measured(design, values, generator, number), values, again)]
+
+
+def _map(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """A cell of the map of two effects that look alike: readings by elements of both their sizes.
+    """
+    design, simulation = lab.paper
+    pair, (first, second) = alias_cell(number)
+    sizes = [(Cause(name), width) for name, width in zip(pair, (first, second), strict=True)
+             if width]
+    truth = Truth(1.0, 1.0, tuple(cause for cause, _ in sizes),
+                  tuple(size for cause, width in sizes for size in _along(cause, width)))
+    values = readings(design, truth)
+    record = Record("map", number, "elements", tuple(map(str, truth.hypothesis)), 0, 0.0, 0.0,
+                    widths=(first, second))
+    if values is None:
+        return [replace(record, verdict="no equilibrium")]
+    return [judged(record, design, simulation, measured(design, values, generator, 0), truth)]
+
+
+def _along(cause: Cause, width: float) -> tuple[float, ...]:
+    """So many usual sizes, all in the first parameter."""
+    parameters = cause.effect.parameters
+    return (width * parameters[0].deviation, *(0.0 for _ in parameters[1:]))
+
+
+def alias_cell(number: int) -> tuple[tuple[str, str], tuple[float, float]]:
+    """The pair of effects and their sizes over the usual ones in a cell of the maps."""
+    pair, cell = divmod(number, len(MAP_WIDTHS) ** 2)
+    row, column = divmod(cell, len(MAP_WIDTHS))
+    return ALIAS_PAIRS[pair], (MAP_WIDTHS[column], MAP_WIDTHS[row])
+
+
+def _blank(record: Record) -> Record:
+    """The same trial, not judged yet."""
+    return Record(record.population, record.number, record.means, record.truth, record.again,
+                  record.seen, record.told, widths=record.widths)
+
+
 def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation = lab.loops if number % 3 == 1 else lab.paper
     pairs = _pairs(design)
@@ -303,7 +377,8 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
     "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo,
     "outside": _outside,
-    "alias": _alias, "noise": _noise, "form": _form, "gain": _gain}
+    "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
+    "large pair": _large_pair, "map": _map}
 
 
 def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
@@ -352,9 +427,10 @@ def judged(record: Record, design: Design, simulation: Simulation, table: Readin
 
 
 def _judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
-            truth: Truth) -> tuple[Record, Judgement | None]:
+            truth: Truth, widen: float = 1.0) -> tuple[Record, Judgement | None]:
+    record = replace(record, widths=record.widths or truth.widths)
     try:
-        found = judge(simulation, table, design.causes, seed=record.number)
+        found = judge(simulation, table, design.causes, widen=widen, seed=record.number)
     except ArithmeticError as error:
         return replace(record, words=str(error)), None
     p_values = found.test.p_values
