@@ -23,10 +23,12 @@ from benchmarks.trials.synthetic_trials import (
 from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import Fit, fit, fit_all
+from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
+from tympan.studies.diagnosis.self_check import grown_to
 
 #: Widths of the priors for fits to readings without noise, where only the readings are to count.
 _LOOSE = 5.0
@@ -171,13 +173,15 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
                                      means, generator,
                                      number)
     table = measured(design, values, generator, number)
-    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
-                            [(cause,) for cause in _visible(design)])
-    record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, seen, told)
+    record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
     found, verdict = _judged(record, design, simulation, table, truth)
-    gained = gain_of(simulation, table, design.causes, verdict,
+    further = simulation if verdict is None else verdict.simulation
+    seen, told = stands_out(further, truth, table.with_values(values),
+                            [(cause,) for cause in _visible(design)], verdict)
+    gained = gain_of(further, table, design.causes, verdict,
                      number).overall if verdict is not None else None
-    return [replace(found, ratio=None if gained is None else gained["ratio"])]
+    return [replace(found, seen=seen, told=told,
+                    ratio=None if gained is None else gained["ratio"])]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
@@ -187,9 +191,13 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
     again, singles = 0, [(cause,) for cause in _visible(design)]
     while True:
         truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
-        exact = measured(design, simulation.predict(truth.hypothesis, truth.unknowns, design.table),
+        further = grown_to(simulation, truth.hypothesis, truth.unknowns)
+        exact = measured(design, further.predict(truth.hypothesis, truth.unknowns, design.table),
                          None, number)
-        seen, told = stands_out(simulation, truth.hypothesis, exact, singles)
+        if not np.isfinite(exact.value).all():
+            again += 1
+            continue
+        seen, told = stands_out(further, truth, exact, singles)
         if seen >= SEEN and told >= TOLD:
             values = readings(design, truth)
             if values is not None:
@@ -201,14 +209,22 @@ def _visible(design: Design) -> list[Cause]:
     return [cause for cause in design.causes if cause.name not in ALIASES]
 
 
+def _of_some(record: Record, design: Design, simulation: Simulation, truth: Truth,
+             table: ReadingTable, values: Array, rivals: Sequence[Hypothesis]) -> Record:
+    """A trial with effects, and whether they stand out among their rivals."""
+    found, judgement = _judged(record, design, simulation, table, truth)
+    further = simulation if judgement is None else judgement.simulation
+    seen, told = stands_out(further, truth, table.with_values(values), rivals, judgement)
+    return replace(found, seen=seen, told=told)
+
+
 def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: ReadingTable,
-            values: Array, again: int) -> Record:
+            table: ReadingTable, values: Array, again: int) -> Record:
     """A trial with one effect."""
-    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
-                            [(cause,) for cause in _visible(design)])
-    record = Record(population, number, truth.means, (str(truth.hypothesis[0]),), again, seen, told)
-    return judged(record, design, simulation, table, truth)
+    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
+                    0.0)
+    return _of_some(record, design, simulation, truth, table, values,
+                    [(cause,) for cause in _visible(design)])
 
 
 def _deleted(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
@@ -309,14 +325,12 @@ def _pairs(design: Design) -> list[Hypothesis]:
 
 
 def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: ReadingTable,
-            values: Array, again: int) -> Record:
+            table: ReadingTable, values: Array, again: int) -> Record:
     """A trial with two effects."""
-    seen, told = stands_out(simulation, truth.hypothesis, table.with_values(values),
-                            hypotheses_of(_visible(design)))
-    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, seen,
-                    told)
-    return judged(record, design, simulation, table, truth)
+    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
+                    0.0)
+    return _of_some(record, design, simulation, truth, table, values,
+                    hypotheses_of(_visible(design)))
 
 
 def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -325,8 +339,7 @@ def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Reco
     stranger = STRANGERS[name](generator, design)
     truth, values, again = hidden(design, generator, (), "elements", stranger)
     table = measured(design, values, generator, number)
-    library = hypotheses_of(_visible(design))
-    least = best_of(simulation, library, table.with_values(values))
+    least = best_of(simulation, _visible(design), table.with_values(values))
     record = Record("outside", number, "elements", (name,), again, least, least)
     return [judged(record, design, simulation, table, truth)]
 
@@ -367,11 +380,11 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     hypothesis: Hypothesis = (causes[int(generator.integers(len(causes)))],) if number % 2 else ()
     truth, values, again = hidden(design, generator, hypothesis, "form error")
     table = measured(design, values, generator, number)
-    library = [(cause,) for cause in causes]
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values),
-                            library) if hypothesis else (0.0, 0.0)
-    record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, seen, told)
-    return [judged(record, design, simulation, table, truth)]
+    record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, 0.0, 0.0)
+    if not hypothesis:
+        return [judged(record, design, simulation, table, truth)]
+    return [_of_some(record, design, simulation, truth, table, values,
+                     [(cause,) for cause in causes])]
 
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
@@ -381,43 +394,43 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
     "large pair": _large_pair, "map": _map}
 
 
-def _chi_squared(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
-                 nominal: Fit) -> float:
-    """Of the best fit, the priors counting for little."""
-    first = fit(simulation, hypothesis, table, nominal.unknowns)
-    found = fit(simulation, hypothesis, table, first.unknowns, _LOOSE) if first.possible else first
-    return min(found.chi_squared, first.chi_squared)
-
-
-def stands_out(simulation: Simulation, truth: Hypothesis, exact: ReadingTable,
-               rivals: Sequence[Hypothesis]) -> tuple[float, float]:
+def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
+               rivals: Sequence[Hypothesis], judgement: Judgement | None = None
+               ) -> tuple[float, float]:
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the
     truth does.
 
-    Rivals are not asked for an effect that cannot be seen, nor further ones once the effect is not
-    told from one.
+    Rivals go as far as the simulation, and start where a judgement of the readings with noise had
+    them. They are not asked for an effect that cannot be seen, nor further ones once the effect is
+    not told from one.
     """
+    simulation = grown_to(simulation, truth.hypothesis, truth.unknowns)
     nominal = fit(simulation, (), exact)
     if not nominal.possible:
         return 0.0, 0.0
-    own = _chi_squared(simulation, truth, exact, nominal)
+    own = fit(simulation, truth.hypothesis, exact, truth.unknowns, _LOOSE).chi_squared
     seen, told = nominal.chi_squared - own, np.inf
     if seen < SEEN:
         return seen, 0.0
-    for rival in (rival for rival in rivals if set(rival) != set(truth)):
-        told = min(told, _chi_squared(simulation, rival, exact, nominal) - own)
+    starts = {} if judgement is None or judgement.posterior is None else {
+        one.hypothesis: one.unknowns for one in (*judgement.alone, *judgement.posterior.fits)}
+    for rival in (rival for rival in rivals if set(rival) != set(truth.hypothesis)):
+        first = fit(simulation, rival, exact, starts.get(rival, nominal.unknowns))
+        best = fit(simulation, rival, exact, first.unknowns, _LOOSE)
+        told = min([told, *(one.chi_squared - own for one in (first, best) if one.possible)])
         if told < TOLD:
             break
     return seen, float(told)
 
 
-def best_of(simulation: Simulation, library: Sequence[Hypothesis], exact: ReadingTable) -> float:
-    """χ² by which the best of the library misses readings without noise."""
+def best_of(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable) -> float:
+    """χ² by which the best of the library, as far as it goes, misses readings without noise."""
     nominal = fit(simulation, (), exact)
     if not nominal.possible or nominal.chi_squared < SEEN:
         return nominal.chi_squared if nominal.possible else 0.0
-    return min(one.chi_squared for one in fit_all(simulation, library, exact, nominal.unknowns,
-                                                  _LOOSE))
+    exploration = Exploration(simulation, exact, nominal, lambda one: False, _LOOSE)
+    exploration.run(causes)
+    return min(one.chi_squared for one in exploration.ranked())
 
 
 def judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
@@ -441,7 +454,7 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
                      noise=found.test.noise, words=strongest)
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
-        record = replace(record, inside=_inside(simulation, found, truth))
+        record = replace(record, inside=_inside(found, truth))
     if found.posterior is None or found.after is None:
         return record, found
     posterior = found.posterior
@@ -454,9 +467,10 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
                    unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
 
 
-def _inside(simulation: Simulation, found: Judgement, truth: Truth) -> tuple[bool, ...]:
+def _inside(found: Judgement, truth: Truth) -> tuple[bool, ...]:
     """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
-    one = fit(simulation, truth.hypothesis, found.table, found.nominal.unknowns)
+    one = fit(grown_to(found.simulation, truth.hypothesis, truth.unknowns), truth.hypothesis,
+              found.table, truth.unknowns)
     if not one.possible:
         return tuple(False for _ in truth.sizes)
     limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reduced.growth import grown
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     Cause,
     Hypothesis,
     Simulation,
     bounds_of,
+    sizes_of,
 )
 from tympan.studies.files import words_beside
 from tympan.studies.parallel import mapped
@@ -98,11 +100,12 @@ class Bench:
         return 0.0, self._exact((), factors)
 
     def _exact(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
-        """Readings without noise; nan where they are beyond bounds or equilibria."""
-        low, high = bounds_of(self.simulation, hypothesis)
+        """Readings without noise; nan where they are beyond limits or equilibria."""
+        simulation = grown_to(self.simulation, hypothesis, unknowns)
+        low, high = bounds_of(simulation, hypothesis)
         if not np.all((low <= unknowns) & (unknowns <= high)):
             return np.full(len(self.table), np.nan)
-        return self.simulation.predict(hypothesis, unknowns, self.table)
+        return simulation.predict(hypothesis, unknowns, self.table)
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,20 @@ def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Arra
     way *= share / np.linalg.norm(way)
     return np.array([parameter.deviation * (abs(x) if parameter.limits[0] >= 0 else x)
                      for parameter, x in zip(parameters, way.tolist(), strict=True)])
+
+
+def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Simulation:
+    """The simulation with films sampled as far as these sizes, or as they can be built."""
+    for cause in hypothesis:
+        for index, number in enumerate(range(*sizes_of(hypothesis, cause).indices(len(unknowns)))):
+            side = 1 if unknowns[number] > 0 else -1
+            while abs(bounds_of(simulation, hypothesis)[(1 + side) // 2, number]) < abs(
+                    unknowns[number]):
+                further = grown(simulation, cause, index, side)
+                if further is simulation:
+                    break
+                simulation = further
+    return simulation
 
 
 def self_checked(bench: Bench, count: int, workers: int = 1,
