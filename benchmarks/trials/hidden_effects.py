@@ -22,6 +22,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.trials.rates import draw_power, page, rates
+from benchmarks.trials.size_rates import draw_maps, draw_sizes
 from benchmarks.trials.synthetic_trials import LOOP, circles, paper
 from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab, Record
 from tympan.progress import bar
@@ -31,7 +32,7 @@ from tympan.studies.files import write_text
 COUNTS = {"null": 300, "single": 240, "strong": 240, "pair": 80, "duo": 400, "outside": 320,
           "alias": 102,
           "noise": 100, "form": 60, "gain": 100, "large": 400, "large pair": 80,
-          "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2}
+          "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300}
 
 _labs: list[Lab] = []
 
@@ -95,6 +96,8 @@ def write(records: Sequence[Record], about: str, file: Path) -> None:
     """The page and its picture."""
     write_text(file, page(records, about))
     draw_power(records, file.with_suffix(".png"))
+    draw_sizes(records, file.with_name(f"{file.stem}-sizes.png"))
+    draw_maps(records, file.with_name("alias-maps.png"))
 
 
 def told(records: Sequence[Record], seed: int, counts: dict[str, int]) -> str:

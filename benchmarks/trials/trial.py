@@ -5,10 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from benchmarks.trials.random_designs import random_design, written
 from benchmarks.trials.synthetic_trials import (
     ALIASES,
     NOISE,
@@ -21,9 +24,12 @@ from benchmarks.trials.synthetic_trials import (
     readings,
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS
+from tympan.geometry.errors import InputError
+from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
-from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.exploration import Exploration
+from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
 from tympan.studies.diagnosis.inference.posterior import fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
@@ -34,6 +40,8 @@ from tympan.studies.diagnosis.self_check import grown_to
 _LOOSE = 5.0
 _NOISES = (NOISE, NOISE, NOISE, NOISE / 2, 2 * NOISE)
 _MISJUDGED = 1.5
+#: Numbers of random designs that stand in for those without equilibria begin here.
+_OTHERS = 100_000
 
 #: Sizes over the usual ones of single effects of any size, and of two.
 SIZES_DRAWN, PAIRS_DRAWN = (0.3, 20.0), (1.0, 10.0)
@@ -58,7 +66,8 @@ class Record:
     intervals of its sizes have the true ones, None where that was not asked. ``reported``: whether
     an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
     model over the nominal one, over all splits that can show it; None where there is none.
-    ``widths``: how many usual sizes each hidden effect has.
+    ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
+    verdict is between.
     """
 
     population: str
@@ -83,6 +92,7 @@ class Record:
     words: str = ""
     ratio: float | None = None
     widths: tuple[float, ...] = ()
+    listed: tuple[str, ...] = ()
 
     @property
     def identifiable(self) -> bool:
@@ -191,8 +201,8 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
     again, singles = 0, [(cause,) for cause in _visible(design)]
     while True:
         truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
-        further = grown_to(simulation, truth.hypothesis, truth.unknowns)
-        exact = measured(design, further.predict(truth.hypothesis, truth.unknowns, design.table),
+        further, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)
+        exact = measured(design, further.predict(truth.hypothesis, unknowns, design.table),
                          None, number)
         if not np.isfinite(exact.value).all():
             again += 1
@@ -242,8 +252,8 @@ def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     """An effect of any size, judged also by priors whose scale is wrong."""
     design, simulation, means = lab.by(number)
     causes = _visible(design)
-    truth, values, again = hidden(design, generator, (causes[int(generator.integers(len(causes)))],),
-                                  means, widths=SIZES_DRAWN)
+    hypothesis = (causes[int(generator.integers(len(causes)))],)
+    truth, values, again = hidden(design, generator, hypothesis, means, widths=SIZES_DRAWN)
     table = measured(design, values, generator, number)
     found = [_of_one("large", number, design, simulation, truth, table, values, again)]
     for name, widen in WRONG_SCALES.items() if number % 2 == 0 else ():
@@ -278,6 +288,27 @@ def _map(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     if values is None:
         return [replace(record, verdict="no equilibrium")]
     return [judged(record, design, simulation, measured(design, values, generator, 0), truth)]
+
+
+def _random(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
+    """A random design with readings of films that are not as stated, from files to the page."""
+    again, folder = 0, None
+    with TemporaryDirectory() as place:
+        while folder is None:
+            drawn = random_design(number + again * _OTHERS, lab.seed)
+            folder = written(drawn, Path(place) / str(again))
+            again += 1
+        record = Record("random", number, "elements", (), again - 1, 0.0, 0.0, words=str(drawn))
+        try:
+            found = diagnose(read_dataset(folder), seed=number)
+            found.save(folder)
+        except InputError as error:
+            return [replace(record, words=f"{drawn}: {error}")]
+        except Exception as error:  # that none raises is what is asked
+            return [replace(record, verdict="raised",
+                            words=f"{drawn}: {type(error).__name__}: {error}")]
+    return [replace(record, verdict=found.verdict, p_value=found.judgement.test.p_value,
+                    named=tuple(map(str, found.judgement.named)))]
 
 
 def _along(cause: Cause, width: float) -> tuple[float, ...]:
@@ -391,7 +422,7 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
     "null": _null, "single": _single, "strong": _strong, "pair": _pair, "duo": _duo,
     "outside": _outside,
     "alias": _alias, "noise": _noise, "form": _form, "gain": _gain, "large": _large,
-    "large pair": _large_pair, "map": _map}
+    "large pair": _large_pair, "map": _map, "random": _random}
 
 
 def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
@@ -404,11 +435,11 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
     them. They are not asked for an effect that cannot be seen, nor further ones once the effect is
     not told from one.
     """
-    simulation = grown_to(simulation, truth.hypothesis, truth.unknowns)
+    simulation, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)
     nominal = fit(simulation, (), exact)
     if not nominal.possible:
         return 0.0, 0.0
-    own = fit(simulation, truth.hypothesis, exact, truth.unknowns, _LOOSE).chi_squared
+    own = fit(simulation, truth.hypothesis, exact, unknowns, _LOOSE).chi_squared
     seen, told = nominal.chi_squared - own, np.inf
     if seen < SEEN:
         return seen, 0.0
@@ -450,7 +481,7 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
     # The least probable pattern, one of few columns where there is a choice.
     strongest = min([name for name in p_values if name != "ramps"] or p_values, key=p_values.get)
     record = replace(record, verdict=found.verdict, named=tuple(map(str, found.named)),
-                     p_value=found.test.p_value,
+                     listed=tuple(map(str, found.suspects)), p_value=found.test.p_value,
                      noise=found.test.noise, words=strongest)
     asked = truth.hypothesis and record.population in ("single", "strong", "pair", "duo", "form")
     if asked:
@@ -469,8 +500,8 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
 
 def _inside(found: Judgement, truth: Truth) -> tuple[bool, ...]:
     """Whether the true sizes are within their 95 % intervals if it is known what to look for."""
-    one = fit(grown_to(found.simulation, truth.hypothesis, truth.unknowns), truth.hypothesis,
-              found.table, truth.unknowns)
+    further, unknowns = grown_to(found.simulation, truth.hypothesis, truth.unknowns)
+    one = fit(further, truth.hypothesis, found.table, unknowns)
     if not one.possible:
         return tuple(False for _ in truth.sizes)
     limits = [interval(one, 2 + number)[1:] for number in range(len(truth.sizes))]

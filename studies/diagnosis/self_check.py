@@ -20,11 +20,11 @@ from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
+    SIZES,
     Cause,
     Hypothesis,
     Simulation,
     bounds_of,
-    sizes_of,
 )
 from tympan.studies.files import words_beside
 from tympan.studies.parallel import mapped
@@ -101,7 +101,7 @@ class Bench:
 
     def _exact(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
         """Readings without noise; nan where they are beyond limits or equilibria."""
-        simulation = grown_to(self.simulation, hypothesis, unknowns)
+        simulation, unknowns = grown_to(self.simulation, hypothesis, unknowns)
         low, high = bounds_of(simulation, hypothesis)
         if not np.all((low <= unknowns) & (unknowns <= high)):
             return np.full(len(self.table), np.nan)
@@ -144,18 +144,26 @@ def sizes_at(generator: np.random.Generator, cause: Cause, share: float) -> Arra
                      for parameter, x in zip(parameters, way.tolist(), strict=True)])
 
 
-def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array) -> Simulation:
-    """The simulation with films sampled as far as these sizes, or as they can be built."""
-    for cause in hypothesis:
-        for index, number in enumerate(range(*sizes_of(hypothesis, cause).indices(len(unknowns)))):
-            side = 1 if unknowns[number] > 0 else -1
-            while abs(bounds_of(simulation, hypothesis)[(1 + side) // 2, number]) < abs(
-                    unknowns[number]):
-                further = grown(simulation, cause, index, side)
-                if further is simulation:
-                    break
-                simulation = further
-    return simulation
+def grown_to(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array
+             ) -> tuple[Simulation, Array]:
+    """The simulation with films sampled as far as these sizes, or as they bear; and the unknowns.
+
+    Without a sign where that changes nothing.
+    """
+    places = [(cause, index) for cause in hypothesis
+              for index in range(len(cause.effect.parameters))]
+    for number, (cause, index) in enumerate(places, SIZES.start):
+        low, high = bounds_of(simulation, hypothesis)[:, number]
+        if low == 0:
+            unknowns = np.r_[unknowns[:number], abs(unknowns[number]), unknowns[number + 1 :]]
+        size, end = float(unknowns[number]), high if unknowns[number] > 0 else low
+        while abs(end) < abs(size):
+            simulation = grown(simulation, cause, index, 1 if size > 0 else -1)
+            further = bounds_of(simulation, hypothesis)[int(size > 0), number]
+            if abs(further) <= abs(end):
+                break
+            end = further
+    return simulation, unknowns
 
 
 def self_checked(bench: Bench, count: int, workers: int = 1,

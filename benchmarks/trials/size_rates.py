@@ -1,0 +1,170 @@
+"""What the trials with effects of any size add up to: rates by size, and maps of effects that look
+alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.trials.rate import Rate, share
+from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, WRONG_SCALES, Record
+from tympan.studies.diagnosis.inference.identifiability import SEEN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Edges of the bands of sizes over the usual one, and of the finer ones of the figure.
+BANDS, _FINE = (0.3, 1.0, 3.0, 8.0, 20.0), (0.3, 0.6, 1.0, 1.8, 3.0, 5.0, 8.0, 13.0, 20.0)
+#: What may be named wrongly, or be called unexplained though the library has it, in every band.
+WRONG, UNEXPLAINED = 0.02, 0.05
+
+#: Populations of single effects of any size, and words for the priors they were judged by.
+SCALES = {"large": "as they are", **{name: name.removeprefix("large, priors ")
+                                     for name in WRONG_SCALES}}
+
+#: What is said of an effect, and its colour.
+_SAID = {"named": "#117733", "listed": "#88ccaa", "unexplained": "#b8bdc7", "nothing": "#e4e6ea",
+         "others listed": "#eebb99", "another named": "#c23b22"}
+
+
+def said(record: Record) -> str:
+    """What was said of what was hidden."""
+    truth = set(record.truth)
+    if record.verdict == "named":
+        return "named" if set(record.named) == truth else "another named"
+    if record.verdict == "ambiguous":
+        return "listed" if truth <= set(record.listed) else "others listed"
+    return record.verdict
+
+
+def band(records: Sequence[Record], population: str, low: float, high: float) -> list[Record]:
+    """Trials of a population whose effect is so many usual sizes large."""
+    return [one for one in records if one.population == population and one.verdict != "refused"
+            and low <= one.widths[0] < high]
+
+
+def size_rates(records: Sequence[Record]) -> list[Rate]:
+    """What must hold in every band, for every scale of the priors."""
+    found = []
+    for population, words in SCALES.items():
+        for low, high in pairwise(BANDS):
+            those = band(records, population, low, high)
+            of = f"one effect of {low:g} to {high:g} usual sizes, priors {words}"
+            found.append(share(f"{of}: another is named", those, lambda one: one.misnamed,
+                               high=WRONG))
+            found.append(share(f"{of}: unexplained", those,
+                               lambda one: one.verdict == "unexplained", high=UNEXPLAINED))
+    pairs = [one for one in records if one.population == "large pair"]
+    found.append(share("two effects of 1 to 10 usual sizes: a wrong one is named", pairs,
+                       lambda one: one.misnamed, high=WRONG))
+    found.append(share("the same: unexplained", pairs,
+                       lambda one: one.verdict == "unexplained", high=UNEXPLAINED))
+    return found
+
+
+def size_lines(records: Sequence[Record]) -> list[str]:
+    """The page's table of rates by size."""
+    lines = ["| priors | size over usual | trials | detected, of Δχ² ≥ 25 | first, of these | "
+             "named, of these | named, of identifiable | another named | unexplained |",
+             "|---|---|---|---|---|---|---|---|---|"]
+    for population, words in SCALES.items():
+        for low, high in pairwise(BANDS):
+            those = band(records, population, low, high)
+            clear = [one for one in those if one.seen >= SEEN]
+            sure = [one for one in those if one.identifiable]
+            cells = [
+                share("", clear, lambda one: one.verdict != "nothing"),
+                share("", clear, lambda one: bool(one.ranked) and one.ranked[0][0] in one.truth),
+                share("", clear, lambda one: said(one) == "named"),
+                share("", sure, lambda one: said(one) == "named"),
+                share("", those, lambda one: one.misnamed, high=WRONG),
+                share("", those, lambda one: one.verdict == "unexplained", high=UNEXPLAINED)]
+            lines.append(f"| {words} | {low:g}–{high:g} | {len(those)} | "
+                         + " | ".join(map(_cell, cells)) + " |")
+    return lines
+
+
+def _cell(rate: Rate) -> str:
+    if not rate.count:
+        return "–"
+    low, high = rate.interval
+    words = f"{rate.share:.0%} ({low:.0%} to {high:.0%})"
+    return words if rate.met else f"**{words}**"
+
+
+def draw_sizes(records: Sequence[Record], file: Path) -> None:
+    """Shares of what was said against the size, for every scale of the priors."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.6, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(SCALES), sharey=True)
+    names = [f"{low:g}–{high:g}" for low, high in pairwise(_FINE)]
+    for axes, (population, words) in zip(panels, SCALES.items(), strict=True):
+        groups = [band(records, population, low, high) for low, high in pairwise(_FINE)]
+        start = np.zeros(len(groups))
+        for what, colour in _SAID.items():
+            part = np.array([100 * sum(said(one) == what for one in group) / max(len(group), 1)
+                             for group in groups])
+            axes.bar(range(len(groups)), part, bottom=start, color=colour, width=0.9, label=what)
+            start += part
+        labels = [f"{name}\n({len(group)})" for name, group in zip(names, groups, strict=True)]
+        axes.set_xticks(range(len(groups)), labels, fontsize=6.5)
+        axes.set_title(f"priors {words}", loc="left", fontsize=9)
+        axes.set_xlabel("size over the usual one (trials)")
+    panels[0].set_ylabel("share of trials (%)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center",
+                  ncols=len(_SAID), frameon=False, fontsize=8)
+    figure.savefig(file, dpi=150)
+
+
+def draw_maps(records: Sequence[Record], file: Path) -> None:
+    """The verdict over the true sizes of two effects that look alike."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    for axes, (number, pair) in zip(figure.subplots(1, len(ALIAS_PAIRS)), enumerate(ALIAS_PAIRS),
+                                    strict=True):
+        count = len(MAP_WIDTHS) ** 2
+        _draw_map(axes, pair, [one for one in records if one.population == "map"
+                               and one.number // count == number])
+    words = {"first named": _MAP["A"], "second named": _MAP["B"], "both named": _MAP["A, B"],
+             "ambiguous (letters: what is listed)": _MAP["ambiguous"],
+             "unexplained": _MAP["unexplained"], "nothing": _MAP["nothing"],
+             "no equilibrium": _MAP["no equilibrium"], "one named that is not there": _MAP["wrong"]}
+    figure.legend([Patch(color=colour) for colour in words.values()], [*words],
+                  loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    figure.savefig(file, dpi=150)
+
+
+_MAP = {"A": "#4477aa", "B": "#228833", "A, B": "#44bbaa", "ambiguous": "#ddcc77",
+        "unexplained": "#b8bdc7", "nothing": "#f2f3f5", "no equilibrium": "#ffffff",
+        "wrong": "#c23b22", "refused": "#000000"}
+
+
+def _draw_map(axes: Axes, pair: tuple[str, str], records: Sequence[Record]) -> None:
+    from matplotlib.patches import Rectangle
+
+    letters = dict(zip(pair, "AB", strict=True))
+    for one in records:
+        column, row = (MAP_WIDTHS.index(width) for width in one.widths)
+        what, text = one.verdict, ""
+        if one.verdict == "named":
+            what = "wrong" if one.misnamed else ", ".join(sorted(letters[name]
+                                                                 for name in one.named))
+        elif one.verdict == "ambiguous":
+            listed = {letters.get(name, "+") for name in one.listed}
+            text = "".join(sorted(listed, key="AB+".index))
+        axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, facecolor=_MAP[what],
+                                 edgecolor="white", linewidth=0.8))
+        axes.text(column, row, text, ha="center", va="center", fontsize=6)
+    ticks = range(len(MAP_WIDTHS)), [f"{width:g}" for width in MAP_WIDTHS]
+    axes.set_xticks(*ticks, fontsize=7)
+    axes.set_yticks(*ticks, fontsize=7)
+    limits = -0.5, len(MAP_WIDTHS) - 0.5
+    axes.set(xlim=limits, ylim=limits, aspect="equal", xlabel=f"A: {pair[0]} (usual sizes)",
+             ylabel=f"B: {pair[1]} (usual sizes)")
