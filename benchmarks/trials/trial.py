@@ -26,11 +26,12 @@ from benchmarks.trials.synthetic_trials import (
 from benchmarks.trials.unmodelled_faults import STRANGERS
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.calibration import calibrated, with_effects
 from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import fit
+from tympan.studies.diagnosis.inference.posterior import fit, nominal_fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
@@ -474,8 +475,9 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
             truth: Truth, widen: float = 1.0) -> tuple[Record, Judgement | None]:
     record = replace(record, widths=record.widths or truth.widths)
     try:
-        found = judge(simulation, table, design.causes, widen=widen, seed=record.number)
-    except ArithmeticError as error:
+        found = judge(reaching(simulation, table), table, design.causes, widen=widen,
+                      seed=record.number)
+    except (ArithmeticError, InputError) as error:
         return replace(record, words=str(error)), None
     p_values = found.test.p_values
     # The least probable pattern, one of few columns where there is a choice.
@@ -496,6 +498,15 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
     return replace(record, ranked=ranked, best=tuple(map(str, posterior.fits[0].hypothesis)),
                    wrong=posterior.wrong,
                    unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
+
+
+def reaching(simulation: Simulation, table: ReadingTable) -> Simulation:
+    """The simulation, or, where readings are beyond it, one made for them as a diagnosis does."""
+    grids = [law.grid for law in simulation.laws]
+    nominal = nominal_fit(simulation, table)
+    if nominal.possible and np.nanmax(table.value) < min(grid.heave for grid in grids):
+        return simulation
+    return with_effects(calibrated(simulation.setup, table)[0], lambda done, count: None, 1)
 
 
 def _inside(found: Judgement, truth: Truth) -> tuple[bool, ...]:

@@ -9,13 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from benchmarks.trials.axisymmetric_readings import heaves
 from benchmarks.trials.hidden_effects import COUNTS, lab_of, order, study
-from benchmarks.trials.rates import Rate, page, rates
+from benchmarks.trials.rate import Rate
+from benchmarks.trials.rates import page, rates
+from benchmarks.trials.size_rates import draw_maps, draw_sizes, size_rates
 from benchmarks.trials.synthetic_trials import (
     LOOP,
     Design,
+    Means,
     Truth,
     circles,
     draw,
@@ -24,11 +28,22 @@ from benchmarks.trials.synthetic_trials import (
     paper,
     readings,
 )
-from benchmarks.trials.trial import Lab, Record, measured, stands_out
+from benchmarks.trials.trial import (
+    ALIAS_PAIRS,
+    MAP_WIDTHS,
+    SIZES_DRAWN,
+    Lab,
+    Record,
+    alias_cell,
+    measured,
+    reaching,
+    stands_out,
+)
 from benchmarks.trials.unmodelled_faults import STRANGERS, Bend, Jump, Stick
 from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 from tests.support.datasets import HEAD, write_dataset
 from tympan.studies.data.dataset import read_dataset
+from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
@@ -132,11 +147,75 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     truth = Truth(1.05, 1.02, hypothesis, (0.03, (18e3) ** -2.0))
     values = readings(design, truth)
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    seen, told = stands_out(simulation, hypothesis, table.with_values(values),
+    seen, told = stands_out(simulation, truth, table.with_values(values),
                             [(cause,) for cause in design.causes])
     assert seen > 25
     assert told > 9.2
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
+
+
+#: Effects larger than usual, which a bench makes first of all, and by which means their readings
+#: are made. Sizes as an effect's parameter has them.
+LARGE: tuple[tuple[str, float, Means], ...] = (
+    ("sensor_zero", 150e-6, "elements"), ("plate_eccentricity", 8e-3, "elements"),
+    ("drift", 2e-6 / 60, "another law"), ("electrode_stiffness", 8e3, "elements"),
+    ("permittivity_stretch", 0.6, "another law"), ("voltage_sag", 10e3**-2.0, "elements"),
+    ("parallel_spring", 40.0, "another law"), ("prestretch_anisotropy", 0.08, "elements"))
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("name", "size", "means"), LARGE, ids=[name for name, *_ in LARGE])
+def test_large_effects_are_named_or_listed_and_no_other_is_named(
+        lab: Lab, name: str, size: float, means: Means) -> None:
+    """An error of many usual sizes is never beyond the library, nor something else."""
+    design, simulation = lab.paper
+    truth = Truth(0.95, 1.02, (Cause(name),), (size,) if name != "plate_eccentricity"
+                  else (size, 0.0), means)
+    values = readings(design, truth)
+    assert values is not None
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    found = judge(reaching(simulation, table), table, design.causes)
+    assert found.verdict in ("named", "ambiguous")
+    assert found.named in ((), (Cause(name),))
+    assert found.named or Cause(name) in found.suspects
+
+
+def test_the_largest_slip_is_named(lab: Lab) -> None:
+    """The film of one specimen, seven usual sizes less stretched; by another family of laws."""
+    design, simulation = lab.paper
+    cause = Cause("prestretch_loss", "elliptical-large")
+    values = readings(design, Truth(0.95, 1.02, (cause,), (0.14,), "another law"))
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    assert judge(reaching(simulation, table), table, design.causes).named == (cause,)
+
+
+@pytest.mark.study
+def test_the_papers_actuators_softer_than_stated_are_judged(lab: Lab, tmp_path: Path) -> None:
+    """A film 15 % soft, to 7 mm at 6.5 kV: an equilibrium at every reading, and nothing wrong."""
+    design, _ = lab.paper
+    values = readings(design, Truth(stiffness=0.85))
+    assert values is not None
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    folder = write_dataset(tmp_path / "soft", HEAD + 'noise = "20 um"\n',
+                           static=_usual(design, table),
+                           specimens=tuple(one.name for one in design.setup.specimens))
+    found = diagnose(read_dataset(folder))
+    assert found.verdict in ("nothing", "ambiguous")
+
+
+def test_sizes_are_drawn_evenly_over_the_logarithm() -> None:
+    """Of the parameters of one effect together, and whatever the prior."""
+    generator = np.random.default_rng(SEED)
+    for cause in (Cause("plate_eccentricity"), Cause("voltage_sag")):
+        drawn = [draw(generator, (cause,), "elements", widths=SIZES_DRAWN).widths[0]
+                 for _ in range(400)]
+        share = np.log(np.array(drawn) / SIZES_DRAWN[0]) / np.log(SIZES_DRAWN[1] / SIZES_DRAWN[0])
+        assert kstest(share, "uniform").pvalue > 0.01
+
+
+def test_maps_have_each_pair_of_sizes_once() -> None:
+    cells = [alias_cell(number) for number in range(COUNTS["map"])]
+    assert len(set(cells)) == len(cells) == len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2
 
 
 @pytest.fixture(scope="module")
@@ -213,6 +292,22 @@ def test_rates_count_what_they_say() -> None:
             found["nothing hidden: false alarms"].met) == (0.07, False)
     assert found["one identifiable effect: another is named"].share == 1.0
     assert "| 7.0% | 2.9% to 13.9% | 7 of 100 | ≤ 5% | **missed** |" in page([*null, wrong], "")
+
+
+def test_rates_by_size_count_in_their_band(tmp_path: Path) -> None:
+    """Of three large effects one is unexplained and one called another; and both are drawn."""
+    blank = Record("large", 0, "elements", ("drift",), 0, 900.0, 90.0, widths=(12.0,))
+    records = [replace(blank, verdict="unexplained"), replace(blank, verdict="nothing"),
+               replace(blank, verdict="named", named=("sensor_zero",)),
+               replace(blank, verdict="named", named=("drift",), widths=(2.0,)),
+               Record("map", 0, "elements", (), 0, 0.0, 0.0, "nothing", widths=(0.0, 0.0))]
+    found = {rate.what: rate for rate in size_rates(records)}
+    of = "one effect of 8 to 20 usual sizes, priors as they are"
+    assert (found[f"{of}: another is named"].hits, found[f"{of}: unexplained"].hits) == (1, 1)
+    assert found[f"{of}: unexplained"].count == 3
+    for draw_file in (draw_sizes, draw_maps):
+        draw_file(records, tmp_path / "picture.png")
+        assert (tmp_path / "picture.png").stat().st_size > 10_000
 
 
 @pytest.mark.study
