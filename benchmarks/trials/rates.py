@@ -39,6 +39,7 @@ def rates(records: Sequence[Record]) -> list[Rate]:
     alarmed = [one for one in single if one.covered is not None]
     sizes, large = ([hit for one in kind for hit in one.inside] for kind in (single, named))
     gained = [one.ratio for one in of("gain") if one.identifiable and one.ratio is not None]
+    predicted = [one for one in of("gain") if one.identifiable and one.predicted]
     mendless = [one for one in records if one.population != "outside" or one.told >= TOLD]
     return [
         share("nothing hidden: false alarms", of("null"), _alarm, high=0.05),
@@ -88,6 +89,9 @@ def rates(records: Sequence[Record]) -> list[Rate]:
               lambda one: one.verdict == "refused"),
         Rate("one identifiable effect: error beyond noise on readings held out, after over before, "
              "median", 0, len(gained), 0.0, 0.3, float(np.median(gained)) if gained else 1.0),
+        Rate("the same: readings held out within their 95 % predictive bands",
+             sum(one.predicted[0] for one in predicted), sum(one.predicted[1] for one in predicted),
+             0.92, 0.98),
         share("random designs, from files to the page: raised or refused",
               [one for one in records if one.population == "random"],
               lambda one: one.verdict in ("raised", "refused"), high=0.0),

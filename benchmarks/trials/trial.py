@@ -31,7 +31,7 @@ from tympan.studies.diagnosis.diagnose import diagnose
 from tympan.studies.diagnosis.gain import gain_of
 from tympan.studies.diagnosis.inference.exploration import Exploration
 from tympan.studies.diagnosis.inference.identifiability import SEEN, TOLD
-from tympan.studies.diagnosis.inference.posterior import fit, nominal_fit
+from tympan.studies.diagnosis.inference.posterior import Fit, fit, nominal_fit
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval, judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import Cause, Hypothesis, Simulation, hypotheses_of
@@ -68,7 +68,8 @@ class Record:
     an alias was called one. ``ratio``: error beyond noise on readings held out, of the extended
     model over the nominal one, over all splits that can show it; None where there is none.
     ``widths``: how many usual sizes each hidden effect has. ``listed``: the causes an ambiguous
-    verdict is between.
+    verdict is between. ``predicted``: how many readings held out were within their 95 % bands, and
+    how many there were.
     """
 
     population: str
@@ -94,6 +95,7 @@ class Record:
     ratio: float | None = None
     widths: tuple[float, ...] = ()
     listed: tuple[str, ...] = ()
+    predicted: tuple[int, ...] = ()
 
     @property
     def identifiable(self) -> bool:
@@ -160,7 +162,7 @@ def _single(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
     causes = _visible(design)
     hypothesis = (causes[int(generator.integers(len(causes)))],)
     truth, values, again = hidden(design, generator, hypothesis, means)
-    return [_of_one("single", number, design, simulation, truth,
+    return [_of_some("single", number, design, simulation, truth,
                     measured(design, values, generator, number), values,
                     again)]
 
@@ -172,7 +174,7 @@ def _strong(lab: Lab, generator: np.random.Generator, number: int) -> list[Recor
                                      means, generator,
                                      number)
     table = measured(design, values, generator, number)
-    found = _of_one("strong", number, design, simulation, truth, table, values, again)
+    found = _of_some("strong", number, design, simulation, truth, table, values, again)
     return [found, *(_deleted(found, design, simulation, table, truth) if number % 2 else ())]
 
 
@@ -187,19 +189,22 @@ def _gain(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     record = Record("gain", number, means, tuple(map(str, truth.hypothesis)), again, 0.0, 0.0)
     found, verdict = _judged(record, design, simulation, table, truth)
     further = simulation if verdict is None else verdict.simulation
-    seen, told = stands_out(further, truth, table.with_values(values),
-                            [(cause,) for cause in _visible(design)], verdict)
-    gained = gain_of(further, table, design.causes, verdict,
-                     number).overall if verdict is not None else None
+    seen, told = stands_out(further, truth, table.with_values(values), _visible(design), verdict)
+    if verdict is None:
+        return [replace(found, seen=seen, told=told)]
+    report = gain_of(further, verdict.table, design.causes, verdict, number)
+    within = report.predictive
     return [replace(found, seen=seen, told=told,
-                    ratio=None if gained is None else gained["ratio"])]
+                    ratio=None if report.overall is None else report.overall["ratio"],
+                    predicted=() if within is None else (
+                        round(within["coverage_95"] * within["readings"]), within["readings"]))]
 
 
 def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesis], means: Means,
               generator: np.random.Generator, number: int) -> tuple[Truth, Array, int]:
     """A truth that the fitted model foretells to stand out among single effects, its readings, and
     draws without."""
-    again, singles = 0, [(cause,) for cause in _visible(design)]
+    again = 0
     while True:
         truth = draw(generator, choice[int(generator.integers(len(choice)))], means)
         further, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)
@@ -208,7 +213,7 @@ def _foretold(design: Design, simulation: Simulation, choice: Sequence[Hypothesi
         if not np.isfinite(exact.value).all():
             again += 1
             continue
-        seen, told = stands_out(further, truth, exact, singles)
+        seen, told = stands_out(further, truth, exact, _visible(design))
         if seen >= SEEN and told >= TOLD:
             values = readings(design, truth)
             if values is not None:
@@ -220,22 +225,16 @@ def _visible(design: Design) -> list[Cause]:
     return [cause for cause in design.causes if cause.name not in ALIASES]
 
 
-def _of_some(record: Record, design: Design, simulation: Simulation, truth: Truth,
-             table: ReadingTable, values: Array, rivals: Sequence[Hypothesis]) -> Record:
-    """A trial with effects, and whether they stand out among their rivals."""
-    found, judgement = _judged(record, design, simulation, table, truth)
-    further = simulation if judgement is None else judgement.simulation
-    seen, told = stands_out(further, truth, table.with_values(values), rivals, judgement)
-    return replace(found, seen=seen, told=told)
-
-
-def _of_one(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: ReadingTable, values: Array, again: int) -> Record:
-    """A trial with one effect."""
+def _of_some(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
+             table: ReadingTable, values: Array, again: int) -> Record:
+    """A trial with effects, and whether they stand out among the others."""
     record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
                     0.0)
-    return _of_some(record, design, simulation, truth, table, values,
-                    [(cause,) for cause in _visible(design)])
+    found, judgement = _judged(record, design, simulation, table, truth)
+    further = simulation if judgement is None else judgement.simulation
+    seen, told = stands_out(further, truth, table.with_values(values), _visible(design), judgement,
+                            pairs=len(truth.hypothesis) > 1)
+    return replace(found, seen=seen, told=told)
 
 
 def _deleted(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
@@ -256,7 +255,7 @@ def _large(lab: Lab, generator: np.random.Generator, number: int) -> list[Record
     hypothesis = (causes[int(generator.integers(len(causes)))],)
     truth, values, again = hidden(design, generator, hypothesis, means, widths=SIZES_DRAWN)
     table = measured(design, values, generator, number)
-    found = [_of_one("large", number, design, simulation, truth, table, values, again)]
+    found = [_of_some("large", number, design, simulation, truth, table, values, again)]
     for name, widen in WRONG_SCALES.items() if number % 2 == 0 else ():
         record = replace(_blank(found[0]), population=name)
         found.append(_judged(record, design, simulation, table, truth, widen)[0])
@@ -270,7 +269,7 @@ def _large_pair(lab: Lab, generator: np.random.Generator, number: int) -> list[R
     truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))],
                                   "another law" if number % 3 == 2 else "elements",
                                   widths=PAIRS_DRAWN)
-    return [_of_two("large pair", number, design, simulation, truth,
+    return [_of_some("large pair", number, design, simulation, truth,
                     measured(design, values, generator, number), values, again)]
 
 
@@ -337,7 +336,7 @@ def _pair(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     means: Means = "another law" if number % 3 == 2 else "elements"
     truth, values, again = hidden(design, generator, pairs[int(generator.integers(len(pairs)))],
                                   means)
-    return [_of_two("pair", number, design, simulation, truth,
+    return [_of_some("pair", number, design, simulation, truth,
                     measured(design, values, generator, number), values,
                     again)]
 
@@ -347,22 +346,13 @@ def _duo(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
     design, simulation = lab.loops if number % 3 == 1 else lab.paper
     means: Means = "another law" if number % 3 == 2 else "elements"
     truth, values, again = _foretold(design, simulation, _pairs(design), means, generator, number)
-    return [_of_two("duo", number, design, simulation, truth,
+    return [_of_some("duo", number, design, simulation, truth,
                     measured(design, values, generator, number), values,
                     again)]
 
 
 def _pairs(design: Design) -> list[Hypothesis]:
     return [one for one in hypotheses_of(_visible(design)) if len(one) == 2]
-
-
-def _of_two(population: str, number: int, design: Design, simulation: Simulation, truth: Truth,
-            table: ReadingTable, values: Array, again: int) -> Record:
-    """A trial with two effects."""
-    record = Record(population, number, truth.means, tuple(map(str, truth.hypothesis)), again, 0.0,
-                    0.0)
-    return _of_some(record, design, simulation, truth, table, values,
-                    hypotheses_of(_visible(design)))
 
 
 def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -412,11 +402,10 @@ def _form(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]
     hypothesis: Hypothesis = (causes[int(generator.integers(len(causes)))],) if number % 2 else ()
     truth, values, again = hidden(design, generator, hypothesis, "form error")
     table = measured(design, values, generator, number)
-    record = Record("form", number, "form error", tuple(map(str, hypothesis)), again, 0.0, 0.0)
-    if not hypothesis:
-        return [judged(record, design, simulation, table, truth)]
-    return [_of_some(record, design, simulation, truth, table, values,
-                     [(cause,) for cause in causes])]
+    if hypothesis:
+        return [_of_some("form", number, design, simulation, truth, table, values, again)]
+    record = Record("form", number, "form error", (), again, 0.0, 0.0)
+    return [judged(record, design, simulation, table, truth)]
 
 
 POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] = {
@@ -427,14 +416,14 @@ POPULATIONS: dict[str, Callable[[Lab, np.random.Generator, int], list[Record]]] 
 
 
 def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
-               rivals: Sequence[Hypothesis], judgement: Judgement | None = None
-               ) -> tuple[float, float]:
+               causes: Sequence[Cause], judgement: Judgement | None = None,
+               pairs: bool = False) -> tuple[float, float]:
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the
     truth does.
 
-    Rivals go as far as the simulation, and start where a judgement of the readings with noise had
-    them. They are not asked for an effect that cannot be seen, nor further ones once the effect is
-    not told from one.
+    Rivals are single effects, or ``pairs`` too, as far as they go; single ones start where a
+    judgement of the readings with noise had them. They are not asked for an effect that cannot be
+    seen, nor further ones once the effect is not told from one.
     """
     simulation, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)
     nominal = fit(simulation, (), exact)
@@ -444,9 +433,13 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
     seen, told = nominal.chi_squared - own, np.inf
     if seen < SEEN:
         return seen, 0.0
-    starts = {} if judgement is None or judgement.posterior is None else {
-        one.hypothesis: one.unknowns for one in (*judgement.alone, *judgement.posterior.fits)}
-    for rival in (rival for rival in rivals if set(rival) != set(truth.hypothesis)):
+    if pairs:
+        return seen, min(one.chi_squared - own
+                         for one in _explored(simulation, causes, exact, nominal)
+                         if set(one.hypothesis) != set(truth.hypothesis))
+    starts = {} if judgement is None else {
+        one.hypothesis: one.unknowns for one in judgement.alone}
+    for rival in ((cause,) for cause in causes if (cause,) != truth.hypothesis):
         first = fit(simulation, rival, exact, starts.get(rival, nominal.unknowns))
         best = fit(simulation, rival, exact, first.unknowns, _LOOSE)
         told = min([told, *(one.chi_squared - own for one in (first, best) if one.possible)])
@@ -460,9 +453,15 @@ def best_of(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable
     nominal = fit(simulation, (), exact)
     if not nominal.possible or nominal.chi_squared < SEEN:
         return nominal.chi_squared if nominal.possible else 0.0
-    exploration = Exploration(simulation, exact, nominal, lambda one: False, _LOOSE)
-    exploration.run(causes)
-    return min(one.chi_squared for one in exploration.ranked())
+    return min(one.chi_squared for one in _explored(simulation, causes, exact, nominal))
+
+
+def _explored(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable,
+              nominal: Fit) -> list[Fit]:
+    """Every cause and two together, as far as they go, fitted where only the readings count."""
+    exploration = Exploration(simulation, exact, nominal, causes, lambda one: False, _LOOSE)
+    exploration.run()
+    return exploration.ranked()
 
 
 def judged(record: Record, design: Design, simulation: Simulation, table: ReadingTable,
@@ -475,7 +474,7 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
             truth: Truth, widen: float = 1.0) -> tuple[Record, Judgement | None]:
     record = replace(record, widths=record.widths or truth.widths)
     try:
-        found = judge(reaching(simulation, table), table, design.causes, widen=widen,
+        found = judge(*fitted_to(simulation, table), design.causes, widen=widen,
                       seed=record.number)
     except (ArithmeticError, InputError) as error:
         return replace(record, words=str(error)), None
@@ -500,13 +499,16 @@ def _judged(record: Record, design: Design, simulation: Simulation, table: Readi
                    unknown=posterior.discrepancy, after=found.after.p_value, covered=covered), found
 
 
-def reaching(simulation: Simulation, table: ReadingTable) -> Simulation:
-    """The simulation, or, where readings are beyond it, one made for them as a diagnosis does."""
-    grids = [law.grid for law in simulation.laws]
+def fitted_to(simulation: Simulation, table: ReadingTable) -> tuple[Simulation, ReadingTable]:
+    """The simulation, or, where readings are beyond it, one made for them as a diagnosis does.
+
+    And the readings that it can be at.
+    """
     nominal = nominal_fit(simulation, table)
-    if nominal.possible and np.nanmax(table.value) < min(grid.heave for grid in grids):
-        return simulation
-    return with_effects(calibrated(simulation.setup, table)[0], lambda done, count: None, 1)
+    if nominal.possible and table.value.max() < min(law.grid.heave for law in simulation.laws):
+        return simulation, table
+    made = calibrated(simulation.setup, table)
+    return with_effects(made.simulation, lambda done, count: None, 1), made.table
 
 
 def _inside(found: Judgement, truth: Truth) -> tuple[bool, ...]:

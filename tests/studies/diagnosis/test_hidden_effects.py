@@ -35,8 +35,8 @@ from benchmarks.trials.trial import (
     Lab,
     Record,
     alias_cell,
+    fitted_to,
     measured,
-    reaching,
     stands_out,
 )
 from benchmarks.trials.unmodelled_faults import STRANGERS, Bend, Jump, Stick
@@ -147,8 +147,7 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     truth = Truth(1.05, 1.02, hypothesis, (0.03, (18e3) ** -2.0))
     values = readings(design, truth)
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    seen, told = stands_out(simulation, truth, table.with_values(values),
-                            [(cause,) for cause in design.causes])
+    seen, told = stands_out(simulation, truth, table.with_values(values), design.causes)
     assert seen > 25
     assert told > 9.2
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
@@ -174,7 +173,7 @@ def test_large_effects_are_named_or_listed_and_no_other_is_named(
     values = readings(design, truth)
     assert values is not None
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    found = judge(reaching(simulation, table), table, design.causes)
+    found = judge(*fitted_to(simulation, table), design.causes)
     assert found.verdict in ("named", "ambiguous")
     assert found.named in ((), (Cause(name),))
     assert found.named or Cause(name) in found.suspects
@@ -186,7 +185,7 @@ def test_the_largest_slip_is_named(lab: Lab) -> None:
     cause = Cause("prestretch_loss", "elliptical-large")
     values = readings(design, Truth(0.95, 1.02, (cause,), (0.14,), "another law"))
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    assert judge(reaching(simulation, table), table, design.causes).named == (cause,)
+    assert judge(*fitted_to(simulation, table), design.causes).named == (cause,)
 
 
 @pytest.mark.study
