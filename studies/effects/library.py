@@ -22,7 +22,8 @@ from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
 @effect("The film hardens with stretch more (h > 0) or less than the nominal law, with the same "
         "stress when mounted.",
-        finding="The film hardens {h:more/less} with stretch than the stated law (exponent {h})",
+        finding="The film hardens {h:more/less} with stretch than the stated law, by an exponent "
+                "of {h}",
         check="stretch a strip of the same film beyond its mounted stretch and compare its curve "
               "with the stated law")
 def strain_stiffening(setup: Setup, h: Annotated[float, EffectParameter(

@@ -83,9 +83,10 @@ class Predictive:
         """Limits between which a ``share`` of readings with that noise lies, shape (rows,) each."""
         spread = np.sqrt(self.deviation**2 + np.square(noise))
         used = self.weight > 0
+        there = used.any(0)
         reach = 10 * spread.max(0, where=used, initial=0.0)
-        least = self.mean.min(0, where=used, initial=np.inf) - reach
-        most = self.mean.max(0, where=used, initial=-np.inf) + reach
+        least = np.where(there, self.mean.min(0, where=used, initial=np.inf), 0.0) - reach
+        most = np.where(there, self.mean.max(0, where=used, initial=-np.inf), 0.0) + reach
         limits = []
         for part in ((1 - share) / 2, (1 + share) / 2):
             low, high = least, most
@@ -93,5 +94,5 @@ class Predictive:
                 middle = (low + high) / 2
                 under = self.below(middle, noise) < part
                 low, high = np.where(under, middle, low), np.where(under, high, middle)
-            limits.append(np.where(used.any(0), high, np.nan))
+            limits.append(np.where(there, high, np.nan))
         return limits[0], limits[1]

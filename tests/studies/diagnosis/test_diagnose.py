@@ -134,6 +134,12 @@ def test_the_record_is_that_of_the_design(written: tuple[Path, dict[str, Any]]) 
     assert content["misfit"]["p_value"] < 1e-3
     assert content["after"]["rmse_um"] == pytest.approx(content["misfit"]["noise_um"], rel=0.3)
     assert content["gain"]["ratio"] < 0.3
+    assert content["headline"].startswith("The electrodes end ")
+    assert content["headline"].endswith(" %).")
+    assert cause["check"] == "measure with a ruler how far from the frame the electrodes end"
+    assert content["next_experiment"]["what"].startswith(cause["check"])
+    assert cause["surprise"] == pytest.approx(margin["value"] / 2)
+    assert content["predictive"]["coverage_95"] > 0.85
     assert content["gain"]["rmse_after_um"] < content["gain"]["rmse_before_um"]
     assert "amplifier_gain" in content["not_visible"]
 
@@ -165,11 +171,23 @@ def test_the_page_says_it_in_one_sentence_and_is_rebuilt(
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert "The electrodes end" in page
     assert "The electrode does not reach the frame" in page
+    assert page.index("The electrodes end") < page.index("Readings, and the models through them")
+    assert page.index("What the models leave") < page.index("What to do next")
+    assert "electrode_margin" not in page[: page.index("For the record")]
     assert "http" not in page.replace("http://www.w3.org", "")
     (folder / "diagnosis.html").unlink()
     assert main(["report", str(folder)]) == 0
     assert capsys.readouterr().out.strip() == str(folder / "diagnosis.html")
     assert (folder / "diagnosis.html").read_text(encoding="utf-8") == page
+
+
+def test_a_folder_of_an_older_version_is_told_how_to_be_made_again(
+        written: tuple[Path, dict[str, Any]], tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    content = {key: value for key, value in written[1].items() if key != "headline"}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["report", str(tmp_path)]) == 2
+    assert "run tympan diagnose again" in capsys.readouterr().err
 
 
 def test_a_damaged_folder_gets_one_message(tmp_path: Path) -> None:
