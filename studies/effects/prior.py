@@ -26,10 +26,9 @@ class HeavyTail:
 
     Examples
     --------
-    >>> HeavyTail(1.0, 0.0, float("inf")).ppf(0.5)
-    0.6744897501960817
-    >>> round(HeavyTail(1.0, 0.0, float("inf")).cdf(12.0), 3)
-    0.964
+    >>> prior = HeavyTail(1.0, 0.0, float("inf"))
+    >>> print(f"{prior.ppf(0.5):.3f} {prior.ppf(0.95):.2f} {prior.cdf(12.0):.3f}")
+    0.674 8.57 0.964
     """
 
     usual: float
