@@ -3,7 +3,7 @@
     python -m benchmarks.diagnosis [--workers 2]
 
 Readings are made by finite elements on a finer mesh, one film 2 % less stretched than stated, noise
-20 µm.
+20 µm. Films solved before are forgotten first, and read from disk in the end.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from tympan.studies.paper.actuators import actuators
 MASSES, VOLTAGES, NOISE = (17.9e-3, 22.45e-3), np.linspace(0, 6.5e3, 15), 20e-6
 HIDDEN: Use = ("prestretch_loss", (0.02,), "elliptical-small")
 OTHER_MESH = Settings(mesh=MeshSettings(order=3, around_plate=17, growth=0.45, across=0.55))
-AIM = 60.0
+AIM = 15.0
 
 
 def readings(setup: Setup) -> ReadingTable:
@@ -68,6 +69,12 @@ def main() -> None:
     causes = tuple(Cause(name, which) for name, effect in EFFECTS.items()
                    if "direction" not in effect.columns
                    for which in effect.choices(setup))
+    with TemporaryDirectory() as folder:
+        os.environ["TYMPAN_CACHE"] = folder
+        _diagnose(setup, table, causes, workers)
+
+
+def _diagnose(setup: Setup, table: ReadingTable, causes: tuple[Cause, ...], workers: int) -> None:
     spent: dict[str, tuple[float, float]] = {}
     with stage("stiffness and permittivity", spent):
         nominal = calibrated(setup, table)
@@ -75,32 +82,37 @@ def main() -> None:
     with stage("force laws with all effects", spent):
         simulation = with_effects(nominal.simulation, lambda done, count: None, workers)
     with stage("all effects and pairs, verdict", spent):
-        judged = judge(simulation, table, causes)
-    with stage("priors half and twice as wide", spent):
-        for widen in (0.5, 2.0):
-            judge(simulation, table, causes, widen=widen)
+        judged = judge(simulation, table, causes, workers=workers)
     with stage("what can be known", spent):
-        detectable_effects(signatures(simulation, table, judged.nominal.unknowns, causes))
+        detectable_effects(signatures(judged.simulation, table, judged.nominal.unknowns, causes))
     with stage("gain on readings held out", spent):
-        gain_of(simulation, table, causes, judged)
+        gain_of(judged.simulation, table, causes, judged)
     with stage("next experiment", spent):
-        propose(simulation, judged, causes)
+        propose(judged.simulation, judged, causes)
     chosen = judged.chosen
     with stage("check by finite elements", spent):
-        error = max(error, law_error(simulation, chosen, table) if chosen else 0.0)
+        error = max(error, law_error(judged.simulation, chosen, table) if chosen else 0.0)
+    again: dict[str, tuple[float, float]] = {}
+    with stage("the same films from disk", again):
+        with_effects(calibrated(setup, table).simulation, lambda done, count: None, workers)
     _print(spent, f"{judged.verdict} {', '.join(map(str, judged.named))}", error, workers)
+    _print_stages(again)
 
 
 def _print(spent: dict[str, tuple[float, float]], verdict: str, error: float, workers: int) -> None:
     print(f"{'stage':<34}{'clock':>9}{'processors':>12}")
-    for words, (wall, busy) in spent.items():
-        print(f"{words:<34}{wall:>7.1f} s{busy:>10.1f} s")
+    _print_stages(spent)
     wall, busy = (sum(column) for column in zip(*spent.values(), strict=True))
     print(f"{'all':<34}{wall:>7.1f} s{busy:>10.1f} s   {workers} workers, "
           f"load {os.getloadavg()[0]:.1f}")
     print(f"verdict: {verdict}; the reduced model is off by at most {1e6 * error:.2f} um "
           "of deflection")
     print(f"aim {AIM:.0f} s   {'met' if wall < AIM else 'not met'}")
+
+
+def _print_stages(spent: dict[str, tuple[float, float]]) -> None:
+    for words, (wall, busy) in spent.items():
+        print(f"{words:<34}{wall:>7.1f} s{busy:>10.1f} s")
 
 
 if __name__ == "__main__":
