@@ -1,12 +1,11 @@
 """Effects hidden in hundreds of sets of readings, and how often they are found.
 
     python -m benchmarks.trials.hidden_effects [--scale 1] [--seed 2026] [--workers 2] [--keep FILE]
-    [--minutes M]
-        [-o docs/hidden-effects.md]
+    [--minutes M] [--only POPULATION ...] [-o docs/hidden-effects.md]
 
 Trials that FILE has already are not run again, so that a study may be stopped and taken up. Trials
 of all kinds are mixed, so that one that is stopped after some minutes has its share of each; with 0
-minutes only the page is written.
+minutes only the page is written. With --only, trials of these populations alone are run.
 """
 
 from __future__ import annotations
@@ -41,7 +40,11 @@ def _start(lab: Lab) -> None:
 
 
 def _run(trial: tuple[str, int]) -> tuple[str, int, list[Record]]:
-    return (*trial, _labs[0].run(*trial))
+    try:
+        return (*trial, _labs[0].run(*trial))
+    except Exception as error:  # one that fails is counted, and must not end the others
+        words = f"{type(error).__name__}: {error}"
+        return (*trial, [Record(*trial, "", (), 0, 0.0, 0.0, "raised", words=words)])
 
 
 def lab_of(seed: int, workers: int) -> Lab:
@@ -122,12 +125,15 @@ def main() -> None:
                         help="file the trials are kept in as they are done, one JSON line each")
     parser.add_argument("--minutes", type=float, default=inf,
                         help="time after which no further trial is begun")
+    parser.add_argument("--only", nargs="+", choices=[*COUNTS], default=[*COUNTS],
+                        metavar="POPULATION", help=f"run these alone: {', '.join(COUNTS)}")
     parser.add_argument("-o", "--output", type=Path,
                         help="Markdown file to put the rates in; its picture beside it")
     options = parser.parse_args()
     counts = {name: max(1, round(options.scale * count)) for name, count in COUNTS.items()}
+    asked = {name: counts[name] for name in counts if name in options.only}
     if options.minutes > 0:
-        records = study(lab_of(options.seed, options.workers), counts, options.workers,
+        records = study(lab_of(options.seed, options.workers), asked, options.workers,
                         options.keep, options.minutes)
     else:
         records, _ = kept(options.keep)

@@ -9,6 +9,9 @@ from scipy.stats import beta
 
 from benchmarks.trials.trial import Record
 
+#: How trials end that say nothing.
+GONE = ("refused", "raised")
+
 
 @dataclass(frozen=True)
 class Rate:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.trials.rate import Rate, share
+from benchmarks.trials.rate import GONE, Rate, share
 from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, WRONG_SCALES, Record
 from tympan.studies.diagnosis.inference.identifiability import SEEN
 
@@ -43,7 +43,7 @@ def said(record: Record) -> str:
 
 def band(records: Sequence[Record], population: str, low: float, high: float) -> list[Record]:
     """Trials of a population whose effect is so many usual sizes large."""
-    return [one for one in records if one.population == population and one.verdict != "refused"
+    return [one for one in records if one.population == population and one.verdict not in GONE
             and low <= one.widths[0] < high]
 
 
@@ -58,7 +58,7 @@ def size_rates(records: Sequence[Record]) -> list[Rate]:
                                high=WRONG))
             found.append(share(f"{of}: unexplained", those,
                                lambda one: one.verdict == "unexplained", high=UNEXPLAINED))
-    pairs = [one for one in records if one.population == "large pair"]
+    pairs = [one for one in records if one.population == "large pair" and one.verdict not in GONE]
     found.append(share("two effects of 1 to 10 usual sizes: a wrong one is named", pairs,
                        lambda one: one.misnamed, high=WRONG))
     found.append(share("the same: unexplained", pairs,
@@ -131,7 +131,7 @@ def draw_maps(records: Sequence[Record], file: Path) -> None:
                                     strict=True):
         count = len(MAP_WIDTHS) ** 2
         _draw_map(axes, pair, [one for one in records if one.population == "map"
-                               and one.number // count == number])
+                               and one.widths and one.number // count == number])
     words = {"first named": _MAP["A"], "second named": _MAP["B"], "both named": _MAP["A, B"],
              "ambiguous (letters: what is listed)": _MAP["ambiguous"],
              "unexplained": _MAP["unexplained"], "nothing": _MAP["nothing"],
@@ -143,7 +143,7 @@ def draw_maps(records: Sequence[Record], file: Path) -> None:
 
 _MAP = {"A": "#4477aa", "B": "#228833", "A, B": "#44bbaa", "ambiguous": "#ddcc77",
         "unexplained": "#b8bdc7", "nothing": "#f2f3f5", "no equilibrium": "#ffffff",
-        "wrong": "#c23b22", "refused": "#000000"}
+        "wrong": "#c23b22", "refused": "#000000", "raised": "#000000"}
 
 
 def _draw_map(axes: Axes, pair: tuple[str, str], records: Sequence[Record]) -> None:
