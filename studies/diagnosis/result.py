@@ -20,7 +20,6 @@ from tympan.studies.diagnosis.gain import GainReport, gain_of
 from tympan.studies.diagnosis.inference.identifiability import detectable_effects
 from tympan.studies.diagnosis.inference.posterior import Fit, Posterior
 from tympan.studies.diagnosis.inference.ratios import ratios
-from tympan.studies.diagnosis.inference.residual_tests import words_of
 from tympan.studies.diagnosis.inference.verdict import (
     Judgement,
     SingleEffect,
@@ -239,7 +238,7 @@ class Diagnosis:
             "p_value": judged.test.p_value,
             "where": place,
             "ratios": ratios(table, predicted, names),
-            "patterns": [{"what": words_of(name), "p_value": p} for name, p in p_values
+            "patterns": [{"what": judged.test.words(name), "p_value": p} for name, p in p_values
                          if name in judged.patterns],
         }
 

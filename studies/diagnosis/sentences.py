@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.posterior import Fit
-from tympan.studies.diagnosis.inference.residual_tests import orthonormal, over, without, words_of
+from tympan.studies.diagnosis.inference.residual_tests import JUMPS, beside, over, taken_by
 from tympan.studies.diagnosis.inference.verdict import Judgement, interval
 from tympan.studies.diagnosis.reduced.simulation import Cause, sizes_of
 from tympan.studies.effects.findings import FoundSize, finding, limits_told
@@ -110,9 +110,9 @@ def where(judged: Judgement) -> str:
     Each is counted by what it takes that the refitted stiffness and permittivity leave; so a
     specimen is not blamed for what these have moved.
     """
-    columns = over(judged.patterns, judged.table)
-    columns.pop("ramps", None)
-    taken, told_of = orthonormal(judged.nominal.jacobian), list[str]()
+    columns = _singled(judged)
+    taken, told_of = taken_by(judged.nominal.jacobian), list[str]()
+    first: dict[str, float] = {}
     for least in (0.0, _CLEAR):
         shares = {name: _taken(judged.nominal, taken, values) for name, values in columns.items()
                   if name.split()[0] not in [other.split()[0] for other in told_of]}
@@ -121,21 +121,36 @@ def where(judged: Judgement) -> str:
         if best is None or shares[best] <= least or (told_of and best.split()[0] in _VAGUE):
             break
         told_of.append(best)
-        taken = np.hstack([taken, orthonormal(without(taken, columns[best]))])
-        if len(told_of) == 1:
-            first = _specimens(best, shares)
-    return "; ".join([first, *(words_of(name) for name in told_of[1:])]) if told_of else ""
+        first = first or shares
+        taken = np.hstack([taken, beside(taken, columns[best])])
+    words = [judged.test.words(name) for name in told_of]
+    if told_of and told_of[0].startswith("specimen "):
+        words[0] = _specimens(told_of[0], words[0], first)
+    return "; ".join(words)
+
+
+def _singled(judged: Judgement) -> dict[str, Array]:
+    """Patterns' columns; of jumps the one, where no other pattern is as improbable by noise."""
+    columns = over(judged.patterns, judged.table)
+    columns.pop("ramps", None)
+    p_values = judged.test.p_values
+    least = min(p_values.get(name, 1.0) for name in columns)
+    for name in columns.keys() & set(JUMPS):
+        size = np.linalg.norm(columns[name], axis=0)
+        best = np.argmax(np.abs(judged.nominal.residual @ columns[name]) / np.maximum(size, 1e-300))
+        columns[name] = columns[name][:, [best]]
+    return {name: values for name, values in columns.items()
+            if name not in JUMPS or p_values.get(name, 1.0) <= least}
 
 
 def _taken(nominal: Fit, taken: Array, columns: Array) -> float:
     """χ² that columns take away beside what is taken already, beyond their number."""
-    basis = orthonormal(without(taken, columns), np.abs(columns).max())
+    basis = beside(taken, columns)
     return float(np.sum((basis.T @ nominal.residual) ** 2) - basis.shape[1])
 
 
-def _specimens(best: str, shares: dict[str, float]) -> str:
-    """Words for the best pattern; of a specimen only where no other takes nearly as much."""
-    of_specimens = sorted(share for name, share in shares.items() if name.startswith("specimen "))
-    if best.startswith("specimen ") and of_specimens[-1] < _ALONE * max(*of_specimens[:-1], 0.0):
-        return WORDS["apart"]
-    return words_of(best)
+def _specimens(best: str, words: str, shares: dict[str, float]) -> str:
+    """Words for a specimen's pattern; others where another specimen's takes nearly as much."""
+    others = [share for name, share in shares.items()
+              if name.startswith("specimen ") and name != best]
+    return WORDS["apart"] if shares[best] < _ALONE * max([*others, 0.0]) else words

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.posterior import Fit, fit
-from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
+from tympan.studies.diagnosis.inference.residual_tests import orthonormal, taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
@@ -39,7 +39,7 @@ def signatures(simulation: Simulation, table: ReadingTable, unknowns: Array,
                causes: Sequence[Cause]) -> Signatures:
     """The signatures of causes about a nominal fit, each at its typical size."""
     jacobian = Prediction(simulation, (), unknowns, table).jacobian
-    taken = orthonormal(jacobian / table.sigma[:, None])
+    taken = taken_by(jacobian / table.sigma[:, None])
     return {cause: without(taken, np.stack([_shown(simulation, cause, index, unknowns, table)
                                             for index in range(len(cause.effect.parameters))], 1))
             for cause in causes}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.residual_tests import orthonormal
+from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
@@ -361,7 +361,7 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
     residual = fit.residual + spread @ (spread.T @ fit.residual)
     alone = _log_density(residual, spread)
     gains = []
-    for columns in patterns.values():
+    for columns in (patterns[name] for name in patterns if name not in JUMPS):
         basis = orthonormal(columns)
         scale = (len(columns) / max(basis.shape[1], 1)) ** 0.5
         gains += [_log_density(residual, np.hstack([spread, size * scale * basis])) - alone

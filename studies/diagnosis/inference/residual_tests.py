@@ -2,13 +2,16 @@
 
 Noise is rough: what is smooth along a ramp is not noise. So the scatter about smooth curves
 measures the noise whether or not the one stated is right, and what the smooth curves take from the
-residuals is what the simulation gets wrong.
+residuals is what the simulation gets wrong. What jumps is rough too: patterns of jumps are tested
+one by one, each against the scatter that is left without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -30,11 +33,27 @@ WORDS = {
     "direction": "readings differ on the way up and on the way down",
     "fitted": "large deflections are off against small ones",
     "ramps": "single ramps are off in different ways",
+    "step": "from one reading on, readings are shifted",
+    "shifted": "from reading {0} on, readings are shifted",
+    "stick": "the readings stick and jump, as a plate does that rubs",
 }
 
+#: Patterns of jumps: a misfit is one of their columns, and no combination of them.
+JUMPS = ("step", "stick")
+
 _DEGREE = 4
-_RANK = 1e-6
 _DRAWS = 4000
+
+#: What is left of a column, as a share, below which the readings do not tell its direction, of a
+#: pattern and of an unknown; and below which, over the noise, they do not tell it from nothing.
+_RANK, _MOVED, _UNSEEN = 1e-3, 1e-4, 1e-2
+
+#: Steps tried at most; thresholds at which a plate may stick, as shares of the largest prediction.
+_STEPS, _THRESHOLDS = 100, np.geomspace(0.003, 0.3, 64)
+
+#: Jumps taken from the scatter at most, as a share of its degrees of freedom, and the probability
+#: by noise below which one is.
+_MOST_JUMPS, _CLEAR = 0.25, 1e-3
 
 #: Degrees of freedom a stated noise counts as: it is taken to be right within about a quarter.
 STATED = 8.0
@@ -71,6 +90,7 @@ def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dic
         columns["direction"] = (size * direction)[:, None] * few
     columns["fitted value"] = np.stack([predicted, predicted * abs(predicted) / size.max()], 1)
     columns["ramps"] = np.concatenate([*columns.values(), _ramps(table, size, voltage)], axis=1)
+    columns |= _jumps(table, size, predicted)
     return {name: values for name, values in columns.items()
             if np.abs(values).max(initial=0.0) > 0}
 
@@ -101,17 +121,54 @@ def _ramps(table: ReadingTable, size: Array, voltage: Array) -> Array:
     return np.concatenate(columns, axis=1)
 
 
+def _jumps(table: ReadingTable, size: Array, predicted: Array) -> dict[str, Array]:
+    """Shifts from a reading on, and what plates show that stick up to a threshold."""
+    read = np.flatnonzero(table.kind == "displacement")
+    order = table.order[read]
+    ordered = len(np.unique(order[np.isfinite(order)])) == len(read)
+    turn = read[np.argsort(order if ordered else table.line[read], kind="stable")]
+    first = np.unique(np.linspace(1, max(len(read) - 1, 1), _STEPS).round().astype(int))
+    steps = np.zeros((len(table), len(first)))
+    steps[turn] = size[turn, None] * (np.arange(len(read))[:, None] >= first)
+    runs = [rows[np.argsort(table.state[rows])] for run in table.states.of_run
+            if len(rows := read[np.isin(table.state[read], run)])]
+    some = [runs, *([rows for rows in runs if table.specimen[rows[0]] == number]
+                    for number in np.unique(table.specimen[read]))]
+    thresholds = _THRESHOLDS * np.abs(predicted[read]).max(initial=0.0)
+    sticks = [_stuck(predicted, rubbing, threshold) for rubbing in some for threshold in thresholds]
+    return {"step": steps, "stick": np.unique(sticks, axis=0).T}
+
+
+def _stuck(predicted: Array, runs: Sequence[NDArray[np.int64]], threshold: float) -> Array:
+    """How far plates are behind that stay where they are up to a threshold, then go all the way."""
+    behind = np.zeros(len(predicted))
+    for rows in runs:
+        at = predicted[rows[0]]
+        for row in rows[1:].tolist():
+            at = predicted[row] if abs(predicted[row] - at) >= threshold else at
+            behind[row] = at - predicted[row]
+    return behind
+
+
 @dataclass(frozen=True, eq=False)
 class TestResult:
     """What tests found.
 
     ``p_values``: the probability that noise alone shows as much, of each pattern; ``p_value``: of
-    the strongest of them, corrected for their number; ``noise``: over the stated one.
+    the strongest of them, corrected for their number; ``noise``: over the stated one; ``reading``:
+    the number of that from which the readings are shifted, if they are.
     """
 
     p_values: dict[str, float]
     p_value: float
     noise: float
+    reading: int = 0
+
+    def words(self, name: str) -> str:
+        """What a misfit of a pattern is, in words."""
+        if name == "step" and self.reading:
+            return WORDS["shifted"].format(self.reading)
+        return words_of(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +176,20 @@ class ResidualTests:
     """Tests of residuals over their noise against patterns, less what a model's unknowns take up.
 
     ``bases`` are orthonormal columns by name, shape (rows, columns); of those in ``one_sided`` only
-    a positive part counts. ``smooth`` spans all of them, ``taken`` what the model's unknowns take
-    up. ``freedom`` is that of the scatter about both, ``stated`` what the stated noise counts as.
+    a positive part counts. ``jumps`` are columns of length 1 of which any may be there. ``smooth``
+    spans all ``bases``, ``taken`` what the model's unknowns take up. ``freedom`` is that of the
+    scatter about both, ``stated`` what the stated noise counts as. ``readings`` are the numbers of
+    those with which steps begin.
     """
 
     bases: dict[str, Array]
     one_sided: frozenset[str]
+    jumps: dict[str, Array]
     smooth: Array
     taken: Array
     freedom: float
     stated: float
+    readings: NDArray[np.int64]
 
     @classmethod
     def of(cls, jacobian: Array, columns: dict[str, Array], stated: float = STATED,
@@ -137,32 +198,63 @@ class ResidualTests:
 
         ``stated`` are degrees of freedom of the stated noise, 0 where there is none.
         """
-        taken = orthonormal(jacobian)
+        taken = taken_by(jacobian)
+        columns = {name: values[:, _told(taken, values)] for name, values in columns.items()}
         free = {name: without(taken, values) for name, values in columns.items()}
-        bases = {name: orthonormal(values, np.abs(columns[name]).max())
-                 for name, values in free.items()}
+        bases = {name: orthonormal(values) for name, values in free.items() if name not in JUMPS}
         bases = {name: basis for name, basis in bases.items() if basis.shape[1]}
         smooth = orthonormal(np.hstack([*bases.values(), np.zeros((len(jacobian), 1))]))
         freedom = len(jacobian) - taken.shape[1] - smooth.shape[1]
         signs = {name: basis * np.sign(basis[:, 0] @ free[name][:, 0])
                  for name, basis in bases.items()
                  if name in one_sided and basis.shape[1] == 1}
-        return cls(bases | signs, one_sided & set(signs), smooth, taken, float(max(freedom, 0)),
-                   stated)
+        jumps = {name: values / np.linalg.norm(values, axis=0) for name, values in free.items()
+                 if name in JUMPS and values.shape[1]}
+        steps = columns.get("step", np.zeros((len(jacobian), 0)))
+        readings = 2 + np.sum(steps[np.any(steps != 0, axis=1)] == 0, axis=0)
+        return cls(bases | signs, one_sided & set(signs), jumps, smooth, taken,
+                   float(max(freedom, 0)), stated, readings)
 
     @property
     def able(self) -> bool:
         """Whether there is a noise to compare with."""
         return bool(self.bases) and self.freedom + self.stated > 0
 
+    @cached_property
+    def _small(self) -> dict[str, Array]:
+        """Columns of all patterns in the basis of the smooth ones."""
+        return {name: self.smooth.T @ columns
+                for name, columns in (self.bases | self.jumps).items()}
+
     def noise(self, residual: Array) -> float:
-        """Scatter about smooth curves and stated noise together, over the stated one."""
-        spanned = np.concatenate([self.smooth, self.taken], axis=1)
-        rough = float(residual @ residual) - float(np.sum((spanned.T @ residual) ** 2))
-        if self.stated > 0 and self.freedom > 0:
-            most = float(f_distribution.isf(_ROUGH, self.freedom, self.stated))
-            rough = min(rough, self.freedom * most)
-        return float(np.sqrt(max(rough + self.stated, 1e-12) / (self.freedom + self.stated)))
+        """Scatter about smooth curves and stated noise together, over the stated one.
+
+        Less jumps that stand out from it.
+        """
+        scatter = without(self.taken, residual)
+        scatter, freedom = scatter - self.smooth @ (self.smooth.T @ scatter), self.freedom
+        rough = [columns - self.smooth @ self._small[name] for name, columns in self.jumps.items()]
+        jumps = np.hstack([*rough, np.zeros((len(residual), 1))])
+        for _ in range(int(_MOST_JUMPS * freedom)):
+            sizes = np.sum(jumps**2, axis=0)
+            parts = (jumps.T @ scatter) ** 2 / np.where(sizes > _RANK, sizes, np.inf)
+            best = int(parts.argmax())
+            squares = float(scatter @ scatter) - parts[best]
+            others = self._variance(squares, self.stated, freedom - 1)
+            tail = f_distribution.sf(parts[best] / others, 1, freedom - 1 + self.stated)
+            if len(sizes) * tail > _CLEAR:
+                break
+            unit = jumps[:, best] / sizes[best] ** 0.5
+            scatter, jumps = scatter - unit * (unit @ scatter), jumps - np.outer(unit, unit @ jumps)
+            freedom -= 1
+        return float(np.sqrt(self._variance(float(scatter @ scatter), self.stated, freedom)))
+
+    def _variance(self, squares: Any, stated: Any, freedom: float) -> Any:
+        """Variance by the rough part's squares and those of the stated noise."""
+        if self.stated > 0 and freedom > 0:
+            most = float(f_distribution.isf(_ROUGH, freedom, self.stated))
+            squares = np.minimum(squares, freedom * most)
+        return np.maximum(squares + stated, 1e-12) / (freedom + self.stated)
 
     def __call__(self, residual: Array, generator: np.random.Generator,
                  known: float | None = None) -> TestResult:
@@ -170,36 +262,89 @@ class ResidualTests:
 
         Or against the stated noise alone, ``known`` with so many degrees of freedom.
         """
-        noise = self.noise(residual) if known is None else 1.0
-        freedom = self.freedom + self.stated if known is None else known
-        inner = self.smooth.T @ residual
-        small = {name: self.smooth.T @ basis for name, basis in self.bases.items()}
-        p_values = {name: float(self._p(name, basis.T @ inner[:, None], np.array([noise]),
-                                        freedom)[0]) for name, basis in small.items()}
+        # Draws are of the readings, not of any basis: those turn with the last digit of a column.
+        draws = generator.standard_normal((len(residual), _DRAWS))
+        counted = self.stated if known is None else known
+        scatter = generator.chisquare(counted, _DRAWS) if counted else np.zeros(_DRAWS)
+        every = self._ratios(np.column_stack([residual, draws]), np.r_[counted, scatter], known)
+        tails = {name: self._tail(name, *ratios) for name, ratios in every.items()}
+        p_values = {name: float(tail[0]) for name, tail in tails.items()}
         least = min(p_values.values(), default=1.0)
-        draws = generator.standard_normal((self.smooth.shape[1], _DRAWS))
-        scatter = np.sqrt(generator.chisquare(freedom, _DRAWS) / freedom)
-        every = [self._p(name, basis.T @ draws, scatter, freedom) for name, basis in small.items()]
-        corrected = float(np.mean(np.min(every, axis=0) <= least)) if every else 1.0
+        corrected = (float(np.mean(np.min([tail[1:] for tail in tails.values()], axis=0) <= least))
+                     if tails else 1.0)
         bound = min(1.0, least * len(p_values)) if p_values else 1.0
         p_value = min(bound, max(corrected, 1 / _DRAWS)) if corrected > 0 else bound
-        return TestResult(p_values, p_value, noise)
+        step = every["step"][0][:, 0].argmax() if "step" in every else None
+        return TestResult(p_values, p_value, self.noise(residual) if known is None else 1.0,
+                          0 if step is None else int(self.readings[step]))
 
-    def _p(self, name: str, parts: Array, noise: Array, freedom: float) -> Array:
-        count = parts.shape[0]
-        tail = f_distribution.sf((parts**2).sum(0) / count / noise**2, count, freedom)
+    def _ratios(self, residuals: Array, stated: Array, known: float | None
+                ) -> dict[str, tuple[Array, int, float]]:
+        """By pattern, ratios of variances of residuals, shape (n,), and their degrees of freedom.
+
+        Of jumps those of each column, shape (columns, n).
+        """
+        inner = self.smooth.T @ residuals
+        squares = np.sum(residuals**2, axis=0) - np.sum((self.taken.T @ residuals) ** 2, axis=0)
+        squares = squares - np.sum(inner**2, axis=0)
+        freedom = self.freedom + self.stated if known is None else known
+        variance = stated / freedom if known is not None else self._variance(
+            squares, stated, self.freedom)
+        ratios = {}
+        for name, basis in self.bases.items():
+            parts = self._small[name].T @ inner
+            ratio = np.sum(parts**2, axis=0) / len(parts) / variance
+            if name in self.one_sided:
+                ratio = ratio * np.sign(parts[0])
+            ratios[name] = ratio, basis.shape[1], freedom
+        apart = known is None and self.freedom >= 2
+        for name, columns in self.jumps.items():
+            parts = columns.T @ residuals
+            if apart:
+                rough = parts - self._small[name].T @ inner
+                sizes = 1 - np.sum(self._small[name] ** 2, axis=0)
+                others = squares - rough**2 / np.where(sizes > _RANK, sizes, np.inf)[:, None]
+                variance = self._variance(others, stated, self.freedom - 1)
+            ratios[name] = parts**2 / variance, 1, freedom - apart
+        return ratios
+
+    def _tail(self, name: str, ratios: Array, count: int, freedom: float) -> Array:
+        top = ratios.max(0, keepdims=True) if name in self.jumps else ratios
+        tail = f_distribution.sf(np.abs(top), count, freedom)
         if name in self.one_sided:
-            return np.asarray(np.where(parts[0] > 0, tail / 2, 1 - tail / 2))
+            return np.asarray(np.where(ratios > 0, tail / 2, 1 - tail / 2))
+        if name in self.jumps:
+            tail = tail[0]
+            # As many columns as would do as much where one in a hundred draws gets.
+            among = 0.01 / max(float(np.quantile(tail[1:], 0.01)), 1e-300)
+            return np.asarray(np.minimum(among * tail, 1.0))
         return np.asarray(tail)
 
 
-def orthonormal(columns: Array, scale: float = 0.0) -> Array:
-    """A basis of the columns' span, without what is small beside ``scale`` or the largest."""
+def _told(taken: Array, columns: Array) -> NDArray[np.bool_]:
+    """Columns of which enough is left beside what is taken to tell their direction."""
+    sizes, rest = (np.linalg.norm(part, axis=0) for part in (columns, without(taken, columns)))
+    return np.asarray((rest > _RANK * sizes) & (rest > _UNSEEN))
+
+
+def taken_by(jacobian: Array) -> Array:
+    """A basis of what a model's unknowns take up."""
+    return orthonormal(jacobian, _MOVED)
+
+
+def orthonormal(columns: Array, least: float = _RANK) -> Array:
+    """A basis of the columns' span, each of length 1, without directions they hardly tell."""
+    sizes = np.linalg.norm(columns, axis=0)
+    columns = columns[:, sizes > 0] / sizes[sizes > 0]
     if not columns.shape[1]:
         return columns
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    least = max(_RANK * float(sizes.max(initial=0.0)), 1e-9 * scale * len(columns) ** 0.5, 1e-300)
     return np.asarray(basis[:, sizes > least])
+
+
+def beside(taken: Array, columns: Array) -> Array:
+    """A basis of what columns, over the noise, show beside that of what is taken."""
+    return orthonormal(without(taken, columns[:, _told(taken, columns)]))
 
 
 def without(basis: Array, columns: Array) -> Array:
