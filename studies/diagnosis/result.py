@@ -223,7 +223,9 @@ class Diagnosis:
         weight = np.array([posterior.nothing, *posterior.probabilities])
         weight = weight * np.exp(change - change.max())
         named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
-        return float(weight[named].sum() / weight.sum())
+        # What else there may be counts as it does beside the best hypothesis.
+        more = posterior.discrepancy * np.exp(change[1] - change.max())
+        return float(weight[named].sum() / (weight.sum() + more))
 
     def _misfit(self, place: str) -> Json:
         judged, table = self.judgement, self.judgement.table

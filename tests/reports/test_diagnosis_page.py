@@ -1,0 +1,72 @@
+"""What the page of a diagnosis says of surprises, of rivals and of what a name depends on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tympan.reports.diagnosis.page import render_diagnosis, verdict_words
+
+
+def cause(effect: str, headline: str, **others: Any) -> dict[str, Any]:
+    return {"effect": effect, "which": None, "probability": 0.97, "parameters": {},
+            "headline": headline, "clear": True, "check": f"look at {effect[:6]}", "surprise": 1.0,
+            "only_its_size": False, "with": [], "named": False} | others
+
+
+def content(verdict: str, *causes: dict[str, Any]) -> dict[str, Any]:
+    step = {"what": "", "checks": [one["check"] for one in causes], "after_checks": "hang 10 g",
+            "separates": [], "expected_chi_squared": None, "menu": []}
+    factor = {"value": 1.0, "low": 0.9, "high": 1.1}
+    return {
+        "dataset": "bench", "verdict": verdict, "headline": "Every load is 20 g heavier (99 %).",
+        "causes": list(causes), "indistinguishable": [], "not_visible": [], "attempts": [],
+        "knowable": [], "warnings": [], "next_experiment": step, "model_error_um": 0.1,
+        "misfit": {"baseline_rmse_um": 61.2, "noise_um": 20.0, "noise_from": "stated", "p_value":
+                   1e-9, "noise_over_stated": 1.3, "where": "the way it depends on mass is wrong",
+                   "ratios": [], "patterns": []},
+        "after": {"rmse_um": 21.8, "p_value": 0.5, "effects": [causes[0]["effect"]]},
+        "gain": {"held_out": "each mass in turn (10 g, 20 g)", "rmse_before_um": 61.0, "low": None,
+                 "rmse_after_um": 22.0, "ratio": 0.2, "high": None, "splits": []},
+        "predictive": {"coverage_95": 0.944, "readings": 90, "pit": [9] * 10},
+        "robust": [{"factor": factor, "stand_out": [one["effect"] for one in causes[:1]]}
+                   for factor in (1 / 3, 1.0, 10.0)],
+        "noisier": {"factor": 1.5, "probability": 0.961}, "self_check": None,
+        "probability": {"nothing": 0.0, "unknown": 0.01},
+        "baseline": {"stiffness_factor": factor, "permittivity_factor": factor}}
+
+
+def test_a_surprise_is_to_be_looked_at_first() -> None:
+    named = cause("unaccounted_mass", "Every load is 20 g heavier", named=True, surprise=12.3)
+    assert ("Unaccounted mass: that is 12 times what is usual, so look at it first."
+            in verdict_words(content("named", named)))
+    usual = {**named, "surprise": 2.0}
+    assert "usual" not in verdict_words(content("named", usual))
+
+
+def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
+    page = render_diagnosis(content(
+        "ambiguous", cause("sensor_zero", "Every reading is 50 µm too large"), cause(
+            "drift", "Readings rise", probability=0.0, only_its_size=True, surprise=12.3)), "", "")
+    assert ("Only its size speaks against it: as a cause it would have to be 12 times its usual "
+            "size.") in page
+    assert page.index("look at sensor; look at drift") < page.index("Readings, and the models")
+
+
+@pytest.mark.parametrize(("stand_out", "words"), [
+    ((["drift"], ["drift"]), "Drift stands out whether usual sizes are taken 0.33 or 10 times"),
+    ((["drift"], []), "with 0.33 times those of the library drift; with 10 times"),
+    (([], []), "Nothing stands out, whichever sizes"),
+])
+def test_what_the_name_depends_on_is_said(stand_out: tuple[list[str], ...], words: str) -> None:
+    told = content("named", cause("drift", "Readings rise", named=True))
+    told["robust"] = [{"factor": factor, "stand_out": names}
+                      for factor, names in zip((1 / 3, 10.0), stand_out, strict=True)]
+    page = " ".join(render_diagnosis(told, "", "").split())
+    assert words in page
+    assert "Were the noise 1.5 times as large, the probability of what is named would be 96 %" in (
+        page)
+    assert "misses by 22 µm where the nominal one misses by 61 µm; the noise is 20 µm" in page
+    assert "Of 90 readings not seen, 94 % lay within the bands that are to hold 95 %" in page
+    assert "15.4 µm as stated, times 1.3 because the readings scatter so much" in page
