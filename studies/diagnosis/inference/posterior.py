@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal
+from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
@@ -352,32 +352,24 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
 def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
     """By what factor readings raise the odds that some smooth pattern is beside a hypothesis.
 
-    A pattern's columns have independent normal coefficients that make it a typical size, the same
-    for one pattern of the table at a time or for all; the model is taken as linear about its fit.
-    Columns are over the noise of the readings.
+    Only what its unknowns cannot take up counts, whatever their size: a large effect that leaves
+    nothing is no reason to look for another. A pattern's columns have independent normal
+    coefficients that make it a typical size, the same for one pattern of the table at a time or for
+    all. Columns are over the noise of the readings.
     """
-    spread = fit.jacobian @ np.linalg.cholesky(_prior_covariance(fit))
-    # Readings less what is expected of them beforehand.
-    residual = fit.residual + spread @ (spread.T @ fit.residual)
-    alone = _log_density(residual, spread)
+    taken = orthonormal(fit.jacobian)
+    residual = without(taken, fit.residual)
     gains = []
     for columns in (patterns[name] for name in patterns if name not in JUMPS):
         basis = orthonormal(columns)
         scale = (len(columns) / max(basis.shape[1], 1)) ** 0.5
-        gains += [_log_density(residual, np.hstack([spread, size * scale * basis])) - alone
-                  for size in _SIZES]
+        free = without(taken, basis)
+        gains += [_log_gain(residual, size * scale * free) for size in _SIZES]
     return float(np.exp(min(logsumexp(gains) - np.log(len(gains)), 700.0)))
 
 
-def _prior_covariance(fit: Fit) -> Array:
-    """Of the unknowns by their priors about the fit alone, shape (p, p)."""
-    inner = np.diag(fit.precision - fit.jacobian.T @ fit.jacobian)
-    return np.diag(1 / np.maximum(inner, 1e-12 * np.diag(fit.precision)))
-
-
-def _log_density(residual: Array, spread: Array) -> float:
-    """Of normal residuals of covariance 1 + spread · spreadᵀ, up to a constant."""
+def _log_gain(residual: Array, spread: Array) -> float:
+    """Logarithm of normal residuals' density with covariance 1 + spread · spreadᵀ, over with 1."""
     inner = np.eye(spread.shape[1]) + spread.T @ spread
     along = spread.T @ residual
-    squares = residual @ residual - along @ np.linalg.solve(inner, along)
-    return float(-0.5 * squares - 0.5 * np.linalg.slogdet(inner)[1])
+    return float(0.5 * along @ np.linalg.solve(inner, along) - 0.5 * np.linalg.slogdet(inner)[1])
