@@ -44,7 +44,7 @@ def lumped_laws(setup: Setup, grids: Sequence[Grid]) -> tuple[ForceLaw, ...]:
         if not (HeldFilm.of(setup, specimen.name).odd and grid.odd):
             raise InputError("must be without gas pressure, weight of its own and offset weights "
                              "in the lumped model", key="specimen", given=specimen.name)
-    return first_laws(LumpedModel(), setup, grids, axes_of=_axes)
+    return first_laws(LumpedFilms(), setup, grids, axes_of=_axes)
 
 
 def _axes(setup: Setup, name: str) -> tuple[Axis, ...]:
@@ -56,7 +56,7 @@ def _axes(setup: Setup, name: str) -> tuple[Axis, ...]:
 
 
 @dataclass(frozen=True)
-class LumpedModel:
+class LumpedFilms:
     """The solver of lumped films."""
 
     def stored(self, film: HeldFilm, grid: Grid) -> Array:

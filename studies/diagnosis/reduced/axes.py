@@ -19,8 +19,7 @@ Sample = tuple[tuple[int, float], ...]
 FIRST_SPAN = 3.0
 _FIRST_SIGNED, _FIRST = (1.3, FIRST_SPAN), (1.4, FIRST_SPAN)
 
-#: Where the largest size of a parameter without a limit is sought, in standard deviations; and how
-#: closely, relative to it.
+#: The largest size that is sought, in standard deviations; and how closely, relative to it.
 _FAR, _CLOSE = 1e3, 1e-3
 
 #: How near to the largest size that can be built a film is still meshed, as a share.
@@ -92,7 +91,8 @@ class Axis:
         why = f"cannot be solved beyond {_shown(self.parameter, last)}: {reason}"
         (low, high), (below, above) = self.reachable, self.ends
         if side > 0:
-            return replace(self, reachable=(low, last), ends=(below, why))
+            ends = (why if self.folded else below, why)
+            return replace(self, reachable=(low, last), ends=ends)
         return replace(self, reachable=(last, high), ends=(why, above))
 
 
@@ -170,6 +170,7 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis:
     places, reachable, ends = [], [0.0, 0.0], ["", ""]
     for sign in signs:
         limit = max(high, -low) if folded else high if sign > 0 else -low
+        limit = min(limit, _FAR * parameter.deviation)
         largest = _largest(partial(buildable, sign=sign), limit, parameter.deviation)
         if largest < limit:
             ends[sign > 0] = f"cannot be built beyond {_shown(parameter, sign * largest)}"
@@ -179,16 +180,16 @@ def _axis(setup: Setup, name: str, effect: Effect, index: int) -> Axis:
         if largest >= _LEAST * parameter.deviation:
             places += [sign * shrunk * share * parameter.deviation for share in first]
     places = [place for place in places if buildable(place)]
+    below = ends[1] if folded else ends[0]
     return replace(axis, places=tuple(sorted(places)), reachable=(reachable[0], reachable[1]),
-                   ends=(ends[0], ends[1]))
+                   ends=(below, ends[1]))
 
 
 def _largest(buildable: Callable[[float], bool], limit: float, deviation: float) -> float:
     """The largest size up to a limit of which a film can be built; 0 if there is hardly any."""
-    high = min(limit, _FAR * deviation)
-    if buildable(high):
-        return high
-    low = 0.0
+    if buildable(limit):
+        return limit
+    low, high = 0.0, limit
     while high - low > _CLOSE * high and high > _LEAST * deviation:
         middle = (low + high) / 2
         low, high = (middle, high) if buildable(middle) else (low, middle)
