@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tympan.geometry.errors import InputError
 from tympan.studies.columns import Sheet
 from tympan.studies.data.checks import slips_of_unit
-from tympan.studies.data.dataset import Dataset, channels
+from tympan.studies.data.dataset import Dataset
 from tympan.studies.data.noise import reading_sigma, repeat_noise
 from tympan.studies.diagnosis.inference.residual_tests import STATED
 from tympan.studies.diagnosis.reading_table import Kind, ReadingTable, States, rows
@@ -21,8 +21,8 @@ from tympan.studies.effects import EFFECTS, Setup
 Array = NDArray[np.float64]
 
 #: Noise of a displacement nobody states and nothing measures, and of channels, whose noise no file
-#: states, as shares.
-ASSUMED, CHANNEL = 0.02, 0.01
+#: states, as shares; and the least of tilts [rad].
+ASSUMED, CHANNEL, TILT = 0.02, 0.01, 1e-4
 
 #: Readings below which nothing is concluded, and above which those of nearly the same state are
 #: averaged.
@@ -82,8 +82,6 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     remarks, parts = [], []
     if static is not None:
         parts += _static(static, numbers, reading_sigma(dataset))
-        if "tilt" in channels(static):
-            remarks.append("tilt readings are not used")
     if ranges is not None:
         parts.append(_ranges(ranges, numbers))
     table = reduce(ReadingTable.joined, parts)
@@ -114,11 +112,13 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
                        np.unique(readings.run, return_inverse=True)[1])
     origin = readings.order, readings.run, "static.csv", readings.line
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
-    kinds: tuple[Kind, ...] = ("capacitance", "film_voltage")
+    kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
     for kind in kinds:
-        values = readings[kind]
+        values = np.abs(readings[kind])
         if (seen := np.isfinite(values)).any():
-            noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
+            noise = CHANNEL * float(values.max(where=seen, initial=0.0))
+            if kind == "tilt":
+                noise = max(noise, TILT)
             tables.append(rows(states, kind, noise, values, *origin)[seen])
     if np.isfinite(readings.order).all():
         tables = [table.reached(np.argsort(readings.order, kind="stable")) for table in tables]

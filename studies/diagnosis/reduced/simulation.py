@@ -353,11 +353,13 @@ class Prediction:
                 shown[rows] = rig.reading(heave[at], table.states.elapsed[at])
             elif kind == "range":
                 shown[rows] = rig.reading(heave[at]) - rig.reading(heave[table.since[rows]])
-            elif kind == "capacitance":
+            elif kind in ("capacitance", "tilt"):
                 of_states = np.empty(len(heave))
                 for group, surface in self.films:
-                    of_states[group] = surface.capacitance(within[group], squared[group])
-                shown[rows] = self.permittivity * of_states[at]
+                    seen = surface.capacitance if kind == "capacitance" else surface.tilt_squared
+                    of_states[group] = seen(within[group], squared[group])
+                shown[rows] = (self.permittivity * of_states if kind == "capacitance"
+                               else np.sqrt(np.maximum(of_states, 0.0)))[at]
             elif kind == "film_voltage":
                 shown[rows] = self.supplied[at]
             else:
