@@ -42,6 +42,7 @@ from tympan.geometry.outlines import (
 from tympan.geometry.specimen import Film, Plate, Specimen
 from tympan.studies.case import Settings, build_model
 from tympan.studies.diagnosis.reading_table import States
+from tympan.studies.diagnosis.readings import CHANNEL, TILT
 from tympan.studies.effects import Setup
 
 Array = NDArray[np.float64]
@@ -166,30 +167,40 @@ def written(drawn: RandomDesign, folder: Path, noisy: bool = True) -> Path | Non
     random = default_rng([drawn.number, 7])
     design, truth = drawn.design, drawn.truth
     states, lines = design.table.states, []
+    columns = ("displacement_mm", *drawn.channels)
     law = scaled(design.setup.specimens[0].membrane.material, truth.stiffness)
+    values = np.empty((len(states), len(columns)))
     for ramp in design.ramps():
         rig, model, solved = ramp_states(design, truth, law, ramp)
         if solved is None:
             return None
         for row, state in zip(ramp.tolist(), solved, strict=True):
-            values = {"displacement_mm": 1e3 * (rig.reading(state.plate.deflection)
-                                                + noisy * random.normal(0, drawn.noise))}
-            more = {"capacitance_pF": 1e12 * model.capacitance(state),
-                    "tilt_mrad": 1e3 * state.plate.tilt,
-                    "film_voltage_kV": 1e-3 * float(states.voltage[row])}
-            values |= {name: more[name] * (1 + noisy * random.normal(0, 0.01))
-                       for name in drawn.channels}
-            lines.append(f"{design.setup.specimens[int(states.specimen[row])].name},"
-                         f"{1e3 * states.mass[row]:.6g},{1e-3 * states.voltage[row]:.6g},"
-                         + ",".join(f"{value:.7g}" for value in values.values()))
+            shown = {"displacement_mm": 1e3 * rig.reading(state.plate.deflection),
+                     "capacitance_pF": 1e12 * model.capacitance(state),
+                     "tilt_mrad": 1e3 * state.plate.tilt,
+                     "film_voltage_kV": 1e-3 * float(states.voltage[row])}
+            values[row] = [shown[name] for name in columns]
+    noise = CHANNEL * np.abs(values).max(axis=0)
+    noise[0] = 1e3 * drawn.noise
+    if "tilt_mrad" in columns:
+        place = columns.index("tilt_mrad")
+        noise[place] = max(noise[place], 1e3 * TILT)
+    values += noisy * noise * random.standard_normal(values.shape)
+    for row, read in enumerate(values):
+        # A probe's voltage has no sign: nobody reads it where there is none.
+        cells = ["" if name == "film_voltage_kV" and not states.voltage[row] else
+                 f"{value if number == 0 else abs(value):.7g}"
+                 for number, (name, value) in enumerate(zip(columns, read, strict=True))]
+        lines.append(f"{design.setup.specimens[int(states.specimen[row])].name},"
+                     f"{1e3 * states.mass[row]:.6g},{1e-3 * states.voltage[row]:.6g},"
+                     + ",".join(cells))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "dataset.toml").write_text(toml({
         "name": design.name, "noise": f"{1e6 * drawn.noise:.3g} um",
         "specimen": [specimen_content(specimen) for specimen in design.setup.specimens],
     }), encoding="utf-8")
-    columns = ("specimen", "mass_g", "voltage_kV", "displacement_mm", *drawn.channels)
-    (folder / "static.csv").write_text("\n".join([",".join(columns), *lines]) + "\n",
-                                       encoding="utf-8")
+    head = ",".join(("specimen", "mass_g", "voltage_kV", *columns))
+    (folder / "static.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
     return folder
 
 

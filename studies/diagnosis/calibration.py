@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.ramp import equilibrium, held
 from tympan.fem.film.laws.stiffened import scaled
 from tympan.geometry.errors import InputError
 from tympan.geometry.specimen import Film
@@ -17,7 +17,13 @@ from tympan.studies.diagnosis.inference.posterior import Fit, nominal_fit, nomin
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import FEWEST
 from tympan.studies.diagnosis.reduced.force_law import ForceLaw
-from tympan.studies.diagnosis.reduced.sampling import FINE, NotSampled, force_laws, nominal_law
+from tympan.studies.diagnosis.reduced.sampling import (
+    COARSE,
+    FINE,
+    NotSampled,
+    force_laws,
+    nominal_law,
+)
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     Hypothesis,
@@ -42,6 +48,7 @@ _ROUNDS, _GROWTH = 8, 2.0
 #: Why a reading is left out: the laws end before it, or the film does.
 _REASONS = ("the film cannot be solved so far out",
             "a film that fits the other readings has no equilibrium there")
+_SLACK = "the film has lost tension there and may wrinkle, so that what it does is less certain"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,34 +70,60 @@ def calibrated(setup: Setup, table: ReadingTable) -> Calibration:
 
     An :class:`InputError` when the films cannot be solved, or too few readings are left.
     """
-    def unknowns_of(simulation: Simulation) -> Array:
-        # As long as they are possible: impossible states tell little.
-        fits = list(nominal_fits(simulation, table))
-        return next((fit for fit in reversed(fits) if fit.possible), fits[0]).unknowns
-
-    simulation = reaching(setup, table, unknowns_of)
+    simulation = reaching(setup, table, lambda simulation: _safest(simulation, table).unknowns)
     fit = nominal_fit(simulation, table)
     if fit.possible:
-        return Calibration(simulation, fit, table)
-    kept, reasons = np.arange(len(table)), np.full(len(table), "", "<U99")
-    while not fit.possible:
-        prediction = Prediction(simulation, (), fit.unknowns, table[kept].compact())
-        out = farthest(prediction)
-        reasons[kept[out]] = np.where(prediction.short[prediction.table.state[out]], *_REASONS)
-        kept = kept[~out]
-        if len(kept) < FEWEST:
-            raise InputError(f"less than {FEWEST} are left that films of some stiffness and "
-                             "permittivity can show: are masses, voltages and sizes right?",
-                             key="readings", given="; ".join(_left_out(setup, table, reasons)))
-        fit = nominal_fit(simulation, table[kept].compact())
-    rest = calibrated(setup, table[kept].compact())
-    return replace(rest, remarks=(*_left_out(setup, table, reasons), *rest.remarks))
+        doubtful = by_ramp(setup, table, slack(simulation, fit, table))
+        return Calibration(simulation, fit, table,
+                           tuple(f"{place}: {_SLACK}" for place in doubtful))
+    reasons = _reasons(simulation, table)
+    kept = table[reasons == ""].compact()
+    remarks = [f"{place} left out: {reason}"
+               for reason in np.unique(reasons[reasons != ""]).tolist()
+               for place in by_ramp(setup, table, reasons == reason)]
+    if len(kept) < FEWEST:
+        raise InputError(f"less than {FEWEST} are left that films of some stiffness and "
+                         "permittivity can show: are masses, voltages and sizes right?",
+                         key="readings", given="; ".join(remarks))
+    rest = calibrated(setup, kept)
+    return replace(rest, remarks=(*remarks, *rest.remarks))
 
 
-def _left_out(setup: Setup, table: ReadingTable, reasons: NDArray[np.str_]) -> list[str]:
-    """Remarks on the rows that there are reasons for."""
-    return [f"{place} left out: {reason}" for reason in np.unique(reasons[reasons != ""]).tolist()
-            for place in by_ramp(setup, table, reasons == reason)]
+def _safest(simulation: Simulation, table: ReadingTable) -> Fit:
+    """The nominal model fitted to as many readings, from low voltages on, as it can be at."""
+    fits = list(nominal_fits(simulation, table))
+    return next((fit for fit in reversed(fits) if fit.possible), fits[0])
+
+
+def _reasons(simulation: Simulation, table: ReadingTable) -> NDArray[np.str_]:
+    """Why each row must be left out so that a fit is at all of the others, "" for those that stay.
+
+    Those that the films of low voltages cannot be at; then, ramp by ramp, those of high ones.
+    """
+    fit, reasons = _safest(simulation, table), np.full(len(table), "", "<U99")
+    while True:
+        prediction = Prediction(simulation, (), fit.unknowns, table)
+        out = prediction.impossible_rows
+        if (reasons != "").any():
+            out &= reasons == ""
+            out &= table.voltage >= _highest(table, out)[table.ramp]
+        reasons[out] = np.where(prediction.short[table.state[out]], *_REASONS)
+        stay = table[reasons == ""].compact()
+        if len(stay) < FEWEST:
+            return reasons
+        fit = nominal_fit(simulation, stay)
+        if fit.possible:
+            return reasons
+        if not out.any():
+            reasons[reasons == ""] = np.where(
+                table.voltage[reasons == ""] == table.voltage[reasons == ""].max(), _REASONS[1], "")
+
+
+def _highest(table: ReadingTable, rows: NDArray[np.bool_]) -> Array:
+    """The highest voltage of some rows of each ramp."""
+    highest = np.zeros(int(table.ramp.max()) + 1)
+    np.maximum.at(highest, table.ramp[rows], table.voltage[rows])
+    return highest
 
 
 def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulation], Array]
@@ -120,7 +153,8 @@ def reaching(setup: Setup, table: ReadingTable, unknowns_of: Callable[[Simulatio
         if not (narrowed.any() or growing.any()):
             break
         room = np.where(narrowed, np.array([_TIGHT]).T, room)
-        needed = np.where(growing, np.minimum(wanted, _GROWTH * have), needed)
+        needed = np.where(growing | (narrowed & (wanted < needed)),
+                          np.minimum(wanted, _GROWTH * have), needed)
     return simulation
 
 
@@ -147,21 +181,15 @@ def _needed(setup: Setup, table: ReadingTable, prediction: Prediction | None = N
         read = table.value[(table.specimen == number) & (table.kind == "displacement")]
         there = states.specimen == number
         if prediction is not None:
+            # Where U² is beyond reach the heave tells nothing.
             sought = there & (prediction.possible | prediction.short)
-            read = np.append(read, prediction.extended_heave[sought])
+            sought &= prediction.voltage_squared <= prediction.top
+            read = prediction.extended_heave[sought]
         read = np.abs(read[np.isfinite(read)])
         largest = float(read.max()) if len(read) else _UNKNOWN * specimen.gap
         needed.append((np.clip(largest, _LEAST * specimen.gap, _LARGEST * specimen.gap),
                        max(_QUIET, squared[there].max(initial=0.0))))
     return np.array(needed).T
-
-
-def farthest(prediction: Prediction) -> NDArray[np.bool_]:
-    """Rows of impossible states, of each ramp those at its highest voltage."""
-    table, rows = prediction.table, prediction.impossible_rows
-    highest = np.zeros(int(table.ramp.max()) + 1)
-    np.maximum.at(highest, table.ramp[rows], table.voltage[rows])
-    return rows & (table.voltage >= highest[table.ramp])
 
 
 def by_ramp(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_]) -> list[str]:
@@ -172,8 +200,9 @@ def by_ramp(setup: Setup, table: ReadingTable, rows: NDArray[np.bool_]) -> list[
         lines = ", ".join(str(line) for line in np.unique(some.line))
         low, high = 1e-3 * some.voltage.min(), 1e-3 * some.voltage.max()
         voltages = f"{high:.4g} kV" if low == high else f"{low:.4g} to {high:.4g} kV"
-        words.append(f"{some.file[0]} line {lines} ({setup.specimens[some.specimen[0]].name}, "
-                     f"{1e3 * some.mass[0]:.4g} g, {voltages})")
+        plural, name = "s" if "," in lines else "", setup.specimens[some.specimen[0]].name
+        words.append(f"{some.file[0]} line{plural} {lines} ({name}, {1e3 * some.mass[0]:.4g} g, "
+                     f"{voltages})")
     return words
 
 
@@ -216,3 +245,24 @@ def law_error(simulation: Simulation, fit: Fit, table: ReadingTable, count: int 
         if outcome.status == "equilibrium":
             worst = max(worst, abs(outcome.state.plate.deflection - float(fit.heave[state])))
     return worst
+
+
+def slack(simulation: Simulation, fit: Fit, table: ReadingTable) -> NDArray[np.bool_]:
+    """Which readings are, at a fit of the nominal film, of states that have lost tension somewhere.
+
+    A film loses more of it the higher its voltage is: of each ramp they are the last ones.
+    """
+    setup = extended_setup(simulation, fit.hypothesis, fit.unknowns)
+    prediction = Prediction(simulation, fit.hypothesis, fit.unknowns, table)
+    seen = np.sqrt(prediction.voltage_squared * prediction.stiffness / prediction.permittivity)
+    models = [build_model(specimen, COARSE, setup.rig.loading) for specimen in setup.specimens]
+    beyond = np.zeros(len(table), bool)
+    for ramp in range(int(table.ramp.max()) + 1):
+        rows = np.flatnonzero(table.ramp == ramp)
+        for row in rows[np.argsort(-seen[table.state[rows]])].tolist():
+            state, model = table.state[row], models[table.specimen[row]]
+            film = held(model, float(prediction.extended_heave[state]), float(seen[state]))
+            if film.status == "equilibrium" and model.in_tension(film.state):
+                break
+            beyond[row] = True
+    return beyond
