@@ -198,8 +198,8 @@ def _tested(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause]
                              np.exp(np.array(logs or [0.0]) - max(logs, default=0.0)), test)
 
     before, after, rival = (
-        test.value - simulation.predict(one.hypothesis, one.unknowns, test) if one
-        else np.full(len(test), np.nan) for one in (nominal, chosen, wrong))
+        test.value - simulation.predict(model.hypothesis, model.unknowns, test) if model
+        else np.full(len(test), np.nan) for model in (nominal, chosen, wrong))
     process = GaussianProcess.trained(train, nominal.residual * train.sigma)
     errors = {"before": before, "after": after, "process": before - process.predicted(test),
               "rival": rival, "noise": test.sigma}

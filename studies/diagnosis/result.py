@@ -299,10 +299,10 @@ def _rmse_um(residual: Array, table: ReadingTable) -> float:
 def _parameters(fit: Fit, cause: Cause) -> Json:
     """The parameters of a cause at a fit, in the units to show, with 95 % limits; inf is None."""
     parameters: Json = {}
-    for name, found in found_sizes(fit, cause).items():
-        shown = (found.parameter.shown(value) for value in (found.value, found.low, found.high))
+    for name, size in found_sizes(fit, cause).items():
+        shown = (size.parameter.shown(value) for value in (size.value, size.low, size.high))
         value, low, high = (item if np.isfinite(item) else None for item in shown)
-        parameters[name] = {"value": value, "unit": found.parameter.unit, "low": low,
+        parameters[name] = {"value": value, "unit": size.parameter.unit, "low": low,
                             "high": high,
-                            "words": "" if found.range else f"{found}"}
+                            "words": "" if size.range else f"{size}"}
     return parameters
