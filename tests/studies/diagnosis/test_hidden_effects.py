@@ -42,8 +42,10 @@ from benchmarks.trials.trial import (
 from benchmarks.trials.unmodelled_faults import STRANGERS, Bend, Jump, Stick
 from tests.oracles.axisymmetric import Film, neo_hooke, solve_load
 from tests.support.datasets import HEAD, write_dataset
+from tympan.fem.toml_writer import specimen_content, toml
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.diagnose import diagnose
+from tympan.studies.diagnosis.inference.identifiability import SEEN
 from tympan.studies.diagnosis.inference.verdict import judge
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.readings import prepared_readings
@@ -158,7 +160,7 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
 LARGE: tuple[tuple[str, float, Means], ...] = (
     ("sensor_zero", 150e-6, "elements"), ("plate_eccentricity", 8e-3, "elements"),
     ("drift", 2e-6 / 60, "another law"), ("electrode_stiffness", 8e3, "elements"),
-    ("permittivity_stretch", 0.6, "another law"), ("voltage_sag", 10e3**-2.0, "elements"),
+    ("permittivity_stretch", 1.5, "another law"), ("voltage_sag", 10e3**-2.0, "elements"),
     ("parallel_spring", 40.0, "another law"), ("prestretch_anisotropy", 0.08, "elements"))
 
 
@@ -174,9 +176,11 @@ def test_large_effects_are_named_or_listed_and_no_other_is_named(
     assert values is not None
     table = measured(design, values, np.random.default_rng(SEED), 0)
     found = judge(*fitted_to(simulation, table), design.causes)
-    assert found.verdict in ("named", "ambiguous")
-    assert found.named in ((), (Cause(name),))
-    assert found.named or Cause(name) in found.suspects
+    seen, _ = stands_out(found.simulation, truth, table.with_values(values), ())
+    assert found.named in ((), truth.hypothesis)
+    if seen >= SEEN:  # a law of permittivity may be taken up by the one that is fitted
+        assert found.verdict in ("named", "ambiguous")
+        assert found.named or truth.hypothesis[0] in found.suspects
 
 
 def test_the_largest_slip_is_named(lab: Lab) -> None:
@@ -195,11 +199,12 @@ def test_the_papers_actuators_softer_than_stated_are_judged(lab: Lab, tmp_path: 
     values = readings(design, Truth(stiffness=0.85))
     assert values is not None
     table = measured(design, values, np.random.default_rng(SEED), 0)
-    folder = write_dataset(tmp_path / "soft", HEAD + 'noise = "20 um"\n',
-                           static=_usual(design, table),
-                           specimens=tuple(one.name for one in design.setup.specimens))
+    head = toml({"name": "soft", "noise": "20 um",
+                 "specimen": [specimen_content(one) for one in design.setup.specimens]})
+    folder = write_dataset(tmp_path / "soft", head, (), static=_usual(design, table))
     found = diagnose(read_dataset(folder))
-    assert found.verdict in ("nothing", "ambiguous")
+    assert found.verdict == "nothing"
+    assert len(found.judgement.table) == len(table)
 
 
 def test_sizes_are_drawn_evenly_over_the_logarithm() -> None:
