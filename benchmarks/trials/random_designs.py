@@ -189,8 +189,8 @@ def written(drawn: RandomDesign, folder: Path, noisy: bool = True) -> Path | Non
     for row, read in enumerate(values):
         # A probe's voltage has no sign: nobody reads it where there is none.
         cells = ["" if name == "film_voltage_kV" and not states.voltage[row] else
-                 f"{value if number == 0 else abs(value):.7g}"
-                 for number, (name, value) in enumerate(zip(columns, read, strict=True))]
+                 f"{abs(value) if name == 'film_voltage_kV' else value:.7g}"
+                 for name, value in zip(columns, read, strict=True)]
         lines.append(f"{design.setup.specimens[int(states.specimen[row])].name},"
                      f"{1e3 * states.mass[row]:.6g},{1e-3 * states.voltage[row]:.6g},"
                      + ",".join(cells))

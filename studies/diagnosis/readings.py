@@ -114,11 +114,13 @@ def _static(readings: Sheet, numbers: dict[str, int], sigma: Array) -> list[Read
     tables = [rows(states, "displacement", sigma, readings.displacement, *origin)]
     kinds: tuple[Kind, ...] = ("capacitance", "film_voltage", "tilt")
     for kind in kinds:
-        values = np.abs(readings[kind])
+        values = readings[kind]
         if (seen := np.isfinite(values)).any():
-            noise = CHANNEL * float(values.max(where=seen, initial=0.0))
+            noise = CHANNEL * float(np.abs(values).max(where=seen, initial=0.0))
             if kind == "tilt":
                 noise = max(noise, TILT)
+                # Whichever way; but noise about 0 keeps its sign, or it would look like a tilt.
+                values = np.where(np.abs(values) > 3 * noise, np.abs(values), values)
             tables.append(rows(states, kind, noise, values, *origin)[seen])
     if np.isfinite(readings.order).all():
         tables = [table.reached(np.argsort(readings.order, kind="stable")) for table in tables]
