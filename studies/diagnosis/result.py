@@ -36,6 +36,7 @@ from tympan.studies.diagnosis.sentences import (
     headline,
     next_step,
     suspects_among,
+    together,
     told,
     where,
 )
@@ -139,6 +140,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "headline": headline(self.verdict, named, suspects, place),
             "causes": causes,
+            "together": together(suspects),
             "indistinguishable": [sorted({cause.name for cause in group})
                                   for group in judged.indistinguishable],
             "misfit": self._misfit(place),

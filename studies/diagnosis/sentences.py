@@ -83,6 +83,13 @@ def suspects_among(causes: Sequence[Json]) -> list[Json]:
     return likely[:_MOST] or list(causes[:1])
 
 
+def together(suspects: Sequence[Json]) -> bool:
+    """Whether suspects are no rivals but the members of one hypothesis."""
+    return len(suspects) > 1 and all(
+        str(Cause(cause["effect"], cause["which"])) in suspects[0]["with"]
+        for cause in suspects[1:])
+
+
 def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], where: str) -> str:
     """What a reader is told first."""
     if verdict == "named":
@@ -92,7 +99,8 @@ def headline(verdict: str, named: Sequence[Json], suspects: Sequence[Json], wher
         if len(heads) == 1:
             return WORDS["probably"].format(cause=heads[0])
         heads = [heads[0], *(head[0].lower() + head[1:] for head in heads[1:])]
-        return WORDS["either"].format(first=heads[0], others="; or ".join(heads[1:]))
+        key = "both" if together(suspects) else "either"
+        return WORDS[key].format(first=heads[0], others="; or ".join(heads[1:]))
     return WORDS[verdict].format(where=where)
 
 

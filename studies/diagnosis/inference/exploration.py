@@ -93,9 +93,9 @@ class Exploration:
 
     def alone(self, factor: float) -> list[Fit]:
         """Every effect fitted by itself with usual sizes ``factor`` times as large."""
-        again = [fit(self.simulation, known.hypothesis, self.table, known.unknowns,
+        again = [fit(self.simulation, before.hypothesis, self.table, before.unknowns,
                      factor * self.widen)
-                 for known in self.fits.values() if len(known.hypothesis) == 1]
+                 for before in self.fits.values() if len(before.hypothesis) == 1]
         return [fit for fit in again if fit.possible]
 
     @property

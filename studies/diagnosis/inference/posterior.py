@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, without
+from tympan.studies.diagnosis.inference.residual_tests import JUMPS, orthonormal, taken_by, without
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
@@ -165,12 +165,12 @@ def evidence(fit: Fit, widen: float = 1.0) -> float:
     integrated exactly over stiffness and permittivity, and with the sizes' priors as they are by
     quadrature within their limits.
     """
-    known = np.zeros(len(fit.unknowns))
-    known[FACTORS] = NUISANCE**-2.0
-    precision = fit.jacobian.T @ fit.jacobian + np.diag(known)
-    slope = known * fit.unknowns - fit.jacobian.T @ fit.residual
+    weights = np.zeros(len(fit.unknowns))
+    weights[FACTORS] = NUISANCE**-2.0
+    precision = fit.jacobian.T @ fit.jacobian + np.diag(weights)
+    slope = weights * fit.unknowns - fit.jacobian.T @ fit.residual
     inner = precision[FACTORS, FACTORS]
-    top = -0.5 * (fit.chi_squared + float(known @ fit.unknowns**2))
+    top = -0.5 * (fit.chi_squared + float(weights @ fit.unknowns**2))
     top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
     top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
     if not fit.hypothesis:
@@ -357,7 +357,7 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
     coefficients that make it a typical size, the same for one pattern of the table at a time or for
     all. Columns are over the noise of the readings.
     """
-    taken = orthonormal(fit.jacobian)
+    taken = taken_by(fit.jacobian)
     residual = without(taken, fit.residual)
     gains = []
     for columns in (patterns[name] for name in patterns if name not in JUMPS):

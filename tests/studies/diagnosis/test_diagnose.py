@@ -221,7 +221,7 @@ def test_no_specimen_is_blamed_for_what_all_have(three_shapes: Simulation) -> No
 def listed(name: str, probability: float, clear: bool = True, rival: bool = False
            ) -> dict[str, Any]:
     return {"effect": name, "headline": f"A {name}", "probability": probability, "clear": clear,
-            "only_its_size": rival, "check": f"look at the {name}"}
+            "only_its_size": rival, "check": f"look at the {name}", "which": None, "with": []}
 
 
 def test_suspects_have_a_size_and_a_probability_or_nothing_but_their_size_against_them() -> None:
@@ -237,6 +237,8 @@ def test_headlines() -> None:
     assert headline("ambiguous", [], [lead], "") == "Probably this: A lead."
     assert headline("ambiguous", [], [lead, hook], "").endswith(
         "Either this: A lead; or a hook.")
+    both = [lead | {"with": ["hook"]}, hook | {"with": ["lead"]}]
+    assert headline("ambiguous", [], both, "").startswith("Two errors together")
     assert "no effect in the library explains it: here" in headline("unexplained", [], [], "here")
     assert headline("nothing", [], [], "").startswith("The simulation agrees")
 
@@ -267,6 +269,7 @@ def test_table_2_contradicts_any_membrane_in_shape_and_mass(table_2: dict[str, A
     both; two that were many times their usual size would, of readings whose noise nobody knows.
     """
     assert table_2["verdict"] == "ambiguous"
+    assert table_2["together"]
     likely = [cause for cause in table_2["causes"] if cause["probability"] > 0.5]
     assert {cause["effect"] for cause in likely} == {"unaccounted_mass", "prestretch_anisotropy"}
     assert all(cause["surprise"] > 5 for cause in likely)
