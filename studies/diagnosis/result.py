@@ -222,12 +222,12 @@ class Diagnosis:
         # Misfits weigh less, and what they leave of the unknowns grows.
         change = np.array([0.5 * (1 - _NOISIER**-2.0) * fit.chi_squared
                            + len(fit.unknowns) * np.log(_NOISIER) for fit in fits])
-        weight = np.array([posterior.nothing, *posterior.probabilities])
-        weight = weight * np.exp(change - change.max())
         named = [set(self.judgement.named) <= set(fit.hypothesis) for fit in fits]
         # What else there may be counts as it does beside the best hypothesis.
-        more = posterior.discrepancy * np.exp(change[1] - change.max())
-        return float(weight[named].sum() / (weight.sum() + more))
+        shares = np.array([posterior.nothing, *posterior.probabilities, posterior.discrepancy])
+        logs = np.log(np.maximum(shares, 1e-300)) + np.array([*change, change[1]])
+        weight = np.exp(logs - logs.max())
+        return float(weight[:-1][named].sum() / weight.sum())
 
     def _misfit(self, place: str) -> Json:
         judged, table = self.judgement, self.judgement.table

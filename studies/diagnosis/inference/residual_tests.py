@@ -33,6 +33,7 @@ WORDS = {
     "direction": "readings differ on the way up and on the way down",
     "fitted": "large deflections are off against small ones",
     "ramps": "single ramps are off in different ways",
+    "channel": "readings of {1} are off",
     "step": "from one reading on, readings are shifted",
     "shifted": "from reading {0} on, readings are shifted",
     "stick": "the readings stick and jump, as a plate does that rubs",
@@ -70,8 +71,32 @@ def words_of(name: str) -> str:
 def patterns(table: ReadingTable, names: Sequence[str], predicted: Array) -> dict[str, Array]:
     """By name, columns a misfit may be a combination of, in units of the readings.
 
-    ``names`` are the specimens', ``predicted`` what the nominal model says.
+    ``names`` are the specimens', ``predicted`` what the nominal model says. Those of lengths, then
+    those of every other channel.
     """
+    lengths, columns = table.lengths, dict[str, Array]()
+    if lengths.any():
+        columns = {name: _among(lengths, values) for name, values in _patterns_of_lengths(
+            table[lengths], names, predicted[lengths]).items()}
+    for kind, rows in table.rows_of.items():
+        if not lengths[rows[0]]:
+            channel, typical = table[rows], float(np.sqrt(np.mean(predicted[rows] ** 2)))
+            size = np.full(len(rows), typical or float(channel.sigma.max()))
+            voltage = _legendre(channel.voltage**2)
+            columns[f"channel {kind}"] = _among(table.kind == kind, np.hstack(
+                [size[:, None] * voltage, _ramps(channel, size, voltage)]))
+    return columns
+
+
+def _among(rows: NDArray[np.bool_], columns: Array) -> Array:
+    """Columns of some rows among all of them."""
+    among = np.zeros((len(rows), columns.shape[1]))
+    among[rows] = columns
+    return among
+
+
+def _patterns_of_lengths(table: ReadingTable, names: Sequence[str],
+                         predicted: Array) -> dict[str, Array]:
     size = np.full(len(table), float(np.sqrt(np.mean(predicted**2))))
     voltage, numbers = _legendre(table.voltage**2), np.unique(table.specimen)
     few = voltage[:, :3]

@@ -62,6 +62,9 @@ EXCLUDED = 6.0
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
 
+#: The least noise of a channel, over what is assumed.
+_QUIETEST = 0.05
+
 #: How many hypotheses are asked whether they leave noise, by probability and by χ².
 _ASKED = (8, 6)
 
@@ -133,6 +136,9 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
         raise ArithmeticError("the nominal model has no equilibrium at the states that were read")
     names = [specimen.name for specimen in simulation.setup.specimens]
     columns = patterns(table, names, table.value - nominal.residual * table.sigma)
+    if not table.lengths.all():
+        table = _with_noise_of_channels(table, nominal, columns)
+        nominal = fit(simulation, (), table, nominal.unknowns)
     signs = signatures(simulation, table, nominal.unknowns, causes)
     one_sided = frozenset(
         str(cause) for cause in causes
@@ -156,6 +162,19 @@ def judge(simulation: Simulation, table: ReadingTable, causes: Sequence[Cause],
     exploration = Exploration(simulation, table, nominal, possible, adequacy.enough, widen, workers)
     exploration.run()
     return _weighed(replace(base, simulation=exploration.simulation), exploration, adequacy)
+
+
+def _with_noise_of_channels(table: ReadingTable, nominal: Fit,
+                            columns: dict[str, Array]) -> ReadingTable:
+    """With the noise of every channel but lengths, which no file states, as its scatter tells."""
+    factor, scaled = np.ones(len(table)), over(columns, table)
+    for kind, rows in table.rows_of.items():
+        name = f"channel {kind}"
+        if name in scaled:
+            tests = ResidualTests.of(nominal.jacobian[rows], {name: scaled[name][rows]}, 0.0)
+            if tests.freedom > 0:
+                factor[rows] = max(tests.noise(nominal.residual[rows]), _QUIETEST)
+    return table.with_sigma(factor * table.sigma)
 
 
 @dataclass

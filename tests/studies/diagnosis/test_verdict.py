@@ -20,7 +20,7 @@ from tympan.studies.diagnosis.inference.identifiability import (
 from tympan.studies.diagnosis.inference.posterior import NUISANCE, fit
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
-from tympan.studies.diagnosis.reading_table import ReadingTable
+from tympan.studies.diagnosis.reading_table import ReadingTable, rows
 from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
@@ -185,3 +185,23 @@ def test_without_any_effect_to_think_of_a_misfit_is_unexplained(three_shapes: Si
     assert judged.posterior is not None
     assert judged.posterior.discrepancy > 0.99
     assert judged.chosen is None
+
+
+@pytest.mark.parametrize("share", [0.1, 3.0])
+def test_a_channel_of_other_noise_than_assumed_makes_no_misfit(three_shapes: Simulation,
+                                                               share: float) -> None:
+    """Of capacitances whose noise is a tenth of, or three times what is assumed."""
+    lengths = design(SIGMA)
+    channel = rows(lengths.states, "capacitance", 1.0)
+    exact = three_shapes.predict((), np.zeros(2), channel)
+    channel = channel.with_values(exact).with_sigma(np.full(len(exact), 0.01 * exact.max()))
+    generator = np.random.default_rng(3)
+    noise = share * channel.sigma * generator.standard_normal(len(exact))
+    table = lengths.with_values(three_shapes.predict((), np.zeros(2), lengths)
+                              + SIGMA * generator.standard_normal(len(lengths)))
+    both = table.joined(channel.with_values(exact + noise))
+    judged = judge(three_shapes, both, every_cause(three_shapes))
+    assert judged.verdict == "nothing"
+    factor = judged.table.sigma / both.sigma
+    assert np.median(factor[both.lengths]) == pytest.approx(1.0, abs=0.25)
+    assert np.median(factor[~both.lengths]) == pytest.approx(share, rel=0.3)
