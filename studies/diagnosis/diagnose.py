@@ -28,6 +28,9 @@ from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.diagnosis.self_check import Bench
 from tympan.studies.effects import Setup
 
+#: Parts of the work after the films: to weigh hypotheses, and to test what they predict.
+_LATER = 2
+
 
 def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
              progress: Callable[[int, int], None] = lambda done, all_of_them: None) -> Diagnosis:
@@ -53,12 +56,21 @@ def diagnose(dataset: Dataset, workers: int = 1, seed: int = 0,
     error = law_error(nominal.simulation, nominal.fit, nominal.table)
     table = _with_model_error(nominal.table, error)
     readings = replace(readings, table=table, remarks=(*readings.remarks, *nominal.remarks))
-    simulation = with_effects(nominal.simulation, progress, workers)
+    films = 1
+
+    def solved(done: int, count: int) -> None:
+        nonlocal films
+        films = count
+        progress(done, count + _LATER)
+
+    simulation = with_effects(nominal.simulation, solved, workers)
+    progress(films, films + _LATER)
     try:
         judged = judge(simulation, table, readings.causes, readings.stated, seed=seed,
                        workers=workers)
     except ArithmeticError as failure:
         raise InputError(str(failure), key="readings", given=f"{len(table)} readings") from None
+    progress(films + 1, films + _LATER)
     if judged.chosen is not None:
         error = max(error, law_error(judged.simulation, judged.chosen, table))
     return Diagnosis.of(dataset, readings, judged, error, seed)
