@@ -283,7 +283,7 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
                   if abs(size) > _NONE * law.axes[number].parameter.deviation]
         base = replace(_chain_of(simulation, law_number), exact=True)
         for number in active:
-            chains += _single(base, law.axes[number], number, float(sizes[number]))
+            chains += _single(base, law, number, float(sizes[number]))
         groups = {2, len(active)} if len(active) > 1 else set()
         for group in (group for count in sorted(groups) for group in combinations(active, count)):
             sample = tuple((number, float(sizes[number])) for number in group)
@@ -292,17 +292,21 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
     return _with_answers(simulation, solve_chains(chains, workers))
 
 
-def _single(base: Chain, axis: Axis, number: int, size: float) -> list[Chain]:
-    """A place at a size beyond the first ones, if there is none near."""
-    sense = 1 if size > 0 else -1
+def _single(base: Chain, law: ForceLaw, number: int, size: float) -> list[Chain]:
+    """A place at a size; where there is one near, that, if not all nodes were solved there."""
+    axis, sense = law.axes[number], 1 if size > 0 else -1
     side = axis.side(sense)
     size = sense * min(abs(size), axis.reach(sense))
     inside = abs(size) <= min(FIRST_SPAN * axis.parameter.deviation, axis.span(sense))
-    if any(abs(size - place) < (_ALIKE_INSIDE if inside else _ALIKE) * abs(size)
-           for place in side):
-        return []
+    near = [place for place in side
+            if abs(size - place) < (_ALIKE_INSIDE if inside else _ALIKE) * abs(size)]
+    if near:
+        size = min(near, key=lambda place: abs(size - place))
+        if not law.samples[((number, size),)].grid.some:
+            return []
     below = [place for place in side if abs(place) < abs(size)]
-    return [replace(Chain.along(base, number, [size], below), patient=below == [*side])]
+    patient = below == [*side]
+    return [replace(Chain.along(base, number, [size], below), patient=patient)]
 
 
 def _near_another(law: ForceLaw, sample: Sample) -> bool:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import ndtr, ndtri
-from scipy.stats import norm
 
 from tests.support.models import deflection_gradient
 from tests.support.specimens import ROOT5, circular, elliptical, skewed
@@ -189,21 +188,30 @@ def test_edits_are_pure_and_refuse_what_is_out_of_range(effect: Effect) -> None:
 
 @each_parameter
 def test_priors(effect: Effect, number: int) -> None:
-    """Density and draws are those of the cut normal distribution, and the limits can be built."""
+    """Draws and density go together, the usual size is that of the width, tails are heavy."""
     item = effect.parameters[number]
     low, high = item.limits
     assert item.prior.logpdf(high * 1.001) == -np.inf
     shares = np.random.default_rng(3).random(400)
     drawn = item.prior.ppf(shares)
     assert low <= drawn.min() <= drawn.max() <= high
-    below, above = ndtr(np.array([low, high]) / item.deviation)
-    assert drawn == pytest.approx(item.deviation * ndtri(below + (above - below) * shares),
-                                  rel=1e-9, abs=1e-12 * item.deviation)
-    density = norm(scale=item.deviation).pdf(0.7 * item.deviation) / (above - below)
-    assert item.prior.pdf(0.7 * item.deviation) == pytest.approx(density, rel=1e-9)
-    assert item.size(item.value(item.deviation)) == pytest.approx(item.deviation, rel=1e-12)
-    for size in (low, high):
-        changed(effect, number, size)
+    assert item.prior.cdf(drawn) == pytest.approx(shares, abs=1e-9)
+    usual = item.deviation
+    inside = np.diff(item.prior.cdf(np.array([max(low, -3 * usual), 3 * usual])))[0]
+    assert 0.7 < inside < 0.98
+    slope = (item.prior.cdf(0.7001 * usual) - item.prior.cdf(0.6999 * usual)) / (2e-4 * usual)
+    assert np.exp(item.prior.logpdf(0.7 * usual)) == pytest.approx(slope, rel=1e-6)
+    assert item.size(item.value(usual)) == pytest.approx(usual, rel=1e-12)
+
+
+@each_parameter
+def test_effects_are_built_or_refused_in_words_as_far_as_they_may_go(effect: Effect,
+                                                                     number: int) -> None:
+    item = effect.parameters[number]
+    for share in (-20.0, -6.0, 6.0, 20.0):
+        size = float(np.clip(share * item.deviation, *item.limits))
+        with suppress(InputError):
+            changed(effect, number, size)
 
 
 @each_effect
