@@ -55,7 +55,7 @@ def test_a_rival_that_only_its_size_speaks_against_is_called_so() -> None:
 
 
 @pytest.mark.parametrize(("stand_out", "words"), [
-    ((["drift"], ["drift"]), "Drift stands out whether usual sizes are taken 0.33 or 10 times"),
+    ((["drift"], ["drift"]), "Drift stands out whether usual sizes are taken 1/3 of, or 10 times,"),
     ((["drift"], []), "with 0.33 times those of the library drift; with 10 times"),
     (([], []), "Nothing stands out, whichever sizes"),
 ])
