@@ -33,12 +33,16 @@ _SHARE, _USUAL = 0.9, 8.0
 #: its derivatives do, and how far behind the best one it may still end, in the cost.
 _PROMISE, _BEHIND = 3.0, 15.0
 
-#: Fits that are made exact: so far behind the best one at most, by evidence and prior, so many, and
-#: effects from such a share of their usual size on.
-_NEAR, _MOST, _ACTIVE = 6.0, 4, 0.2
+#: Fits that are made exact: so far behind the best one at most, by evidence and prior, so many,
+#: effects from such a share of their usual size on, and how often.
+_NEAR, _MOST, _ACTIVE, _ROUNDS = 6.0, 4, 0.2, 3
 
 #: By what factor more than its derivatives tell a second effect may help.
 _HELP = 1.5
+
+#: Effects alone that are tried far beyond their best fit where none explains the readings, and how
+#: often each is grown for that.
+_VENTURES, _STEPS = 3, 4
 
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
 _COUNT = 3.0
@@ -75,16 +79,21 @@ class Exploration:
             self._fit(single, self._starts(single))
         self._reach()
         self._grow(singles, _GROWTHS[0])
+        # Before pairs, since a second effect may make up for what a force law is off.
+        self._refine(_BEHIND)
+        if not self._explained():
+            self._venture()
+            self._refine(_BEHIND)
         for pair in pairs:
             members = [self.fits[cause,] for cause in pair]
             starts = [with_sizes(pair, member) for member, other in (members, members[::-1])
                       if member.possible and self._may_help(member, other)]
             if starts:
                 self._fit(pair, starts)
-        self._refine()
-        if not any(map(self.adequate, self.ranked()[:_MOST])):
+        self._refine(_NEAR)
+        if not self._explained():
             self._grow([pair for pair in pairs if pair in self.fits], _GROWTHS[1])
-            self._refine()
+            self._refine(_NEAR)
 
     def ranked(self) -> list[Fit]:
         """Fits that are possible, the most probable first."""
@@ -138,6 +147,25 @@ class Exploration:
             for hypothesis in short:
                 self._fit(hypothesis, [self.fits[hypothesis].unknowns, *self._starts(hypothesis)])
 
+    def _explained(self) -> bool:
+        return any(map(self.adequate, self.ranked()[:_MOST]))
+
+    def _venture(self) -> None:
+        """Look for another minimum of the best effects alone, far beyond the one found."""
+        for before in self.ranked()[:_VENTURES]:
+            for number in range(SIZES.start, len(before.unknowns)):
+                side = 1 if before.unknowns[number] > 0 else -1
+                cause, index = _parameter(before.hypothesis, number)
+                for _ in range(_STEPS):
+                    simulation = grown(self.simulation, cause, index, side, self.workers)
+                    if simulation is self.simulation:
+                        break
+                    self.simulation = simulation
+                    bounds = bounds_of(simulation, before.hypothesis)
+                    further = self.fits[before.hypothesis].unknowns.copy()
+                    further[number] = _SHARE * bounds[0 if side < 0 else 1, number]
+                    self._fit(before.hypothesis, [self.fits[before.hypothesis].unknowns, further])
+
     def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
         """Grow the effects that press against the end of what is sampled, promising ones first."""
         ended: set[tuple[Hypothesis, int]] = set()
@@ -174,21 +202,28 @@ class Exploration:
                 if at_end and slope * bound < 0 and abs(bound) < (1 - _AT) * abs(limit):
                     yield fit.cost - _PROMISE * 0.5 * slope**2 * variance[number], number
 
-    def _refine(self) -> None:
-        """Exact films where the most probable fits are."""
-        for hypothesis in [near.hypothesis for near in self._near()]:
-            before = self.fits[hypothesis]
-            usual = np.array([item.deviation for item in parameters_of(hypothesis)])
-            unknowns = before.unknowns.copy()
-            unknowns[SIZES] *= np.abs(unknowns[SIZES]) >= _ACTIVE * usual
-            simulation = refined(self.simulation, hypothesis, unknowns, self.workers)
-            if simulation is not self.simulation:
-                self.simulation = simulation
-                self._fit(hypothesis, [before.unknowns])
+    def _refine(self, near: float) -> None:
+        """Exact films where the most probable fits are, until these stay where they were."""
+        for _ in range(_ROUNDS):
+            before = self.simulation
+            for hypothesis in [fitted.hypothesis for fitted in self._near(near)]:
+                self._solve_at(hypothesis)
+            if self.simulation is before:
+                return
 
-    def _near(self) -> list[Fit]:
+    def _solve_at(self, hypothesis: Hypothesis) -> None:
+        unknowns = self.fits[hypothesis].unknowns
+        usual = np.array([item.deviation for item in parameters_of(hypothesis)])
+        active = unknowns.copy()
+        active[SIZES] *= np.abs(unknowns[SIZES]) >= _ACTIVE * usual
+        simulation = refined(self.simulation, hypothesis, active, self.workers)
+        if simulation is not self.simulation:
+            self.simulation = simulation
+            self._fit(hypothesis, [unknowns])
+
+    def _near(self, near: float) -> list[Fit]:
         ranked = self.ranked()
-        return [fit for fit in ranked[:_MOST] if self._log(fit) > self._log(ranked[0]) - _NEAR]
+        return [fit for fit in ranked[:_MOST] if self._log(fit) > self._log(ranked[0]) - near]
 
     def _log(self, fit: Fit) -> float:
         """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""

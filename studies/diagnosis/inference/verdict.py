@@ -184,15 +184,16 @@ class _Adequacy:
     base: Judgement
     freedom: float
     generator: np.random.Generator
-    results: dict[int, TestResult] = field(default_factory=dict)
+    results: dict[int, tuple[Fit, TestResult]] = field(default_factory=dict)
 
     def of(self, fit: Fit) -> TestResult:
         """The test of a fit, done once."""
         if id(fit) not in self.results:
             columns = over(self.base.patterns, self.base.table)
             tests = ResidualTests.of(fit.jacobian, columns, stated=0.0)
-            self.results[id(fit)] = tests(fit.residual, self.generator, known=self.freedom)
-        return self.results[id(fit)]
+            # The fit is kept, too, so that no other one gets its identity.
+            self.results[id(fit)] = fit, tests(fit.residual, self.generator, known=self.freedom)
+        return self.results[id(fit)][1]
 
     def enough(self, fit: Fit) -> bool:
         """Whether it may be noise."""
@@ -218,7 +219,7 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     best = next(iter(posterior.fits), base.nominal)
     weighed = replace(base, posterior=posterior, after=adequacy.of(best), alone=singles,
                       suspects=_causes(posterior.credible()))
-    if not enough or posterior.discrepancy > DISCREPANCY * posterior.wrong:
+    if not enough or posterior.discrepancy > DISCREPANCY:
         return replace(weighed, verdict="unexplained")
     robust = {scale: _sure(Posterior.of(base.nominal, [
         replace(fit, evidence=evidence(fit, scale * exploration.widen)) for fit in kept], odds,

@@ -21,6 +21,7 @@ from tympan.studies.diagnosis.inference.posterior import NUISANCE, fit
 from tympan.studies.diagnosis.inference.ratios import ratios
 from tympan.studies.diagnosis.inference.verdict import interval, judge, single_effects
 from tympan.studies.diagnosis.reading_table import ReadingTable, rows
+from tympan.studies.diagnosis.reduced.growth import refined
 from tympan.studies.diagnosis.reduced.simulation import Cause, Simulation, hypotheses_of
 
 NAMES = ("circular", "elliptical-small", "elliptical-large")
@@ -205,3 +206,31 @@ def test_a_channel_of_other_noise_than_assumed_makes_no_misfit(three_shapes: Sim
     factor = judged.table.sigma / both.sigma
     assert np.median(factor[both.lengths]) == pytest.approx(1.0, abs=0.25)
     assert np.median(factor[~both.lengths]) == pytest.approx(share, rel=0.3)
+
+
+def test_a_cause_that_only_its_size_speaks_against_is_suspected(three_shapes: Simulation) -> None:
+    """Plates 8.5 mm off centre, whose own readings a film stretched unevenly shows as well."""
+    plate = (Cause("plate_eccentricity"),)
+    unknowns = np.array([0.05, -0.03, 8.5e-3, 0.0])
+    exact = refined(three_shapes, plate, unknowns)
+    table = design(SIGMA)
+    noise = SIGMA * np.random.default_rng(4).standard_normal(len(table))
+    judged = judge(three_shapes, table.with_values(exact.predict(plate, unknowns, table) + noise),
+                   [*plate, Cause("prestretch_anisotropy"), Cause("sensor_zero")])
+    assert judged.verdict == "ambiguous"
+    assert plate[0] in judged.suspects
+    alone = next(fit for fit in judged.alone if fit.hypothesis == plate)
+    assert alone.surprise(plate[0]) == pytest.approx(8.5, rel=0.1)
+    assert judged.simulation is not three_shapes
+
+
+def test_what_is_named_is_so_for_every_scale_of_the_priors(three_shapes: Simulation) -> None:
+    mass = Cause("unaccounted_mass")
+    table = read(three_shapes, design(SIGMA), (mass,), [3e-3], seed=1)
+    judged = judge(three_shapes, table, every_cause(three_shapes))
+    assert judged.named == (mass,)
+    assert set(judged.robust.values()) == {(mass,)}
+    assert min(judged.robust) <= 1 / 3
+    assert max(judged.robust) >= 10
+    for scale in (0.2, 5.0):
+        assert judge(three_shapes, table, every_cause(three_shapes), widen=scale).named == (mass,)
