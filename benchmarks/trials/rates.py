@@ -246,8 +246,8 @@ of identifiable effects alone cover less: an effect that a prior thinks improbab
 towards it. "Missed" judges the rate, not its interval. The calibration error of a perfect engine
 is about 0.05 with a hundred trials and falls with their root. A stranger with a smaller Δχ² from
 the library is as good as one of its effects, and may get its name: with two masses a weight with
-the wrong label is a mass left out of account. A plate that rubs jumps, and what jumps looks like
-noise larger than stated; the diagnosis warns of that, but it is no verdict."""
+the wrong label is a mass left out of account. A plate that sticks and jumps
+is seen where its jumps stand out from the noise."""
 _SIZES = """## Effects of any size
 
 One effect, drawn from the library, of a size with each power of ten as probable as another between
