@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
-from tympan.studies.diagnosis.inference.residual_tests import orthonormal, without
+from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown, refined, regridded
 from tympan.studies.diagnosis.reduced.simulation import (
@@ -113,8 +113,8 @@ class Exploration:
 
     def _may_help(self, member: Fit, other: Fit) -> bool:
         """Whether a second effect may take enough away of what the first one leaves."""
-        columns = without(orthonormal(member.jacobian), other.jacobian[:, SIZES])
-        gain = 0.5 * float(np.sum((orthonormal(columns).T @ member.residual) ** 2))
+        more = beside(taken_by(member.jacobian), other.jacobian[:, SIZES])
+        gain = 0.5 * float(np.sum((more.T @ member.residual) ** 2))
         return member.cost - _HELP * gain < self._least + _BEHIND
 
     def _starts(self, hypothesis: Hypothesis) -> list[Array]:

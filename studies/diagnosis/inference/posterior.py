@@ -326,10 +326,6 @@ class Posterior:
         """The fit of these causes together."""
         return next((fit for fit in self.fits if set(fit.hypothesis) == set(causes)), None)
 
-    def with_cause(self, cause: Cause) -> Fit:
-        """The most probable hypothesis that has a cause."""
-        return next(fit for fit in self.fits if cause in fit.hypothesis)
-
     def credible(self) -> tuple[Fit, ...]:
         """The fewest hypotheses that together have 95 % of all that have an effect."""
         total = np.cumsum(self.probabilities)

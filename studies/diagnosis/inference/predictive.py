@@ -63,11 +63,6 @@ class Predictive:
             weight = weight / weight.sum(0)
         return cls(weight, np.where(there, mean, 0.0), np.where(there, deviation, 0.0))
 
-    def with_member(self, weight: float, mean: Array, deviation: Array) -> Predictive:
-        """With one member more, which has that weight wherever it has a mean."""
-        return self._mixed(np.vstack([(1 - weight) * self.weight, np.full(len(mean), weight)]),
-                           np.vstack([self.mean, mean]), np.vstack([self.deviation, deviation]))
-
     @property
     def centre(self) -> Array:
         """The mean of each row."""

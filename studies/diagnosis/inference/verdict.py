@@ -205,7 +205,8 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     columns = over(base.patterns, base.table)
     singles = tuple(exploration.alone(SCALES[-1]))
     ranked = exploration.ranked()
-    asked = [*ranked[: _ASKED[0]], *sorted(ranked, key=lambda fit: fit.chi_squared)[: _ASKED[1]]]
+    best_fitting = sorted(ranked, key=lambda fit: fit.chi_squared)
+    asked = dict.fromkeys([*ranked[: _ASKED[0]], *best_fitting[: _ASKED[1]]])
     enough = {fit.hypothesis for fit in asked if adequacy.enough(fit)}
     # What leaves more than noise is no explanation while something else leaves noise alone.
     out = {fit.hypothesis for fit in asked} - enough if enough else set()
