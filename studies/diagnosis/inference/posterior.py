@@ -21,11 +21,12 @@ from tympan.studies.diagnosis.reduced.simulation import (
     Prediction,
     Simulation,
     bounds_of,
+    limits_of,
     parameters_of,
     sizes_of,
     unknown_count,
 )
-from tympan.studies.effects.prior import HeavyTail, as_residuals
+from tympan.studies.effects.prior import as_residuals
 from tympan.studies.estimation.least_squares import Evaluation, LeastSquares, minimise
 
 Array = NDArray[np.float64]
@@ -36,9 +37,9 @@ Array = NDArray[np.float64]
 NUISANCE = np.array([0.5, 0.4])
 
 _ITERATIONS, _SMALL = 40, 1e-4
-#: Points of quadrature in each of one, two, three or more sizes; how far it reaches, in standard
-#: deviations.
-_NODES, _REACH = (32, 20, 12, 6, 4, 3), 6.0
+#: Points of quadrature in each of one, two, three or more sizes, and in one of which limits are
+#: asked; how far it reaches, in standard deviations.
+_NODES, _FINE, _REACH = (32, 20, 12, 6, 4, 3), 128, 6.0
 
 #: Shares of the readings, those of the lowest voltages first, that the nominal model is fitted to.
 _SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -57,16 +58,19 @@ class Fit:
     """A hypothesis fitted to a table.
 
     ``residual``: readings minus predictions over their noise, shape (rows,); ``jacobian``:
-    derivatives of the predictions over the noise by the unknowns; ``slope`` and ``precision``:
+    derivatives of the predictions over the noise by the unknowns; ``bounds`` and ``limits``: what
+    films are sampled for and could be, shape (2, unknowns); ``slope`` and ``precision``:
     first and second derivatives of the cost; ``cost``: minus the logarithm of posterior density,
     and ``evidence``: logarithm of the readings' probability, up to what all hypotheses share;
     ``heave``: of the states [m]. Where not all states are possible, cost and evidence are infinite,
-    and ``short`` is the cost that laws of further reach might have, or inf.
+    and ``short`` is the cost that laws of further reach might have, or inf. Usual sizes were taken
+    ``widen`` times as large.
     """
 
     hypothesis: Hypothesis
     unknowns: Array
     bounds: Array
+    limits: Array
     residual: Array
     jacobian: Array
     slope: Array
@@ -75,6 +79,7 @@ class Fit:
     evidence: float
     heave: Array
     short: float = np.inf
+    widen: float = 1.0
 
     @property
     def possible(self) -> bool:
@@ -89,7 +94,10 @@ class Fit:
     @property
     def covariance(self) -> Array:
         """Of the unknowns, shape (p, p)."""
-        return np.asarray(np.linalg.pinv(self.precision, hermitian=True), float)
+        # Over their own widths, since unknowns in different units are of different magnitude.
+        width = np.maximum(np.abs(np.diag(self.precision)), 1e-300) ** -0.5
+        scaled = self.precision * width * width[:, None]
+        return np.asarray(np.linalg.pinv(scaled, hermitian=True) * width * width[:, None], float)
 
     @property
     def deviations(self) -> Array:
@@ -116,7 +124,7 @@ def fit(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable,
 
 def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTable, start: Array,
               widen: float) -> Fit:
-    bounds = bounds_of(simulation, hypothesis)
+    bounds, limits = bounds_of(simulation, hypothesis), limits_of(simulation, hypothesis)
     scales = np.array([parameter.prior.widened(widen).scale
                        for parameter in parameters_of(hypothesis)])
 
@@ -136,13 +144,13 @@ def _fit_from(simulation: Simulation, hypothesis: Hypothesis, table: ReadingTabl
     point, unknowns, prediction = minimum.point, minimum.unknowns, minimum.point.state
     derivatives = (-point.jacobian, problem.slope(unknowns, point),
                    problem.curvature(unknowns, point))
-    if not prediction.complete:
-        further = np.all(prediction.possible | prediction.short)
-        return Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, np.inf, -np.inf,
-                   prediction.heave, minimum.cost if further else np.inf)
-    made = Fit(hypothesis, unknowns, bounds, point.residual, *derivatives, minimum.cost, 0.0,
-               prediction.heave)
-    return replace(made, evidence=evidence(made, widen))
+    reached = Fit(hypothesis, unknowns, bounds, limits, point.residual, *derivatives, minimum.cost,
+                  0.0, prediction.heave, widen=widen)
+    if prediction.complete:
+        return replace(reached, evidence=evidence(reached, widen))
+    further = np.all(prediction.possible | prediction.short)
+    return replace(reached, cost=np.inf, evidence=-np.inf,
+                   short=minimum.cost if further else np.inf)
 
 
 def _starts(hypothesis: Hypothesis, start: Array | None) -> list[Array]:
@@ -165,60 +173,96 @@ def evidence(fit: Fit, widen: float = 1.0) -> float:
     integrated exactly over stiffness and permittivity, and with the sizes' priors as they are by
     quadrature within their limits.
     """
-    weights = np.zeros(len(fit.unknowns))
-    weights[FACTORS] = NUISANCE**-2.0
-    precision = fit.jacobian.T @ fit.jacobian + np.diag(weights)
-    slope = weights * fit.unknowns - fit.jacobian.T @ fit.residual
-    inner = precision[FACTORS, FACTORS]
-    top = -0.5 * (fit.chi_squared + float(weights @ fit.unknowns**2))
-    top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
-    top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
+    parabola = _Parabola.of(fit)
     if not fit.hypothesis:
-        return float(top)
-    # The sizes' own parabola, stiffness and permittivity at their best for each.
-    gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
-    curvature = precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain
-    pull = slope[SIZES] - gain.T @ slope[FACTORS]
-    priors = [parameter.prior.widened(widen) for parameter in parameters_of(fit.hypothesis)]
-    low, high = fit.bounds[:, SIZES]
-    return float(top + _log_integral(curvature, pull, fit.unknowns[SIZES], low, high, priors))
+        return parabola.top
+    sizes = list(range(len(fit.unknowns) - SIZES.start))
+    _, logs = parabola.quadrature(fit, fit.bounds, widen, sizes)
+    return parabola.top + float(logsumexp(logs))
 
 
-def _log_integral(curvature: Array, slope: Array, sizes: Array, low: Array, high: Array,
-                  priors: Sequence[HeavyTail]) -> float:
-    """Logarithm of the integral of priors times exp(-slope·x - x·curvature·x/2) over a box.
+def quantiles(fit: Fit, number: int, shares: Sequence[float]) -> Array:
+    """Sizes below which shares of an effect's posterior lie, the other unknowns whatever they are.
 
-    x are sizes less those at the most probable place. One size after the other, by Gauss–Legendre
-    quadrature in the inverse hyperbolic sine of its size over its scale, about where those before
-    it leave it.
+    ``number`` is the place of the size among the unknowns. By the same quadrature as the evidence,
+    as far as sizes may go, so that one that readings hardly tell has the prior's limits.
     """
-    count = len(sizes)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES[count - 1])
-    scales = np.array([prior.scale for prior in priors])
-    # A size that readings do not tell keeps a little curvature, of what priors allow.
-    curvature = curvature + np.diag((1e-3 / scales) ** 2)
-    places, logs = np.zeros((1, count)), np.zeros(1)
-    for k in range(count):
-        last = slice(k, count)
-        inverse = np.linalg.inv(curvature[last, last])
-        towards = slope[last] + places[:, :k] @ curvature[:k, last]
-        centre, width = -(towards @ inverse)[:, 0], inverse[0, 0] ** 0.5
-        # Where likelihood falls from a limit, as far as it falls.
-        fall = np.minimum(_REACH * width, 40 * width**2 / np.maximum(np.abs(centre), 1e-300))
-        from_, to = low[k] - sizes[k], high[k] - sizes[k]
-        near, far = np.clip(centre, from_, to) - fall, np.clip(centre, from_, to) + fall
-        lower = np.clip(np.minimum(np.minimum(centre - _REACH * width, near), 0.0), from_, to)
-        upper = np.clip(np.maximum(np.maximum(centre + _REACH * width, far), 0.0), from_, to)
-        begin, end = (np.arcsinh((edge + sizes[k]) / scales[k]) for edge in (lower, upper))
-        at = 0.5 * (begin + end)[:, None] + 0.5 * (end - begin)[:, None] * nodes
-        inside = scales[k] * np.sinh(at)
-        measure = 0.5 * (end - begin)[:, None] * weights * scales[k] * np.cosh(at)
-        logs = (logs[:, None] + np.log(np.maximum(measure, 1e-300))
-                + priors[k].logpdf(inside)).ravel()
-        places = np.repeat(places, len(nodes), axis=0)
-        places[:, k] = (inside - sizes[k]).ravel()
-    exponent = logs - places @ slope - 0.5 * np.einsum("ni,ij,nj->n", places, curvature, places)
-    return float(logsumexp(exponent))
+    sizes = list(range(len(fit.unknowns) - SIZES.start))
+    first = number - SIZES.start
+    places, logs = _Parabola.of(fit).quadrature(
+        fit, fit.limits, fit.widen, [first, *(size for size in sizes if size != first)], _FINE)
+    weight = np.exp(logs - logs.max()).reshape(_FINE, -1).sum(1)
+    below = (np.cumsum(weight) - 0.5 * weight) / weight.sum()
+    return np.interp(shares, below, places[:: len(places) // _FINE, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Parabola:
+    """The logarithm of likelihood about a fit, stiffness and permittivity at their best.
+
+    ``top`` - ``slope``·x - x·``curvature``·x/2, x the sizes less those of the fit.
+    """
+
+    top: float
+    slope: Array
+    curvature: Array
+
+    @classmethod
+    def of(cls, fit: Fit) -> _Parabola:
+        """Integrated over stiffness and permittivity and their prior."""
+        weights = np.zeros(len(fit.unknowns))
+        weights[FACTORS] = NUISANCE**-2.0
+        precision = fit.jacobian.T @ fit.jacobian + np.diag(weights)
+        slope = weights * fit.unknowns - fit.jacobian.T @ fit.residual
+        inner = precision[FACTORS, FACTORS]
+        top = -0.5 * (fit.chi_squared + float(weights @ fit.unknowns**2))
+        top += 0.5 * float(slope[FACTORS] @ np.linalg.solve(inner, slope[FACTORS]))
+        top -= 0.5 * np.linalg.slogdet(inner)[1] + np.log(NUISANCE).sum()
+        gain = np.linalg.solve(inner, precision[FACTORS, SIZES])
+        return cls(float(top), slope[SIZES] - gain.T @ slope[FACTORS],
+                   precision[SIZES, SIZES] - precision[SIZES, FACTORS] @ gain)
+
+    def quadrature(self, fit: Fit, bounds: Array, widen: float, order: Sequence[int],
+                   first: int | None = None) -> tuple[Array, Array]:
+        """Nodes, shape (n, sizes) in that ``order``, and the logarithms of their weights.
+
+        Weights are of priors times exp(-slope·x - x·curvature·x/2) within ``bounds``. One size
+        after the other, by Gauss–Legendre quadrature in the inverse hyperbolic sine of its size
+        over its scale, about where those before it leave it. ``first``: nodes in the first size.
+        """
+        count = len(order)
+        parameters = parameters_of(fit.hypothesis)
+        priors = [parameters[k].prior.widened(widen) for k in order]
+        scales = np.array([prior.scale for prior in priors])
+        sizes = fit.unknowns[SIZES][order]
+        low, high = bounds[:, SIZES][:, order]
+        slope = self.slope[order]
+        # A size that readings do not tell keeps a little curvature, of what priors allow.
+        curvature = self.curvature[np.ix_(order, order)] + np.diag((1e-3 / scales) ** 2)
+        places, logs = np.zeros((1, count)), np.zeros(1)
+        for k in range(count):
+            nodes, weights = np.polynomial.legendre.leggauss(
+                first if first and k == 0 else _NODES[count - 1])
+            last = slice(k, count)
+            inverse = np.linalg.inv(curvature[last, last])
+            towards = slope[last] + places[:, :k] @ curvature[:k, last]
+            centre, width = -(towards @ inverse)[:, 0], inverse[0, 0] ** 0.5
+            # Where likelihood falls from a limit, as far as it falls.
+            fall = np.minimum(_REACH * width, 40 * width**2 / np.maximum(np.abs(centre), 1e-300))
+            from_, to = low[k] - sizes[k], high[k] - sizes[k]
+            near, far = np.clip(centre, from_, to) - fall, np.clip(centre, from_, to) + fall
+            lower = np.clip(np.minimum(np.minimum(centre - _REACH * width, near), 0.0), from_, to)
+            upper = np.clip(np.maximum(np.maximum(centre + _REACH * width, far), 0.0), from_, to)
+            begin, end = (np.arcsinh((edge + sizes[k]) / scales[k]) for edge in (lower, upper))
+            at = 0.5 * (begin + end)[:, None] + 0.5 * (end - begin)[:, None] * nodes
+            inside = scales[k] * np.sinh(at)
+            measure = 0.5 * (end - begin)[:, None] * weights * scales[k] * np.cosh(at)
+            logs = (logs[:, None] + np.log(np.maximum(measure, 1e-300))
+                    + priors[k].logpdf(inside)).ravel()
+            places = np.repeat(places, len(nodes), axis=0)
+            places[:, k] = (inside - sizes[k]).ravel()
+        logs = logs - places @ slope - 0.5 * np.einsum("ni,ij,nj->n", places, curvature, places)
+        return places + sizes, logs
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:
@@ -291,16 +335,15 @@ class Posterior:
            among: Sequence[Hypothesis]) -> Posterior:
         """By evidence and prior, that of all hypotheses ``among`` which they are.
 
-        ``left``: of some hypotheses, the odds that there is a discrepancy beside them, by what they
-        leave (:func:`odds_of_more`); of others those are taken to be as before any data. Without
-        any fits, of the nominal one.
+        ``left``: of some hypotheses, the logarithm of the odds that there is a discrepancy beside
+        them, by what they leave (:func:`odds_of_more`); of others those are taken to be as before
+        any data. Without any fits, of the nominal one.
         """
         logs = np.array([fit.evidence for fit in fits])
         shares = dict(zip(among, priors(among).tolist(), strict=True))
         logs = logs + np.log([shares[fit.hypothesis] for fit in fits])
-        odds = np.array([left.get(fit.hypothesis, 1.0) for fit in fits])
-        more = (float(logsumexp(logs, b=np.maximum(odds, 1e-300))) if fits
-                else nominal.evidence + float(np.log(left[()])))
+        odds = np.array([left.get(fit.hypothesis, 0.0) for fit in fits])
+        more = float(logsumexp(logs + odds)) if fits else nominal.evidence + left[()]
         both = np.array([nominal.evidence + np.log(NOTHING),
                          more + np.log(DISCREPANCY / (SINGLE + PAIR)), *logs])
         weight = np.exp(both - both.max())
@@ -346,7 +389,7 @@ def priors(hypotheses: Sequence[Hypothesis]) -> Array:
 
 
 def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
-    """By what factor readings raise the odds that some smooth pattern is beside a hypothesis.
+    """Logarithm by which readings raise the odds that some smooth pattern is beside a hypothesis.
 
     Only what its unknowns cannot take up counts, whatever their size: a large effect that leaves
     nothing is no reason to look for another. A pattern's columns have independent normal
@@ -361,7 +404,15 @@ def odds_of_more(fit: Fit, patterns: dict[str, Array]) -> float:
         scale = (len(columns) / max(basis.shape[1], 1)) ** 0.5
         free = without(taken, basis)
         gains += [_log_gain(residual, size * scale * free) for size in _SIZES]
-    return float(np.exp(min(logsumexp(gains) - np.log(len(gains)), 700.0)))
+    return float(logsumexp(gains) - np.log(len(gains)))
+
+
+def log_odds_to_smooth(fit: Fit, nominal: Fit, patterns: dict[str, Array],
+                       among: Sequence[Hypothesis]) -> float:
+    """Logarithm of a hypothesis' odds against something smooth that the nominal model lacks."""
+    share = dict(zip(among, priors(among).tolist(), strict=True))[fit.hypothesis]
+    smooth = nominal.evidence + odds_of_more(nominal, patterns) + np.log(DISCREPANCY)
+    return float(fit.evidence + np.log(share) - smooth)
 
 
 def _log_gain(residual: Array, spread: Array) -> float:

@@ -22,8 +22,10 @@ from tympan.studies.diagnosis.inference.posterior import (
     Posterior,
     evidence,
     fit,
+    log_odds_to_smooth,
     nominal_fit,
     odds_of_more,
+    quantiles,
 )
 from tympan.studies.diagnosis.inference.residual_tests import (
     STATED,
@@ -58,6 +60,10 @@ SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
 #: χ² by which a rival must miss the readings more than what is named, whatever its size may be.
 EXCLUDED = 6.0
+
+#: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
+#: the odds.
+PAIRED = 3.0
 
 #: How often force laws are made to reach further for the nominal fit.
 _REACHES = 3
@@ -231,7 +237,9 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     weighed = replace(weighed, robust=robust, rivals=rivals, suspects=tuple(dict.fromkeys(
         [*weighed.suspects, *(rival.cause for rival in rivals)])))
     firm = len({frozenset(names) for names in robust.values()}) == 1
-    doubted = posterior.discrepancy > DOUBTED * posterior.wrong
+    doubted = posterior.discrepancy > DOUBTED * posterior.wrong or (
+        alone is not None and len(sure) > 1
+        and log_odds_to_smooth(alone, base.nominal, columns, among) < PAIRED)
     if alone is None or rivals or doubted or not firm or not adequacy.enough(alone):
         return replace(weighed, verdict="ambiguous")
     return replace(weighed, verdict="named", named=sure)
@@ -258,11 +266,14 @@ def interval(fit: Fit, number: int) -> tuple[float, float, float]:
     """An unknown's most probable value and 95 % limits; a bound that the value lies on is one."""
     centre, width = float(fit.unknowns[number]), float(fit.deviations[number])
     low, high = ((bound - centre) / width for bound in fit.bounds[:, number])
-    below, above = ndtr(low), ndtr(high)
     parts = ((0.0, 0.95) if low >= -_AT_BOUND else (0.05, 1.0) if high <= _AT_BOUND
              else (0.025, 0.975))
-    limits = [float(centre + width * ndtri(below + part * (above - below))) for part in parts]
-    return centre, min(limits[0], centre), max(limits[1], centre)
+    if number < SIZES.start:
+        below, above = ndtr(low), ndtr(high)
+        limits = centre + width * ndtri(below + np.array(parts) * (above - below))
+    else:
+        limits = quantiles(fit, number, parts)
+    return centre, min(float(limits[0]), centre), max(float(limits[1]), centre)
 
 
 @dataclass(frozen=True, eq=False)
