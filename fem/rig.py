@@ -107,6 +107,24 @@ class Rig:
         supplied = (1 + self.amplifier_gain) * voltage / (1 + sag * sag)
         return _not_turned(supplied, supplied - direction * self.lag_voltage)
 
+    def nominal_voltage(self, film_voltage: float, direction: float = 0.0) -> float:
+        """The lowest nominal voltage at which the film responds to so much [V]; inf for none.
+
+        Examples
+        --------
+        >>> Rig(sag_voltage=7000.0, amplifier_gain=0.1).film_voltage(4000.0)
+        3316.923...
+        >>> Rig(sag_voltage=7000.0, amplifier_gain=0.1).nominal_voltage(3316.9230769)
+        3999.99...
+        >>> Rig(sag_voltage=7000.0).nominal_voltage(3600.0)
+        inf
+        """
+        supplied = film_voltage + direction * self.lag_voltage
+        gain = 1 + self.amplifier_gain
+        # gain U = supplied (1 + (U/U_s)²), its smaller root.
+        square = gain**2 - (2 * supplied / self.sag_voltage) ** 2
+        return float(2 * supplied / (gain + np.sqrt(square))) if square >= 0 else inf
+
     def reading(self, deflection: Any, elapsed: Any = 0.0) -> Any:
         """What the sensor shows [m] of a deflection, so long after the run began [s]."""
         return (1 + self.sensor_gain) * deflection + self.sensor_zero + self.drift * elapsed

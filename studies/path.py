@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 import numpy as np
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import moved
-from tympan.fem.equilibrium.ramp import follow_branch
+from tympan.fem.equilibrium.ramp import PathSettings, follow_branch
 from tympan.fem.film.tension_field import Tension
 from tympan.fem.membrane.model import Model
-from tympan.fem.membrane.state import Load
-from tympan.fem.results.fields import whole
+from tympan.fem.membrane.state import Load, State
+from tympan.fem.results.fields import Fields, whole
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import area
 from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason, node_fields
@@ -25,6 +26,9 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
 _STEP, _STRETCH = 0.015, 6.0
+
+#: A motion along a branch by which is seen where the film thins, relative to the frame.
+_ONWARDS = 1e-4
 
 #: What may grow along a branch.
 Along = Literal["voltage", "charge", "mass", "pressure"]
@@ -43,9 +47,10 @@ class Station:
     """One equilibrium of a branch, in SI.
 
     ``stable``: at constant load, voltage and gas pressure, the film kept from wrinkling; ``tense``:
-    no part of the film has lost tension; ``breakdown_share``: largest field over strength, 0 where
-    the strength is unknown; ``unbalanced``: largest nodal force that smooth motions leave, relative
-    to the largest nodal force.
+    no part of the film has lost tension; ``least_stress_Pa``: smallest principal true stress;
+    ``breakdown_share``: largest field over strength, 0 where the strength is unknown;
+    ``unbalanced``: largest nodal force that smooth motions leave, relative to the largest nodal
+    force.
     """
 
     deflection_m: float
@@ -55,6 +60,7 @@ class Station:
     charge_C: float
     capacitance_F: float
     max_stretch: float
+    least_stress_Pa: float
     breakdown_share: float
     stable: bool
     tense: bool
@@ -63,11 +69,16 @@ class Station:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens at one point of a branch; ``value`` of what grows along it."""
+    """Something that happens at one point of a branch; ``value`` of what grows along it.
+
+    ``x_m`` and ``y_m`` are where in the mounted film: at a limit, where the film thins fastest.
+    """
 
     what: What
     value: float
     unit: str
+    x_m: float
+    y_m: float
     station: Station
 
     @property
@@ -132,94 +143,160 @@ def path(case: Case, settings: Settings, along: Along,
     stations: list[Station] = []
     events: list[Event] = []
     limits: list[FilmSurface] = []
-    previous: PathPoint | None = None
-    ended = "the branch could not be followed further"
-    load, unit = _GROWING[along]
-    stepping = replace(settings.path, arc=replace(settings.path.arc, longest=_STEP))
-    for branch, point in follow_branch(model, start.state, load, stepping):
-        station = _station(model, point)
-        progress(f"{station.deflection_m * 1e3:.2f} mm")
-        if previous is not None:
-            passed = list(_events(case, branch, previous, point, along, limits))
-            events += passed
-            # Curves should pass through what happens between two points.
-            before = previous.state.plate.deflection
-            stations += sorted((event.station for event in passed),
-                               key=lambda passing: abs(passing.deflection_m - before))
-        stations.append(station)
-        previous = point
-        if station.deflection_m > model.size:
-            ended = f"followed to a deflection of {station.deflection_m * 1e3:.3g} mm"
-        elif station.max_stretch > _STRETCH:
-            ended = f"followed to a stretch of {station.max_stretch:.3g}"
-        elif point.rate < 0 and point.state.load(load) < 0:
-            ended = f"followed until the {along} fell back to zero"
-        elif station.unbalanced > settings.path.unbalanced:
-            ended = (f"followed to a deflection of {station.deflection_m * 1e3:.4g} mm: beyond, "
-                     "the mesh does not resolve the branch; --refine may")
-        else:
-            continue
-        break
+    ended = ""
+    for leg in legs(case, model, start.state, along, settings.path):
+        progress(f"{leg.station.deflection_m * 1e3:.2f} mm")
+        events += leg.events
+        limits += [_critical_film(model, point) for point in leg.limits]
+        # Curves should pass through what happens between two points.
+        stations += [*(event.station for event in leg.events), leg.station]
+        ended = leg.ended
     return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
-        unit=unit, stations=tuple(stations), events=tuple(events), dofs=model.unknowns,
-        wall_s=time.perf_counter() - began, warnings=(ended,), limits=tuple(limits))
+        unit=_GROWING[along][1], stations=tuple(stations), events=tuple(events),
+        dofs=model.unknowns, wall_s=time.perf_counter() - began,
+        warnings=(ended or "the branch could not be followed further",), limits=tuple(limits))
 
 
-def _station(model: Model, point: PathPoint) -> Station:
-    state = point.state
-    fields = node_fields(model, state)
-    tangent = point.solution.tangent
-    assert tangent is not None
-    voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
-    capacitance = model.capacitance(state)
-    return Station(
-        deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
-        pressure_Pa=state.pressure, charge_C=capacitance * voltage, capacitance_F=capacitance,
-        max_stretch=float(fields.stretch_1.max()),
-        breakdown_share=float(fields.breakdown_share.max()), stable=tangent.negative == 0,
-        tense=bool((fields.tension == Tension.TAUT).all()),
-        unbalanced=model.unbalanced(state))
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A branch from one of its points to the next: the station there, and the events before it.
+
+    ``events`` are in the order in which they happen, ``limits`` the points of those that are
+    limits; ``ended`` says why there is no further leg, where it is known.
+    """
+
+    station: Station
+    events: tuple[Event, ...]
+    limits: tuple[PathPoint, ...]
+    ended: str
 
 
-def _events(case: Case, branch: Branch, before: PathPoint, after: PathPoint, along: Along,
-            limits: list[FilmSurface]) -> Iterator[Event]:
-    """What happens between two points; films at limit points are appended to ``limits``."""
-    for what, value in _watched(branch.model, along).items():
-        if value(before) * value(after) >= 0:
-            continue
-        point = branch.where(before, after, value)
-        if point is None:
-            continue
-        station = _station(branch.model, point)
-        if what == "limit":
-            # The path's direction there is the critical mode.
-            mode = moved(branch.model, point.state, point.direction)
-            change = replace(point.state, positions=mode.positions - point.state.positions)
-            limits.append(film_surface(branch.model, point.state,
-                                       critical_mode=whole(branch.model, change)[1].positions))
-        yield Event(what=what, value=_measured(case, station, along), unit=_GROWING[along][1],
-                    station=station)
+def legs(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
+         step: float = _STEP) -> Iterator[Leg]:
+    """The equilibria of a case from a state of its model on, while one quantity grows.
+
+    ``step`` is the longest along the branch, relative to the frame's half extent.
+    """
+    load = _GROWING[along][0]
+    stepping = replace(settings, arc=replace(settings.arc, longest=step))
+    before: _Look | None = None
+    for branch, point in follow_branch(model, start, load, stepping):
+        look = _Look(model, point)
+        passed = [] if before is None else list(_passed(branch, before, look, along))
+        ended = _ended(look, along, settings)
+        yield Leg(look.station, tuple(_event(case, what, there, along) for what, there in passed),
+                  tuple(there.point for what, there in passed if what == "limit"), ended)
+        if ended:
+            return
+        before = look
 
 
-def _watched(model: Model, along: Along) -> dict[What, Callable[[PathPoint], float]]:
-    def rate(point: PathPoint) -> float:
-        if along != "charge":
-            return point.rate
-        voltage = max(float(np.sqrt(max(point.state.voltage_squared, 0.0))), 1e-3)
+def _ended(look: _Look, along: Along, settings: PathSettings) -> str:
+    """Why a branch is not followed further than a point; "" where it is."""
+    station, point = look.station, look.point
+    deflection = f"{station.deflection_m * 1e3:.4g} mm"
+    if station.deflection_m > look.model.size:
+        return f"followed to a deflection of {deflection}"
+    if station.max_stretch > _STRETCH:
+        return f"followed to a stretch of {station.max_stretch:.3g}"
+    if point.rate < 0 and point.state.load(_GROWING[along][0]) < 0:
+        return f"followed until the {along} fell back to zero"
+    if station.unbalanced > settings.unbalanced:
+        return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
+                "branch; --refine may")
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A point of a branch and what is seen there; fields at the nodes of every element."""
+
+    model: Model
+    point: PathPoint
+
+    @cached_property
+    def fields(self) -> Fields:
+        return node_fields(self.model, self.point.state)
+
+    @cached_property
+    def station(self) -> Station:
+        model, state, tangent = self.model, self.point.state, self.point.solution.tangent
+        assert tangent is not None
+        voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
+        capacitance = model.capacitance(state)
+        return Station(
+            deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
+            pressure_Pa=state.pressure, charge_C=capacitance * voltage, capacitance_F=capacitance,
+            max_stretch=float(self.fields.stretch_1.max()),
+            least_stress_Pa=float(self.fields.stress_2.min()),
+            breakdown_share=float(self.fields.breakdown_share.max()),
+            stable=tangent.negative == 0,
+            tense=bool((self.fields.tension == Tension.TAUT).all()),
+            unbalanced=model.unbalanced(state))
+
+    def value(self, what: What, along: Along) -> float:
+        """What is positive before something happens and negative after it."""
+        if what == "tension lost":
+            return self.station.least_stress_Pa
+        if what == "breakdown":
+            return 1 - self.station.breakdown_share
+        return self.point.rate if along != "charge" else self._charging
+
+    @property
+    def _charging(self) -> float:
+        """Growth of the charge C U along the branch."""
+        model, point = self.model, self.point
+        voltage = max(self.station.voltage_V, 1e-3)
         inner, plate = model.by_load(point.state, "voltage")
         work = float(inner @ point.direction[0] + plate @ point.direction[1])
         growth = -2 * model.discretisation.mirrored * work
-        charging = model.capacitance(point.state) * point.rate / (2 * voltage)
-        return float(growth * voltage + charging)  # d(C U)/ds along the branch
+        return float(growth * voltage + self.station.capacitance_F * point.rate / (2 * voltage))
 
-    def tension(point: PathPoint) -> float:
-        return float(node_fields(model, point.state).stress_2.min())
+    def place(self, what: What) -> tuple[float, float]:
+        """Where in the mounted film it happens [m]; a limit, where the film thins fastest."""
+        fields = self.fields
+        if what == "tension lost":
+            number = np.argmin(fields.stress_2)
+        elif what == "breakdown":
+            number = np.argmax(fields.breakdown_share)
+        else:
+            onwards = node_fields(self.model, moved(self.model, self.point.state,
+                                                    self.point.direction, _ONWARDS))
+            number = np.argmin(onwards.thickness / fields.thickness)
+        x, y, _ = fields.position[number]
+        return float(x), float(y)
 
-    def strength(point: PathPoint) -> float:
-        return 1 - float(node_fields(model, point.state).breakdown_share.max())
 
-    return {"limit": rate, "tension lost": tension, "breakdown": strength}
+def _passed(branch: Branch, before: _Look, after: _Look, along: Along
+            ) -> list[tuple[What, _Look]]:
+    """What happens between two points, and where on the branch, in order."""
+    passed: list[tuple[What, _Look]] = []
+    for what in get_args(What):
+        if before.value(what, along) * after.value(what, along) >= 0:
+            continue
+
+        def value(point: PathPoint, what: What = what) -> float:
+            return _Look(branch.model, point).value(what, along)
+
+        point = branch.where(before.point, after.point, value)
+        if point is not None:
+            passed.append((what, _Look(branch.model, point)))
+    start = before.station.deflection_m
+    return sorted(passed, key=lambda item: abs(item[1].station.deflection_m - start))
+
+
+def _event(case: Case, what: What, look: _Look, along: Along) -> Event:
+    x, y = look.place(what)
+    return Event(what=what, value=_measured(case, look.station, along), unit=_GROWING[along][1],
+                 x_m=x, y_m=y, station=look.station)
+
+
+def _critical_film(model: Model, point: PathPoint) -> FilmSurface:
+    """The film at a limit point with its critical mode, which is the path's direction there."""
+    mode = moved(model, point.state, point.direction)
+    change = replace(point.state, positions=mode.positions - point.state.positions)
+    return film_surface(model, point.state, critical_mode=whole(model, change)[1].positions)
 
 
 def _measured(case: Case, station: Station, along: Along) -> float:

@@ -62,7 +62,7 @@ class DesignState:
 
 
 @dataclass(frozen=True)
-class Limit:
+class DesignLimit:
     """A kind of limit; the ``dimension`` and ``rule`` are those of its bound in problem files.
 
     ``evaluate`` takes a state and the bound [SI]: the largest of stresses and fields, the smallest
@@ -162,12 +162,12 @@ def _breakdown_share(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]
 
 
 #: Limits by their keys in problem files.
-LIMITS: dict[str, Limit] = {
-    "max_true_stress": Limit(partial(_highest, "max_true_stress", larger_stress, "stress_1"),
-                             "stress", POSITIVE),
-    "max_field": Limit(partial(_highest, "max_field", true_field, "electric_field"),
-                       "field", POSITIVE),
-    "breakdown_margin": Limit(partial(_highest, "breakdown_margin", _breakdown_share,
-                                      "breakdown_share", inverse=True)),
-    "pull_in_margin": Limit(_pull_in),
-    "gap": Limit(_gap, "length", POSITIVE)}
+LIMITS: dict[str, DesignLimit] = {
+    "max_true_stress": DesignLimit(
+        partial(_highest, "max_true_stress", larger_stress, "stress_1"), "stress", POSITIVE),
+    "max_field": DesignLimit(
+        partial(_highest, "max_field", true_field, "electric_field"), "field", POSITIVE),
+    "breakdown_margin": DesignLimit(
+        partial(_highest, "breakdown_margin", _breakdown_share, "breakdown_share", inverse=True)),
+    "pull_in_margin": DesignLimit(_pull_in),
+    "gap": DesignLimit(_gap, "length", POSITIVE)}
