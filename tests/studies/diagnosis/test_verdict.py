@@ -28,33 +28,45 @@ NAMES = ("circular", "elliptical-small", "elliptical-large")
 SIGMA = 20e-6
 
 
-def _brute_force(simulation: Simulation, cause: Cause, table: ReadingTable) -> float:
-    """The evidence by importance sampling over all unknowns, no parabola assumed."""
+def _sampled(simulation: Simulation, cause: Cause, table: ReadingTable
+             ) -> tuple[np.ndarray, np.ndarray]:
+    """Unknowns and the logarithms of their weights, by importance sampling, no parabola assumed."""
     centre = fit(simulation, (cause,), table)
-    factor = np.linalg.cholesky(np.linalg.inv(centre.precision))
-    proposal = multivariate_t(centre.unknowns, 1.5 * factor @ factor.T, df=5, seed=7)
+    width = np.diag(centre.precision) ** -0.5
+    scaled = np.linalg.inv(centre.precision * width * width[:, None])
+    proposal = multivariate_t(centre.unknowns / width, 1.5 * scaled, df=5, seed=7)
     known = cause.effect.parameters[0].prior
-    logs = []
-    for unknowns in proposal.rvs(3000):
+    drawn, logs = proposal.rvs(3000) * width, []
+    for unknowns in drawn:
         prior = known.logpdf(unknowns[2]) - 0.5 * np.sum((unknowns[:2] / NUISANCE) ** 2)
         if prior > -np.inf:
             residual = (table.value - simulation.predict((cause,), unknowns, table)) / table.sigma
             likelihood = -0.5 * np.sum(residual**2) - np.log(2 * np.pi * NUISANCE.prod())
-            logs.append(likelihood + prior - proposal.logpdf(unknowns))
+            logs.append(likelihood + prior - proposal.logpdf(unknowns / width)
+                        + np.log(width).sum())
         else:
             logs.append(-np.inf)
-    return float(logsumexp(logs) - np.log(len(logs)))
+    return drawn, np.array(logs)
 
 
 @pytest.mark.parametrize(("cause", "size"), [(Cause("prestretch_loss", "circular"), 0.006),
                                              (Cause("electrode_margin"), 0.0),
+                                             (Cause("voltage_sag"), 3e-9),
                                              (Cause("sensor_zero"), 40e-6)])
-def test_evidence_is_the_integral(three_shapes: Simulation, cause: Cause, size: float) -> None:
+def test_evidence_is_the_integral_and_limits_its_quantiles(
+        three_shapes: Simulation, cause: Cause, size: float) -> None:
     """Also where the most probable size is at its limit; relative to the nominal model's, the same
     grid aside."""
     table = read(three_shapes, design(SIGMA, voltages=5), (cause,), [size], seed=4)
-    exact = _brute_force(three_shapes, cause, table)
-    assert fit(three_shapes, (cause,), table).evidence == pytest.approx(exact, abs=0.1)
+    drawn, logs = _sampled(three_shapes, cause, table)
+    fitted = fit(three_shapes, (cause,), table)
+    assert fitted.evidence == pytest.approx(logsumexp(logs) - np.log(len(logs)), abs=0.1)
+    order = np.argsort(drawn[:, 2])
+    below = np.cumsum(np.exp(logs[order] - logs.max()))
+    _, *limits = interval(fitted, 2)
+    shares = np.interp(limits, drawn[order, 2], below / below[-1])
+    at_bound = fitted.unknowns[2] == fitted.bounds[0, 2]
+    assert shares == pytest.approx((0.0, 0.95) if at_bound else (0.025, 0.975), abs=0.02)
 
 
 def test_noise_alone_gives_uniform_probabilities(three_shapes: Simulation) -> None:
