@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -130,6 +130,45 @@ class CaseRecord:
         return replace(result, film=FilmSurface.load(surface)) if surface.exists() else result
 
 
+LimitKind = Literal["tension", "breakdown", "pull_in"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """What first happens to a film at a nominal voltage [V], and where in the mounted film [m].
+
+    ``kind``: it loses tension, breaks down, or pulls in; that begins where it thins fastest.
+    ``spread``: how far the voltage may be off, relative.
+    """
+
+    kind: LimitKind
+    voltage_V: float
+    x_m: float
+    y_m: float
+    spread: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """The voltages at which a film under a mass first loses tension, breaks down and pulls in.
+
+    None where that does not happen as far as the voltage was raised, of which ``ended`` says why it
+    was not raised further.
+    """
+
+    tension: Limit | None = None
+    breakdown: Limit | None = None
+    pull_in: Limit | None = None
+    ended: str
+
+    @property
+    def first(self) -> Limit | None:
+        """The one at the lowest voltage."""
+        reached = [limit for limit in (self.tension, self.breakdown, self.pull_in)
+                   if limit is not None]
+        return min(reached, key=lambda limit: limit.voltage_V, default=None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class CaseResult(CaseRecord):
     """The numbers of ``solve --json``, SI; those of a state that does not exist are None.
@@ -137,7 +176,9 @@ class CaseResult(CaseRecord):
     ``reading_m`` is what the rig's sensor shows of the deflection. ``breakdown_margin`` is the
     smallest strength over field, None without voltage or a strength law, and its place on the
     mounted film. ``slack_area_m2`` is the mounted area that carries tension in one direction or
-    none, ``slack_share`` its share. ``film`` has the fields.
+    none, ``slack_share`` its share. ``limits`` are those of the film under this mass, where they
+    were asked for, ``limit`` the gravest one that the voltage is beyond. ``film`` has
+    the fields.
     """
 
     writer = "tympan solve -o"
@@ -157,6 +198,8 @@ class CaseResult(CaseRecord):
     slack_share: float | None = None
     tilt_rad: float | None = None
     energy_J: float | None = None
+    limits: Limits | None = None
+    limit: Limit | None = None
     dofs: int
     wall_s: float
     warnings: tuple[str, ...]

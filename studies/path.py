@@ -27,6 +27,8 @@ from tympan.studies.film_surface import FilmSurface, film_surface
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
 _STEP, _STRETCH = 0.015, 6.0
 
+UNFOLLOWED = "the branch could not be followed further"
+
 #: A motion along a branch by which is seen where the film thins, relative to the frame.
 _ONWARDS = 1e-4
 
@@ -140,87 +142,61 @@ def path(case: Case, settings: Settings, along: Along,
         raise InputError(f"must be where the branch can start: {failure_reason(start)}",
                          key="--mass, --voltage",
                          given=f"{case.mass * 1e3:g} g and {case.voltage / 1e3:g} kV")
-    stations: list[Station] = []
-    events: list[Event] = []
-    limits: list[FilmSurface] = []
-    ended = ""
-    for leg in legs(case, model, start.state, along, settings.path):
-        progress(f"{leg.station.deflection_m * 1e3:.2f} mm")
-        events += leg.events
-        limits += [_critical_film(model, point) for point in leg.limits]
-        # Curves should pass through what happens between two points.
-        stations += [*(event.station for event in leg.events), leg.station]
-        ended = leg.ended
+    passed = []
+    for stop in stops(case, model, start.state, along, settings.path):
+        progress(f"{stop.station.deflection_m * 1e3:.2f} mm")
+        passed.append(stop)
     return PathResult(
         specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage, along=along,
-        unit=_GROWING[along][1], stations=tuple(stations), events=tuple(events),
+        unit=_GROWING[along][1], stations=tuple(stop.station for stop in passed),
+        events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
-        warnings=(ended or "the branch could not be followed further",), limits=tuple(limits))
+        warnings=(passed[-1].ended if passed else UNFOLLOWED,),
+        limits=tuple(_critical_film(model, stop.point) for stop in passed
+                     if stop.event is not None and stop.event.what == "limit"))
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """A branch from one of its points to the next: the station there, and the events before it.
-
-    ``events`` are in the order in which they happen, ``limits`` the points of those that are
-    limits; ``ended`` says why there is no further leg, where it is known.
-    """
-
-    station: Station
-    events: tuple[Event, ...]
-    limits: tuple[PathPoint, ...]
-    ended: str
-
-
-def legs(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-         step: float = _STEP) -> Iterator[Leg]:
+def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
+          step: float = _STEP) -> Iterator[Stop]:
     """The equilibria of a case from a state of its model on, while one quantity grows.
 
-    ``step`` is the longest along the branch, relative to the frame's half extent.
+    ``step`` is the longest along the branch, relative to the frame's half extent. What happens
+    between two points of the branch is a stop of its own, so that curves pass through it.
     """
-    load = _GROWING[along][0]
     stepping = replace(settings, arc=replace(settings.arc, longest=step))
-    before: _Look | None = None
+    load = _GROWING[along][0]
+    before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping):
-        look = _Look(model, point)
-        passed = [] if before is None else list(_passed(branch, before, look, along))
-        ended = _ended(look, along, settings)
-        yield Leg(look.station, tuple(_event(case, what, there, along) for what, there in passed),
-                  tuple(there.point for what, there in passed if what == "limit"), ended)
+        here = Stop(model, point)
+        if before is not None:
+            yield from _passed(case, branch, before, here, along)
+        ended = _ended(here, along, settings)
+        yield replace(here, ended=ended or UNFOLLOWED)
         if ended:
             return
-        before = look
-
-
-def _ended(look: _Look, along: Along, settings: PathSettings) -> str:
-    """Why a branch is not followed further than a point; "" where it is."""
-    station, point = look.station, look.point
-    deflection = f"{station.deflection_m * 1e3:.4g} mm"
-    if station.deflection_m > look.model.size:
-        return f"followed to a deflection of {deflection}"
-    if station.max_stretch > _STRETCH:
-        return f"followed to a stretch of {station.max_stretch:.3g}"
-    if point.rate < 0 and point.state.load(_GROWING[along][0]) < 0:
-        return f"followed until the {along} fell back to zero"
-    if station.unbalanced > settings.unbalanced:
-        return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
-                "branch; --refine may")
-    return ""
+        before = here
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
-    """A point of a branch and what is seen there; fields at the nodes of every element."""
+class Stop:
+    """A point of a branch: what is seen there, what happens there, if anything.
+
+    ``ended`` says why the branch would end with it.
+    """
 
     model: Model
     point: PathPoint
+    event: Event | None = None
+    ended: str = ""
 
     @cached_property
     def fields(self) -> Fields:
+        """Fields at the nodes of every element."""
         return node_fields(self.model, self.point.state)
 
     @cached_property
     def station(self) -> Station:
+        """The equilibrium's numbers."""
         model, state, tangent = self.model, self.point.state, self.point.solution.tangent
         assert tangent is not None
         voltage = float(np.sqrt(max(state.voltage_squared, 0.0)))
@@ -235,8 +211,8 @@ class _Look:
             tense=bool((self.fields.tension == Tension.TAUT).all()),
             unbalanced=model.unbalanced(state))
 
-    def value(self, what: What, along: Along) -> float:
-        """What is positive before something happens and negative after it."""
+    def before(self, what: What, along: Along) -> float:
+        """A number that is positive before something happens and negative after it."""
         if what == "tension lost":
             return self.station.least_stress_Pa
         if what == "breakdown":
@@ -254,42 +230,54 @@ class _Look:
         return float(growth * voltage + self.station.capacitance_F * point.rate / (2 * voltage))
 
     def place(self, what: What) -> tuple[float, float]:
-        """Where in the mounted film it happens [m]; a limit, where the film thins fastest."""
+        """Where in the mounted film something happens [m]; a limit, where it thins fastest."""
         fields = self.fields
         if what == "tension lost":
             number = np.argmin(fields.stress_2)
         elif what == "breakdown":
             number = np.argmax(fields.breakdown_share)
         else:
-            onwards = node_fields(self.model, moved(self.model, self.point.state,
-                                                    self.point.direction, _ONWARDS))
-            number = np.argmin(onwards.thickness / fields.thickness)
+            onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
+            number = np.argmin(node_fields(self.model, onwards).thickness / fields.thickness)
         x, y, _ = fields.position[number]
         return float(x), float(y)
 
 
-def _passed(branch: Branch, before: _Look, after: _Look, along: Along
-            ) -> list[tuple[What, _Look]]:
-    """What happens between two points, and where on the branch, in order."""
-    passed: list[tuple[What, _Look]] = []
+def _ended(stop: Stop, along: Along, settings: PathSettings) -> str:
+    """Why a branch is not followed further; "" where it is."""
+    station, point = stop.station, stop.point
+    deflection = f"{station.deflection_m * 1e3:.4g} mm"
+    if station.deflection_m > stop.model.size:
+        return f"followed to a deflection of {deflection}"
+    if station.max_stretch > _STRETCH:
+        return f"followed to a stretch of {station.max_stretch:.3g}"
+    if point.rate < 0 and point.state.load(_GROWING[along][0]) < 0:
+        return f"followed until the {along} fell back to zero"
+    if station.unbalanced > settings.unbalanced:
+        return (f"followed to a deflection of {deflection}: beyond, the mesh does not resolve the "
+                "branch; --refine may")
+    return ""
+
+
+def _passed(case: Case, branch: Branch, before: Stop, after: Stop, along: Along) -> list[Stop]:
+    """What happens between two points of a branch, in order."""
+    passed = []
     for what in get_args(What):
-        if before.value(what, along) * after.value(what, along) >= 0:
+        if before.before(what, along) * after.before(what, along) >= 0:
             continue
 
         def value(point: PathPoint, what: What = what) -> float:
-            return _Look(branch.model, point).value(what, along)
+            return Stop(branch.model, point).before(what, along)
 
         point = branch.where(before.point, after.point, value)
         if point is not None:
-            passed.append((what, _Look(branch.model, point)))
+            stop = Stop(branch.model, point)
+            x, y = stop.place(what)
+            passed.append(replace(stop, event=Event(
+                what=what, value=_measured(case, stop.station, along), unit=_GROWING[along][1],
+                x_m=x, y_m=y, station=stop.station)))
     start = before.station.deflection_m
-    return sorted(passed, key=lambda item: abs(item[1].station.deflection_m - start))
-
-
-def _event(case: Case, what: What, look: _Look, along: Along) -> Event:
-    x, y = look.place(what)
-    return Event(what=what, value=_measured(case, look.station, along), unit=_GROWING[along][1],
-                 x_m=x, y_m=y, station=look.station)
+    return sorted(passed, key=lambda stop: abs(stop.station.deflection_m - start))
 
 
 def _critical_film(model: Model, point: PathPoint) -> FilmSurface:

@@ -29,7 +29,7 @@ def test_a_round_film_loses_tension_and_pulls_in_where_the_equations_have_it(sof
                                                    rel=2e-5)
     # Stress at the rim is less exact than force: 2e-4 of it.
     assert soft.tension.voltage_V == pytest.approx(slack_voltage(ORACLE, FORCE, 6800.0), rel=5e-4)
-    assert soft.warnings == ()
+    assert soft.ended == "the film pulls in"
 
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:

@@ -1,0 +1,116 @@
+"""The voltages at which a film loses tension, breaks down and pulls in, in one pass."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.membrane.model import Model
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Limit,
+    LimitKind,
+    Limits,
+    Settings,
+    build_model,
+    equilibrate,
+    failure_reason,
+    solve,
+)
+from tympan.studies.path import UNFOLLOWED, Stop, What, stops
+
+_KINDS: dict[What, LimitKind] = {
+    "tension lost": "tension", "breakdown": "breakdown", "limit": "pull_in"}
+
+#: Longest step towards the limits, relative to the frame's half extent.
+_STEP = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Rise:
+    """The equilibria of a case as its voltage rises from 0 until the film pulls in; its limits.
+
+    ``cases`` are those of ``outcomes``, at nominal voltages; none where there is no equilibrium
+    without voltage.
+    """
+
+    model: Model
+    cases: tuple[Case, ...]
+    outcomes: tuple[Outcome, ...]
+    limits: Limits
+
+
+def limits(case: Case, settings: Settings) -> Limits:
+    """How far the voltage of a case can be raised from 0; its own voltage is not asked for.
+
+    Voltages are nominal: those that the rig's supply shows.
+    """
+    return rise(case, settings, _STEP).limits
+
+
+def rise(case: Case, settings: Settings, step: float) -> Rise:
+    """Raise the voltage of a case from 0 until the film pulls in, or cannot be followed.
+
+    ``step`` is the longest between two equilibria, relative to the frame's half extent.
+    """
+    case = replace(case, voltage=0.0)
+    model, start = equilibrate(case, settings)
+    if start.status != "equilibrium":
+        return Rise(model, (), (), Limits(ended=failure_reason(start)))
+    passed = list(_to_pull_in(case, model, start, settings, step))
+    cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
+    return Rise(model, cases,
+                tuple(Outcome("equilibrium", stop.point.solution) for stop in passed),
+                _limits(case, passed))
+
+
+def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
+    """One case with the limits of its film; beyond the pull-in nothing is searched for.
+
+    ``film``: with its fields on a surface.
+    """
+    began = time.perf_counter()
+    reached = limits(case, settings)
+    beyond = [limit for limit in (reached.pull_in, reached.breakdown, reached.tension)
+              if limit is not None and case.voltage > limit.voltage_V]
+    limit = beyond[0] if beyond else None
+    if limit is not None and limit.kind == "pull_in":
+        return CaseResult(
+            specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
+            status="no_equilibrium", limits=reached, limit=limit,
+            dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
+            wall_s=time.perf_counter() - began,
+            warnings=(f"the film pulls in at {limit.voltage_V / 1e3:.4g} kV",))
+    return replace(solve(case, settings, film), limits=reached, limit=limit,
+                   wall_s=time.perf_counter() - began)
+
+
+def _to_pull_in(case: Case, model: Model, start: Outcome, settings: Settings, step: float
+                ) -> Iterator[Stop]:
+    for stop in stops(case, model, start.state, "voltage", settings.path, step):
+        yield stop
+        if stop.event is not None and stop.event.what == "limit":
+            return
+
+
+def _nominal(case: Case, stop: Stop) -> float:
+    return case.rig.nominal_voltage(stop.station.voltage_V, case.direction)
+
+
+def _limits(case: Case, passed: list[Stop]) -> Limits:
+    """The first of each kind on the way."""
+    reached: dict[LimitKind, Limit] = {}
+    if passed and passed[0].station.least_stress_Pa <= 0:  # under the mass alone
+        x, y = passed[0].place("tension lost")
+        reached["tension"] = Limit(kind="tension", voltage_V=0.0, x_m=x, y_m=y)
+    for stop in passed:
+        if stop.event is not None:
+            kind = _KINDS[stop.event.what]
+            reached.setdefault(kind, Limit(kind=kind, voltage_V=_nominal(case, stop),
+                                           x_m=stop.event.x_m, y_m=stop.event.y_m))
+    ended = passed[-1].ended if passed else UNFOLLOWED
+    return Limits(tension=reached.get("tension"), breakdown=reached.get("breakdown"),
+                  pull_in=reached.get("pull_in"), ended=ended or "the film pulls in")
