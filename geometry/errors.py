@@ -20,10 +20,20 @@ class InputError(ValueError):
         self.allowed, self.file, self.key, self.given = allowed, file, key, given
         parts = [str(part) for part in (file, key) if part is not None]
         if given is not None:
-            parts.append(f"given {given!r}")
-        super().__init__(": ".join([*parts, allowed]))
+            parts.append(f"given {_shortened(repr(given))}")
+        super().__init__(_printable(": ".join([*parts, allowed])))
 
     def located(self, *, file: Path | str | None = None, key: str | None = None) -> Self:
         """A copy that also names where the value stood; what is already named is kept."""
         return type(self)(self.allowed, file=self.file or file, key=self.key or key,
                           given=self.given)
+
+
+def _shortened(text: str, most: int = 200) -> str:
+    return text if len(text) <= most else f"{text[: most - 20]} … {text[-15:]}"
+
+
+def _printable(text: str) -> str:
+    """In one line, whatever a key or a name of a file holds."""
+    return text if text.isprintable() else "".join(
+        mark if mark.isprintable() else repr(mark)[1:-1] for mark in text)

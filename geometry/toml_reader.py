@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field
@@ -10,7 +11,8 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.units import DIMENSIONS, quantity
+from tympan.geometry.read_file import WRITTEN, file_text
+from tympan.geometry.units import DIMENSIONS, bounded, quantity
 
 T = TypeVar("T")
 Rule = tuple[Callable[[Any], bool], str]
@@ -19,6 +21,14 @@ POSITIVE: Rule = (lambda x: 0 < x < float("inf"), "must be positive")
 NON_NEGATIVE: Rule = (lambda x: 0 <= x < float("inf"), "must not be negative")
 FINITE: Rule = (lambda x: abs(x) < float("inf"), "must be finite")
 WHOLE: Rule = (lambda x: x == int(x), "must be a whole number")
+
+#: Most tables and lists within each other, keys between dots, and entries of a list.
+_DEEPEST, _ENTRIES = 20, 10_000
+_LONGEST_KEY = 500
+#: TOML's own limits of whole numbers.
+_WHOLE_NUMBERS = range(-(2**63), 2**63)
+#: A key of too many parts, on which the parser of the standard library takes very long.
+_TOO_DOTTED = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST}}}""")
 
 
 @dataclass
@@ -38,14 +48,20 @@ class Table:
     @classmethod
     def read(cls, file: Path | str) -> Self:
         """Parse a file; what cannot be read is an :class:`InputError` with line and column."""
+        text = file_text(file, WRITTEN)
+        too_deep = f"is not valid TOML: tables are nested more than {_DEEPEST} deep"
+        if _TOO_DOTTED.search(text):
+            raise InputError(too_deep, file=file)
         try:
-            return cls(file, tomllib.loads(Path(file).read_text(encoding="utf-8-sig")))
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror}", file=file) from None
-        except UnicodeDecodeError as error:
-            raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+            data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(f"is not valid TOML: {error}", file=file) from None
+        except RecursionError:
+            raise InputError(too_deep, file=file) from None
+        except ValueError:  # of more digits than Python reads
+            raise InputError("is not valid TOML: a number has too many digits", file=file) from None
+        _check_values(data, file, too_deep)
+        return cls(file, data)
 
     def path(self, key: str) -> str:
         """Dotted path of a key."""
@@ -155,19 +171,38 @@ class Table:
                                                                  and len(value) != count):
             number = f"{count} " if count is not None else ""
             raise self.error(key, f"must be a list of {number}{what}", value)
+        if len(value) > _ENTRIES:
+            raise self.error(key, f"must be at most {_ENTRIES} {what}", f"{len(value)} of them")
         return value
 
     def _number(self, key: str, value: object, dimension: str, rule: Rule = FINITE) -> float:
-        if dimension and not self.plain:
-            try:
+        try:
+            if dimension and not self.plain:
                 number = quantity(value, dimension)
-            except InputError as error:
-                raise error.located(file=self.file, key=self.path(key)) from None
-        elif isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e300:
-            raise self.error(key, "must be a number without a unit, below 1e300", value)
-        else:
-            number = float(value)
+            elif isinstance(value, bool) or not isinstance(value, int | float):
+                raise InputError("must be a number without a unit", given=value)
+            else:
+                number = bounded(float(value))
+        except InputError as error:
+            raise error.located(file=self.file, key=self.path(key)) from None
         holds, words = rule
         if not holds(number):
             raise self.error(key, words, value)
         return number
+
+
+def _check_values(data: Mapping[str, Any], file: Path | str, too_deep: str) -> None:
+    """Refuse whole numbers and nesting beyond their limits."""
+    waiting: list[tuple[str, Any, int]] = [("", data, 0)]
+    while waiting:
+        key, value, depth = waiting.pop()
+        if depth > _DEEPEST:
+            raise InputError(too_deep, file=file, key=key[1:])
+        if len(key) > _LONGEST_KEY:
+            raise InputError(f"must be a key of at most {_LONGEST_KEY} characters", file=file,
+                             key=f"{key[1:40]}…")
+        if isinstance(value, int) and value not in _WHOLE_NUMBERS:
+            raise InputError("must be a whole number of at most 64 bits", file=file, key=key[1:])
+        parts = value.items() if isinstance(value, Mapping) else enumerate(
+            value if isinstance(value, list) else ())
+        waiting += [(f"{key}.{name}", part, depth + 1) for name, part in parts]

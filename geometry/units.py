@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -55,8 +57,17 @@ DIMENSIONS: dict[str, Dimension] = {
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre
 
+#: A longer text is no quantity.
+_LONGEST = 100
+#: Largest number of a file, in SI: its fourth power is one still.
+LARGEST = 1e30
+
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf)\s*(.*?)\s*",
                        re.ASCII)
+#: What joins a factor of a unit to those before it, and a group of factors or a name and its power.
+_FACTOR = re.compile(r"\s*([*/·]?)\s*(?:\(([^()]+)\)|([^\W\d]\w*)"
+                     r"\s*(?:(?:\^|\*\*)\s*([-+]?\d))?(?!\d))\s*")
+_SIGNS = str.maketrans({"²": "^2", "³": "^3", "°": "deg"})
 
 
 @cache
@@ -68,8 +79,24 @@ def _registry() -> Any:
 
 @cache
 def _factor(unit: str, dimension: str) -> float:
-    registry = _registry()
-    return float(registry.Quantity(1.0, registry.Unit(unit)).to(DIMENSIONS[dimension].si).magnitude)
+    registry, powers = _registry(), Counter[str]()
+    for name, power in _powers(unit.translate(_SIGNS)):
+        powers[registry.get_name(name)] += power
+    whole = registry.Quantity(1.0, registry.UnitsContainer(powers))
+    return float(whole.to(DIMENSIONS[dimension].si).magnitude)
+
+
+def _powers(unit: str, sign: int = 1) -> Iterator[tuple[str, int]]:
+    """Names of units and their powers; a text is taken apart, never evaluated."""
+    factors = list(_FACTOR.finditer(unit))
+    if "".join(factor.group() for factor in factors) != unit:
+        raise ValueError(f"no unit: {unit}")
+    for mark, group, name, power in (factor.groups() for factor in factors):
+        side = -sign if mark == "/" else sign
+        if group is None:
+            yield name, side * int(power or 1)
+        else:
+            yield from _powers(group, side)
 
 
 def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
@@ -79,12 +106,12 @@ def _si_value(unit: str, dimension: str, allowed: str, given: str) -> float:
         return _factor(unit, dimension)
     except pint.DimensionalityError:
         raise InputError(f"wrong dimension: {allowed}", given=given) from None
-    except Exception:  # pint's parser raises whatever its tokeniser, evaluator or assertions raise
+    except Exception:  # pint raises whatever its tables of names and offsets raise
         raise InputError(f"unknown unit: {allowed}", given=given) from None
 
 
 def quantity(text: object, dimension: str) -> float:
-    """The SI value of a quantity written as number and unit, any that pint knows.
+    """The SI value of a quantity written as number and unit: products of names that pint knows.
 
     ``dimension`` is a key of :data:`DIMENSIONS`. A unit that is missing, unknown or of another
     dimension is an :class:`InputError`.
@@ -97,13 +124,26 @@ def quantity(text: object, dimension: str) -> float:
     allowed = f'must be a {dimension} with its unit, such as "{DIMENSIONS[dimension].example}"'
     if not isinstance(text, str):
         raise InputError(f"has no unit: {allowed}", given=text)
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if match is None:
         raise InputError(allowed, given=text)
     number, unit = match.groups()
     if not unit:
         raise InputError(f"has no unit: {allowed}", given=text)
-    return float(number) * _si_value(unit, dimension, allowed, text)
+    value = float(number) * _si_value(unit, dimension, allowed, text)
+    if number.endswith("inf"):
+        return value
+    try:
+        return bounded(value)
+    except InputError as error:
+        raise InputError(error.allowed, given=text) from None
+
+
+def bounded(value: float) -> float:
+    """A number of a file [SI], unless it is larger than any that computing can go on with."""
+    if not abs(value) <= LARGEST:
+        raise InputError(f"must be finite, at most {LARGEST:g} in SI units", given=value)
+    return value
 
 
 def unit_factor(unit: str, dimension: str) -> float:

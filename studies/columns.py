@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.read_file import file_bytes
 from tympan.geometry.toml_reader import FINITE, Rule
-from tympan.geometry.units import any_quantity, quantity, unit_factor
+from tympan.geometry.units import any_quantity, bounded, quantity, unit_factor
 from tympan.studies.files import read_text, write_csv
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
@@ -105,10 +106,8 @@ class Column:
             return cell
         if not _NUMBER.fullmatch(cell):
             raise InputError(_no_number(cell))
-        value = float(cell) * factor
+        value = bounded(float(cell) * factor)
         holds, words = self.rule
-        if not math.isfinite(value):
-            raise InputError("must be finite")
         if not holds(value):
             raise InputError(words)
         return value
@@ -158,11 +157,9 @@ def read_sheet(file: Path | str, columns: Sequence[Column]) -> Sheet:
     names line and column of what cannot be used, what was given and what is allowed.
     """
     file = Path(file)
+    raw = file_bytes(file)
     try:
-        raw = file.read_bytes()
         text = raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start}): save it as CSV in UTF-8",
                          file=file) from None

@@ -22,6 +22,7 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from tympan.geometry.errors import InputError
+from tympan.geometry.read_file import file_text
 
 T = TypeVar("T")
 
@@ -80,16 +81,10 @@ def write_csv(file: Path, header: Iterable[str], rows: Iterable[Iterable[object]
 
 
 def read_text(file: Path) -> str:
-    """The text of a file in UTF-8."""
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError("is missing: run the command that wrote the folder again",
-                         file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+    """The text of a result in UTF-8."""
+    if not file.exists():
+        raise InputError("is missing: run the command that wrote the folder again", file=file)
+    return file_text(file)
 
 
 def words_beside(module: str) -> dict[str, str]:
@@ -99,9 +94,10 @@ def words_beside(module: str) -> dict[str, str]:
 
 def read_json(file: Path) -> Any:
     """The value of a JSON file."""
+    text = read_text(file)
     try:
-        return json.loads(read_text(file))
-    except json.JSONDecodeError as error:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:  # also of too many digits, or nested too deeply
         raise InputError(f"is not valid JSON: {error}", file=file) from None
 
 

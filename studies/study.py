@@ -21,6 +21,7 @@ from tympan.fem.results.fields import Fields, edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import read
+from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, Table
 from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
@@ -208,7 +209,7 @@ def read_study(file: Path) -> Study:
     default = Study("", (), ())
     study = Study(
         table.text("name", file.stem), specimens,
-        tuple(path.read_text(encoding="utf-8") for path in paths),
+        tuple(map(file_text, paths)),
         mass=table.number("mass", "mass", "17.9 g", NON_NEGATIVE),
         voltage=table.number("voltage", "voltage", "0 kV", NON_NEGATIVE),
         rig=Rig.from_table(table.table("rig", {})),

@@ -17,13 +17,14 @@ Array = NDArray[np.float64]
 
 #: The second in-plane stretch of each mode as a power of the first.
 MODES = {"uniaxial": -0.5, "equibiaxial": 1.0, "pure_shear": 0.0}
-_ABOVE_0: Rule = (lambda x: x > 0, "must be above 0")
+_STRETCH: Rule = (lambda x: 0.05 <= x <= 20, "must be a stretch from 0.05 to 20")
+_STRESS: Rule = (lambda x: abs(x) <= 1e12, "must be within 1e9 kPa")
 
 #: The columns of coupon.csv.
 COLUMNS: tuple[Column, ...] = (
     Column.labels("mode", tuple(MODES)),
-    Column("stretch", rule=_ABOVE_0),
-    Column("nominal_stress", "kPa"),
+    Column("stretch", rule=_STRETCH),
+    Column("nominal_stress", "kPa", _STRESS),
     Column.labels("specimen", required=False),
     Column("t", "s", required=False),
     Column.labels("run", required=False),

@@ -14,6 +14,7 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, read
+from tympan.geometry.read_file import file_bytes
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import FINITE, NON_NEGATIVE, POSITIVE, Rule, Table
 from tympan.studies.columns import Column, Sheet, did_you_mean, read_sheet
@@ -22,6 +23,10 @@ from tympan.studies.data.coupon import Coupons
 
 _VOLTAGE: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV; the film's pull has no sign")
 _MASS: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
+_DISPLACEMENT: Rule = (lambda x: abs(x) <= 10, "must be within 10 m")
+_TIME: Rule = (lambda x: abs(x) <= 1e9, "must be within 1e9 s")
+#: Times of a run are so far apart [s].
+_APART = 1e-9
 
 #: The column every file but coupon.csv has.
 SPECIMEN = Column.labels("specimen")
@@ -34,11 +39,11 @@ _SIGMA = Column("sigma", "mm", POSITIVE, required=False)
 STATIC: tuple[Column, ...] = (
     *_LOAD,
     Column("voltage", "kV", _VOLTAGE),
-    Column("displacement", "mm"),
+    Column("displacement", "mm", _DISPLACEMENT),
     Column.labels("run", required=False),
     Column.labels("repeat", required=False),
     Column("order", required=False),
-    Column("elapsed", "s", required=False),
+    Column("elapsed", "s", _TIME, required=False),
     Column.labels("direction", ("up", "down"), required=False),
     _SIGMA,
     Column("capacitance", "pF", POSITIVE, required=False),
@@ -58,9 +63,9 @@ RANGE: tuple[Column, ...] = (
 TRANSIENT: tuple[Column, ...] = (
     *_LOAD,
     Column.labels("run"),
-    Column("t", "s"),
+    Column("t", "s", _TIME),
     Column("voltage", "kV", _VOLTAGE),
-    Column("displacement", "mm"),
+    Column("displacement", "mm", _DISPLACEMENT),
 )
 
 #: The files of readings a dataset may hold, and their columns.
@@ -114,7 +119,7 @@ def read_dataset(folder: Path | str, planned: bool = False) -> Dataset:
     about = folder / "dataset.toml"
     dataset = read(Dataset, Table.read(about), {(Dataset, "specimens"): _specimens,
                                                 (Dataset, "rig"): _rig})
-    files = {about.name: hashlib.sha256(about.read_bytes()).hexdigest()}
+    files = {about.name: hashlib.sha256(file_bytes(about)).hexdigest()}
     there = sorted(file.name for file in folder.iterdir() if file.suffix.lower() == ".csv")
     stems = {Path(name).stem: name for name in FILES}
     remarks = [f"{name} is not read: {did_you_mean(Path(name).stem.lower(), stems)}known are "
@@ -180,14 +185,16 @@ def _check_specimens(sheet: Sheet, names: list[str]) -> None:
 
 
 def _check_times(transients: Sheet) -> None:
-    """Refuse a time that stands twice in a run."""
-    lines: dict[tuple[object, ...], int] = {}
-    columns = (transients[name].tolist() for name in ("specimen", "mass", "run", "t"))
-    for row, state in enumerate(zip(*columns, strict=True)):
-        line = int(transients.line[row])
-        if lines.setdefault(state, line) != line:
-            raise transients.error(row, "t", "must be there once in a run: it stands in line "
-                                             f"{lines[state]} too")
+    """Refuse times of a run that are, but for rounding, one."""
+    runs = [np.unique(transients[name], return_inverse=True)[1].ravel()
+            for name in ("specimen", "mass", "run")]
+    order = np.lexsort((transients.t, *runs))
+    close = np.diff(transients.t[order]) < _APART
+    close &= np.all([np.diff(run[order]) == 0 for run in runs], axis=0)
+    for earlier, later in zip(order[:-1][close], order[1:][close], strict=True):
+        row, other = max(earlier, later), min(earlier, later)
+        raise transients.error(int(row), "t", "must be there once in a run: it stands in line "
+                               f"{transients.line[other]} too, within 1 ns")
 
 
 def _identical(sheet: Sheet, name: str) -> list[str]:

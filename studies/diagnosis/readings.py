@@ -65,7 +65,8 @@ class PreparedReadings:
 def prepared_readings(dataset: Dataset) -> PreparedReadings:
     """The static readings and ranges of a dataset.
 
-    An :class:`InputError` when they are too few to conclude anything, or a column is off by a unit.
+    An :class:`InputError` when they are too few to conclude anything, nothing loads the film, or a
+    column is off by a unit.
     """
     static, ranges = dataset.static, dataset.ranges
     sheets = [sheet for sheet in (static, ranges) if sheet is not None]
@@ -76,6 +77,10 @@ def prepared_readings(dataset: Dataset) -> PreparedReadings:
     if count < FEWEST:
         raise InputError(f"needs at least {FEWEST} readings in static.csv and range.csv: stiffness "
                          "and permittivity alone take two of them", key="readings", given=count)
+    masses = np.concatenate([sheet.mass for sheet in sheets])
+    if not (dataset.rig.force(masses, 1.0).any() or dataset.rig.gas_pressure or dataset.rig.biases):
+        raise InputError("must be above 0 in some reading: a film that nothing loads stays flat "
+                         "under any voltage", key="mass", given="0 g everywhere")
     for slip in slips_of_unit(dataset):
         raise InputError(slip, key=dataset.name)
     numbers = {specimen.name: number for number, specimen in enumerate(setup.specimens)}

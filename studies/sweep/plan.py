@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from tympan.fem.film.library import load_specimen
 from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
+from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen, Unbuildable
 from tympan.geometry.toml_reader import Rule, Table
 from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
@@ -29,8 +31,8 @@ Array = NDArray[np.float64]
 #: Ways to sample ranges.
 METHODS = ("random", "latin_hypercube", "sobol")
 
-#: More specimens than this are a slip of the pen.
-MOST = 1_000_000
+#: More specimens, keys that they differ in, values of those, and cases, are a slip of the pen.
+MOST, _MOST_KEYS, _MOST_VALUES, _MOST_CASES = 1_000_000, 1000, 2_000_000, 10_000_000
 
 #: Keys of a choice that are no keys of the specimen: its load, and what begins with this, keys of
 #: the rig.
@@ -115,17 +117,23 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         task = SweepTask(specimen, rigs[number], masses, voltages, settings, fields, solver())
         return Entry(name, base.stem, choice, masses, voltages, task)
 
+    specimens = len(bases) * len(rows)
+    _limit(table, "specimen", "specimens", specimens, MOST)
+    _limit(table, "voltage", "cases",
+           specimens * np.prod([len(values) for values in loads.values()], dtype=int), _MOST_CASES)
     entries = tuple(entry(base, number) for base in bases for number in range(len(rows)))
     if all(entry.task is None for entry in entries):
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
-    return Sweep(entries, file.read_text(encoding="utf-8-sig"))
+    return Sweep(entries, file_text(file))
 
 
 def choices(table: Table) -> list[Choice]:
     """Every combination of the grid, with every row of the list and every point of the sample."""
-    grid = table.table("grid", {})
-    columns = _columns(grid)
+    columns = _columns(table.table("grid", {}))
+    every = math.prod(map(len, columns.values()))
+    _limit(table, "grid", "specimens", every, MOST)
+    _limit(table, "grid", "values", every * len(columns), _MOST_VALUES)
     parts = [[dict(zip(columns, row, strict=True)) for row in product(*columns.values())],
              _list(table.table("list", {})), _sample(table.table("sample", {}))]
     keys = [key for part in parts if part for key in part[0]]
@@ -134,9 +142,9 @@ def choices(table: Table) -> list[Choice]:
             raise table.error(key, "must stand in one of [grid], [list] and [sample] only")
         if any(other != key and other.startswith(f"{key}.") for other in keys):
             raise table.error(key, "is varied as a whole and by its parts: only one of both")
-    if np.prod([float(len(part)) for part in parts]) > MOST:
-        raise table.error("grid", f"there must be at most {MOST} specimens",
-                          [len(part) for part in parts])
+    together = math.prod(map(len, parts))
+    _limit(table, "grid", "specimens", together, MOST)
+    _limit(table, "grid", "values", together * len(keys), _MOST_VALUES)
     return [{**first, **second, **third} for first, second, third in product(*parts)]
 
 
@@ -177,9 +185,17 @@ def _index(items: list[Any], name: str, key: str, table: Table) -> int:
     return int(name)
 
 
+def _limit(table: Table, key: str, what: str, count: int, most: int) -> None:
+    """Refuse a count before anything of that size is made."""
+    if count > most:
+        raise InputError(f"there must be at most {most} {what}", file=table.file,
+                         key=table.path(key).strip("."), given=f"{count} of them")
+
+
 def _columns(table: Table) -> dict[str, list[Any]]:
     """The lists of a table by key; keys must be dotted names in quotation marks."""
     columns = {key: table.value(key) for key in table.data}
+    _limit(table, "", "keys", len(columns), _MOST_KEYS)
     for key, values in columns.items():
         if isinstance(values, Mapping):
             raise table.error(key, "must be a list; write a dotted key in quotation marks, such as "
@@ -212,6 +228,7 @@ def _sample(table: Table) -> list[Choice]:
     if not limits:
         raise table.error("ranges", "must name at least one key", {})
     table.done()
+    _limit(table, "count", "values", count * len(limits), _MOST_VALUES)
     points = sample_points(method, len(limits), count, seed)
     choices: list[Choice] = [{} for _ in points]
     for (key, (low, high, unit)), shares in zip(limits.items(), points.T.tolist(), strict=True):

@@ -35,6 +35,8 @@ UNITS = {
     "angle": {"mrad": 1e-3, "rad": 1, "deg": np.pi / 180},
     "stress": {"kPa": 1e3, "Pa": 1, "MPa": 1e6},
 }
+#: Between which numbers are drawn, where columns have limits of their own.
+LIMITS = {"displacement": (1e-9, 10), "stretch": (0.05, 20)}
 FILES = {Path(name).stem: columns for name, columns in dataset.FILES.items()}
 
 
@@ -44,7 +46,8 @@ def values_for(column: Column, rows: int) -> st.SearchStrategy[list]:  # type: i
         texts = st.sampled_from(column.choices or ("A", "B"))
         return st.lists(texts if column.required else texts | st.none(), min_size=rows,
                         max_size=rows)
-    numbers = st.floats(1e-9, 50, allow_subnormal=False)
+    low, high = LIMITS.get(column.name, (1e-9, 50))
+    numbers = st.floats(low, high, allow_subnormal=False)
     return st.lists(numbers if column.required else numbers | st.none(), min_size=rows,
                     max_size=rows)
 

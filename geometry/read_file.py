@@ -1,0 +1,47 @@
+"""Files from outside are read whole, here alone: regular files, of a bounded size."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from tympan.geometry.errors import InputError
+
+#: Most bytes of a file that a person writes, and of a table, a drawing or a result.
+WRITTEN, STORED = 4_000_000, 100_000_000
+
+
+def file_bytes(file: Path | str, most: int = STORED) -> bytes:
+    """The bytes of a regular file.
+
+    Raises
+    ------
+    InputError
+        When it is missing, no regular file (a device or a pipe may never end), longer than
+        ``most`` bytes, or cannot be read.
+    """
+    file = Path(file)
+    try:
+        if stat.S_ISREG(file.stat().st_mode) or file.is_dir():
+            with file.open("rb") as stream:
+                content = stream.read(most + 1)
+        else:
+            content = None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    except ValueError:
+        raise InputError("cannot be read: no file has NUL in its name", file=file) from None
+    if content is None:
+        raise InputError("cannot be read: it is no regular file", file=file)
+    if len(content) > most:
+        raise InputError(f"cannot be read: it is longer than {most / 1e6:g} MB", file=file)
+    return content
+
+
+def file_text(file: Path | str, most: int = STORED) -> str:
+    """The text of a file in UTF-8, without a byte-order mark, its lines ended by line feeds."""
+    try:
+        text = file_bytes(file, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=file) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
