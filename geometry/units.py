@@ -48,6 +48,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "field": Dimension("V/m", "30 MV/m", ("MV/m",)),
     "speed": Dimension("m/s", "1 um/min", ("um/min",)),
     "time": Dimension("s", "30 s"),
+    "frequency": Dimension("Hz", "10 Hz"),
     "viscosity": Dimension("Pa s", "62.4 kPa s"),
     "capacitance": Dimension("F", "800 pF"),
     "angle": Dimension("rad", "5 mrad", ("deg",)),

@@ -28,6 +28,7 @@ from tympan.studies.path import PathResult
 from tympan.studies.sensitivity import SensitivityResult
 from tympan.studies.study import StudyResult
 from tympan.studies.sweep.run import SweepResult
+from tympan.studies.sweep.table import column_name, frame
 
 _HEIGHT, _WIDTH = 75.0, 100.0  #: of a picture in a file [mm]
 _SHOWN = 12  #: bars of a chart of sensitivities
@@ -112,12 +113,13 @@ def _(result: AlphaResult, axes: Axes) -> None:
 @draw.register
 def _(result: SweepResult, axes: Axes) -> None:
     table = result.table
-    for number, specimen in enumerate(table["specimen"].values):
-        for mass in table["mass_kg"].values:
-            line = table.sel(specimen=specimen, mass_kg=mass)
-            _curve(axes, number, line["voltage_V"], line["deflection_m"], specimen, float(mass))
+    along = [column_name(table, str(axis)) for axis in table["status"].dims if axis != "voltage"]
+    lines = list(frame(table).groupby(along, sort=False, dropna=False))
+    for number, (_, line) in enumerate(lines):
+        _curve(axes, number, line["voltage_V"], line["deflection_m"], line["specimen"].iloc[0],
+               line["mass_kg"].iloc[0])
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]")
-    if len(table["specimen"]) * len(table["mass_kg"]) <= _SHOWN:
+    if len(lines) <= _SHOWN:
         axes.legend()
 
 

@@ -22,6 +22,7 @@ from tympan.geometry.toml_reader import FINITE
 from tympan.geometry.units import DIMENSIONS, quantity_text
 from tympan.reports.template import template
 from tympan.studies.effects import EFFECTS, listing
+from tympan.studies.sweep.asked import QUANTITIES
 
 #: Where the kinds of a table are listed.
 _SECTIONS: tuple[tuple[str, Registry[Any]], ...] = (
@@ -35,7 +36,7 @@ def page(rig: type[Rig] = Rig) -> str:
               ("[plate]", Plate), ("[membrane]", Film), ("[electrode]", Electrode),
               ("[electrode.outline]", Region), ("rig.toml", rig))
     return template("reports/reference.txt", summary=_summary, named=listing.named).render(
-        tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS,
+        tables=tables, sections=_SECTIONS, rows=_rows, effects=EFFECTS, quantities=QUANTITIES,
         libraries={"Laws": tuple(MATERIALS), "Strengths": tuple(STRENGTH_LIBRARY)})
 
 

@@ -96,12 +96,7 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
     hangs the weight.
     """
     began = time.perf_counter()
-    mass = case.mass + case.rig.unaccounted_mass
-    if point_mass > mass:
-        raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
-                         "unaccounted mass", key="--point-mass", given=f"{point_mass:g} kg")
-    plate = RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass,
-                               case.rig.weight_offset)
+    plate = carried(case, point_mass)
     model, outcome = equilibrate(case, settings)
     state = outcome.state
     result = ModesResult(
@@ -131,6 +126,16 @@ def modes(case: Case, settings: Settings, count: int = 6, point_mass: float = 0.
         wall_s=time.perf_counter() - began,
         warnings=(*_warnings(case, computed), *state_warnings(model, state)), film=film)
 
+
+
+def carried(case: Case, point_mass: float = 0.0) -> RigidPlate:
+    """The plate of a case with its mass, and the rig's unaccounted, as :func:`modes` has it."""
+    mass = case.mass + case.rig.unaccounted_mass
+    if point_mass > mass:
+        raise InputError(f"must not exceed the mass on the plate, {mass:g} kg with the rig's "
+                         "unaccounted mass", key="--point-mass", given=f"{point_mass:g} kg")
+    return RigidPlate.uniform(case.specimen.plate.outline, mass, point_mass,
+                              case.rig.weight_offset)
 
 
 def _mode(computed: Modes, number: int, name: str, longest: float) -> Mode:

@@ -275,11 +275,12 @@ def mode_names(model: Model, modes: Modes) -> tuple[str, ...]:
     round and nine tenths of the displacement along the load follow such a pattern; and ``film, in
     plane`` when the film moves across the load.
     """
-    return tuple(_plate_name(share) or _film_name(model, shape)
+    return tuple(plate_motion(share) or _film_name(model, shape)
                  for share, shape in zip(modes.shares, modes.shapes, strict=True))
 
 
-def _plate_name(share: Array) -> str:
+def plate_motion(share: Array) -> str:
+    """What a mode is that moves the plate, from the shares of its freedoms; "" of the film's."""
     if share.sum() <= 0.5:
         return ""
     totals = [share[list(numbers)].sum() for numbers, _, _ in _MOTIONS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,11 @@ from tympan.fem.rig import Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen, Unbuildable
-from tympan.geometry.toml_reader import Rule, Table
+from tympan.geometry.toml_reader import WHOLE, Rule, Table
 from tympan.geometry.units import DIMENSIONS, any_quantity, quantity
+from tympan.studies.alpha import AlphaSettings
 from tympan.studies.case import Settings
+from tympan.studies.sweep.asked import QUANTITIES, Ask
 from tympan.studies.sweep.task import SweepTask, solver
 
 #: Raw TOML values by dotted key: what one specimen of a sweep differs in.
@@ -50,7 +52,8 @@ _SEED: Rule = (lambda x: 0 <= x < 2**32 and x == int(x), "must be a whole number
 class Entry:
     """One specimen of a sweep: its name, the file's name it comes from, and what it differs in.
 
-    ``task`` is None where no such specimen can be built, for ``reason``.
+    Those that differ in keys of the grid alone share a name. ``task`` is None where no such
+    specimen can be built, for ``reason``.
     """
 
     name: str
@@ -64,10 +67,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Sweep:
-    """All specimens of a sweep, each with as many masses and as many voltages as the others."""
+    """All specimens of a sweep, each with as many masses and as many voltages as the others.
+
+    ``grid`` has the values of the grid's keys; of each name all their combinations stand together,
+    the last key's values changing first.
+    """
 
     entries: tuple[Entry, ...]
     source: str
+    grid: dict[str, list[Any]] = field(default_factory=dict)
+    ask: Ask = field(default_factory=Ask)
+    figures: bool = False
 
     @property
     def cases(self) -> int:
@@ -83,7 +93,8 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     unless all are.
     """
     table = Table.read(file)
-    fields = table.truth("fields", False)
+    fields, figures = table.truth("fields", False), table.truth("figures", False)
+    ask = _ask(table)
     given = table.value("specimen")
     names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
@@ -93,19 +104,22 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
     for stem in stems:
         if stems.count(stem) > 1:
             raise table.error("specimen", "must be files of different names", stem)
-    rows = choices(table)
-    varied = {name for row in rows for name in row}
+    grid, rows = choices(table)
+    varied, loads = {*grid, *rows[0]}, {}
     for name in _LOADS:
         if name in varied and name in table:
             raise table.error(name, "is also varied in [grid], [list] or [sample]: only one of "
                                     "both")
-    loads = {name: _loads(table, name) for name in _LOADS if name not in varied}
-    rigs = [_rig(table, row) for row in rows]
+        if name not in rows[0]:
+            loads[name] = _loads(table.table("grid") if name in grid else table, name)
+            grid.pop(name, None)
+    points = [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
+    places = [(number, {**row, **point}) for number, row in enumerate(rows) for point in points]
+    rigs = [_rig(table, choice) for _, choice in places]
     table.done()
     digits = len(str(max(len(rows) - 1, 1)))
 
-    def entry(base: Path, number: int) -> Entry:
-        choice = rows[number]
+    def entry(base: Path, number: int, choice: Choice, rig: Rig) -> Entry:
         name = f"{base.stem}-{number:0{digits}}" if len(rows) > 1 else base.stem
         masses, voltages = (loads.get(load) or (_load(table, load, choice[load]),)
                             for load in _LOADS)
@@ -114,38 +128,52 @@ def read_sweep(file: Path, settings: Settings = Settings()) -> Sweep:
         except Unbuildable as error:
             reason = str(InputError(error.allowed, key=error.key, given=error.given))
             return Entry(name, base.stem, choice, masses, voltages, None, reason)
-        task = SweepTask(specimen, rigs[number], masses, voltages, settings, fields, solver())
+        task = SweepTask(specimen, rig, masses, voltages, settings, fields, solver(), figures, ask)
         return Entry(name, base.stem, choice, masses, voltages, task)
 
-    specimens = len(bases) * len(rows)
+    specimens = len(bases) * len(places)
     _limit(table, "specimen", "specimens", specimens, MOST)
-    _limit(table, "voltage", "cases",
-           specimens * np.prod([len(values) for values in loads.values()], dtype=int), _MOST_CASES)
-    entries = tuple(entry(base, number) for base in bases for number in range(len(rows)))
+    _limit(table, "voltage", "cases", specimens * math.prod(map(len, loads.values())), _MOST_CASES)
+    entries = tuple(entry(base, *place, rig) for base in bases
+                    for place, rig in zip(places, rigs, strict=True))
     if all(entry.task is None for entry in entries):
         raise InputError(f"none of the specimens can be built; the first one: {entries[0].reason}",
                          file=file)
-    return Sweep(entries, file_text(file))
+    return Sweep(entries, file_text(file), grid, ask, figures)
 
 
-def choices(table: Table) -> list[Choice]:
-    """Every combination of the grid, with every row of the list and every point of the sample."""
-    columns = _columns(table.table("grid", {}))
-    every = math.prod(map(len, columns.values()))
-    _limit(table, "grid", "specimens", every, MOST)
-    _limit(table, "grid", "values", every * len(columns), _MOST_VALUES)
-    parts = [[dict(zip(columns, row, strict=True)) for row in product(*columns.values())],
-             _list(table.table("list", {})), _sample(table.table("sample", {}))]
-    keys = [key for part in parts if part for key in part[0]]
+def _ask(table: Table) -> Ask:
+    """What is asked of every specimen, and the circles that stand for it."""
+    names = table.value("ask", [])
+    if (not isinstance(names, list) or len(set(map(repr, names))) < len(names)
+            or not all(isinstance(name, str) and name in QUANTITIES for name in names)):
+        raise table.error("ask", f"must be a list of any of {', '.join(QUANTITIES)}", names)
+    default = AlphaSettings()
+    circles = int(table.number("circles", default=default.circles, rule=WHOLE))
+    radii = table.text("radii", default.radii)
+    try:
+        return Ask(tuple(names), AlphaSettings(circles=circles, radii=radii))
+    except InputError as error:
+        raise error.located(file=table.file, key=error.key) from None
+
+
+def choices(table: Table) -> tuple[dict[str, list[Any]], list[Choice]]:
+    """The grid's values by key, and every row of the list with every point of the sample."""
+    grid = _columns(table.table("grid", {}))
+    for key, values in grid.items():
+        if len(set(map(repr, values))) < len(values):
+            raise table.error(f"grid.{key}", "must be different values", values)
+    parts = _list(table.table("list", {})), _sample(table.table("sample", {}))
+    keys = [*grid, *(key for part in parts for key in part[0])]
     for key in keys:
         if keys.count(key) > 1:
             raise table.error(key, "must stand in one of [grid], [list] and [sample] only")
         if any(other != key and other.startswith(f"{key}.") for other in keys):
             raise table.error(key, "is varied as a whole and by its parts: only one of both")
-    together = math.prod(map(len, parts))
+    together = math.prod([*map(len, grid.values()), *map(len, parts)])
     _limit(table, "grid", "specimens", together, MOST)
     _limit(table, "grid", "values", together * len(keys), _MOST_VALUES)
-    return [{**first, **second, **third} for first, second, third in product(*parts)]
+    return grid, [{**first, **second} for first, second in product(*parts)]
 
 
 def with_choice(content: Mapping[str, Any], choice: Choice, table: Table) -> dict[str, Any]:

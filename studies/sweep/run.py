@@ -25,7 +25,7 @@ from tympan.studies.files import (
 from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.plan import Sweep
 from tympan.studies.sweep.table import dataset, read_table, write_tables
-from tympan.studies.sweep.task import Row, SweepTask, TaskResult, failed_rows, solver
+from tympan.studies.sweep.task import SweepTask, TaskResult, solver, without_result
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +37,12 @@ Pool = Callable[[Callable[[SweepTask], TaskResult], Mapping[str, SweepTask]],
 #: Called with the number of cases that are ready and of those that were so from the start.
 Progress = Callable[[int, int], None]
 
+#: Called after each task with what answers the result so far.
+Watch = Callable[[Callable[[], "SweepResult"]], None]
+
+#: What a finished sweep leaves beside its tasks, and its page.
+FILES = ("sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json", "sweep.html")
+
 #: What a killed sweep may leave: files that were not renamed yet.
 _TEMPORARY = (".sweep-*", "tasks/*/.*", "fields/.*")
 
@@ -46,7 +52,8 @@ class SweepResult:
     """What a run of a sweep did: cases by status, how many were solved now and how many were there.
 
     ``table`` has all cases, as :func:`tympan.studies.sweep.table.dataset` lays it out; ``source``
-    is SWEEP.toml and ``solver`` what solved it.
+    is SWEEP.toml and ``solver`` what solved it. ``figures``: the first case of each specimen was
+    kept for a picture.
     """
 
     statuses: dict[str, int]
@@ -54,6 +61,7 @@ class SweepResult:
     kept: int
     solver: str
     source: str
+    figures: bool
     table: xr.Dataset = field(repr=False, compare=False)
 
     def json(self) -> dict[str, Any]:
@@ -65,7 +73,8 @@ class SweepResult:
         """Write ``sweep.nc``, ``sweep.parquet``, ``sweep.csv`` and last ``sweep.json``."""
         write_tables(folder, self.table)
         write_json(folder / "sweep.json",
-                   {"solver": self.solver, "source": self.source, **self.json()})
+                   {"solver": self.solver, "source": self.source, "figures": self.figures,
+                    **self.json()})
 
     @classmethod
     def load(cls, folder: Path) -> SweepResult:
@@ -73,7 +82,7 @@ class SweepResult:
         file = folder / "sweep.json"
         record = from_json(dict[str, Any], read_json(file), file)
         kinds: dict[str, Any] = {"statuses": dict[str, int], "solved": int, "kept": int,
-                                 "solver": str, "source": str}
+                                 "solver": str, "source": str, "figures": bool}
         values = {key: from_json(kind, record.get(key), file, key) for key, kind in kinds.items()}
         return cls(**values, table=read_table(folder / "sweep.nc"))
 
@@ -110,14 +119,15 @@ class Checkpoint:
     def put(self, task: SweepTask, result: TaskResult) -> None:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
-            write_atomically(self._vtu(case_id), methodcaller("write_bytes", content))
+            write_atomically(fields_file(self.folder, case_id),
+                             methodcaller("write_bytes", content))
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
-                           "fields": sorted(result.fields), "rows": result.rows},
-                          ensure_ascii=False)
+                           "fields": sorted(result.fields), "rows": result.rows,
+                           "answers": result.answers}, ensure_ascii=False)
         write_text(self._file(task), f"{_digest(body)}\n{body}\n")
 
-    def get(self, task: SweepTask) -> list[Row] | None:
-        """The rows of a finished task; None if its file is missing, damaged or lacks fields."""
+    def get(self, task: SweepTask) -> TaskResult | None:
+        """What was kept of a finished task; None if it is missing, damaged or lacks fields."""
         try:
             digest, body = self._file(task).read_text(encoding="utf-8").rstrip("\n").split("\n", 1)
         except FileNotFoundError:
@@ -130,21 +140,24 @@ class Checkpoint:
         if digest != _digest(body):
             return None
         content = json.loads(body)
-        if content["task"] != task.id or not all(
-                self._vtu(case_id).exists() for case_id in content["fields"]):
+        result = TaskResult(content["rows"], content.get("answers", {}), content["wall_s"])
+        if content["task"] != task.id or not result.answers_all(task) or not all(
+                fields_file(self.folder, case_id).exists() for case_id in content["fields"]):
             return None
-        rows: list[Row] = content["rows"]
-        return rows
-
-    def _vtu(self, case_id: str) -> Path:
-        return self.folder / "fields" / f"{case_id}.vtu"
+        return result
 
     def _file(self, task: SweepTask) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"
 
 
+def fields_file(folder: Path, case_id: str) -> Path:
+    """The fields of a case in the folder of a sweep, where they are kept."""
+    return folder / "fields" / f"{case_id}.vtu"
+
+
 def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
-              progress: Progress = lambda done, kept: None) -> SweepResult:
+              progress: Progress = lambda done, kept: None,
+              watch: Watch = lambda so_far: None) -> SweepResult:
     """Solve what is not finished in a folder yet, and write its tables.
 
     Leaves the files of :meth:`SweepResult.save` and ``tasks/``, with fields also ``fields/``. It
@@ -154,28 +167,33 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     checkpoint = Checkpoint(folder)
     with checkpoint.alone():
         tasks = {entry.task.id: entry.task for entry in sweep.entries if entry.task is not None}
-        rows: dict[str, list[Row]] = {}
+        results: dict[str, TaskResult] = {}
         for task_id, task in tasks.items():
             if (finished := checkpoint.get(task)) is not None:
-                rows[task_id] = finished
-        kept = done = sum(map(len, rows.values()))
+                results[task_id] = finished
+        kept = done = sum(len(result.rows) for result in results.values())
         progress(done, kept)
-        missing = {task_id: task for task_id, task in tasks.items() if task_id not in rows}
+        missing = {task_id: task for task_id, task in tasks.items() if task_id not in results}
         if missing:  # what is there belongs to another plan, or to an older solver
-            remove(folder, "sweep.nc", "sweep.parquet", "sweep.csv", "sweep.json")
+            remove(folder, *FILES)
+
+        def so_far() -> SweepResult:
+            table = dataset(sweep, results)
+            statuses = dict(Counter(table["status"].values.ravel().tolist()))
+            return SweepResult(statuses, done - kept, kept, solver(), sweep.source, sweep.figures,
+                               table)
+
         for task_id, answer in pool(methodcaller("run"), missing):
             task = tasks[task_id]
             if isinstance(answer, NoValue):  # not kept: another run may have more luck
-                rows[task_id] = failed_rows(task.ids, answer.reason)
+                answer = without_result(task.ids, task.ask, task.loads, answer.reason)
             else:
                 checkpoint.put(task, answer)
-                rows[task_id] = answer.rows
-            done += len(rows[task_id])
+            results[task_id] = answer
+            done += len(answer.rows)
             progress(done, kept)
-        table = dataset(sweep, [None if entry.task is None else rows[entry.task.id]
-                                for entry in sweep.entries])
-        statuses = dict(Counter(table["status"].values.ravel().tolist()))
-        result = SweepResult(statuses, done - kept, kept, solver(), sweep.source, table)
+            watch(so_far)
+        result = so_far()
         result.save(folder)
     return result
 

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping, Sequence
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tympan.geometry.errors import InputError
-from tympan.geometry.units import unit_of
+from tympan.geometry.units import DIMENSIONS, unit_of
 from tympan.studies.files import write_atomically, write_text
-from tympan.studies.sweep.plan import Sweep, read_quantity
-from tympan.studies.sweep.task import COLUMNS, Row, failed_rows, solver
+from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.plan import Entry, Sweep, read_quantity
+from tympan.studies.sweep.task import COLUMNS, WAITING, TaskResult, solver, without_result
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-#: Dimensions of the table.
-AXES = ("specimen", "mass", "voltage")
+#: What acts on every specimen, with its unit.
+LOADS = {"mass": "kg", "voltage": "V"}
+
+#: Axis, values along it, attributes.
+Coordinate = tuple[str, np.ndarray, dict[str, str]]
 
 
 def write_tables(folder: Path, table: xr.Dataset) -> None:
@@ -49,46 +54,101 @@ def read_table(file: Path) -> xr.Dataset:
                          file=file) from None
 
 
-def dataset(sweep: Sweep, rows: Sequence[Sequence[Row] | None]) -> xr.Dataset:
-    """Dimensions specimen, mass and voltage; coordinates along the first say what differs there.
+def dataset(sweep: Sweep, results: Mapping[str, TaskResult]) -> xr.Dataset:
+    """Dimensions specimen, the grid's keys, mass and voltage, each with its values as index.
 
-    Numbers are in SI, names end with the unit, which is also the attribute ``units``. Numbers that
-    do not exist are nan; several warnings are joined with " | ".
+    ``results`` are by the task's id; who has none waits. What a list or a sample varies, loads
+    too, are coordinates along specimen, and what is asked beside the cases has no dimension it
+    does not depend on. Numbers are in SI, with the unit as attribute ``units``; that of a result
+    also ends its name. Numbers that do not exist are nan; several warnings are joined with " | ".
     """
     import xarray as xr
 
-    entries = sweep.entries
-    shape = (len(entries), len(entries[0].masses), len(entries[0].voltages))
-    flat = [row for entry, entry_rows in zip(entries, rows, strict=True) for row in (
-        failed_rows([""] * (shape[1] * shape[2]), entry.reason) if entry_rows is None
-        else entry_rows)]
-    data = {name: (AXES, _column(name, [row[name] for row in flat]).reshape(shape))
+    coordinates = _coordinates(sweep)
+    axes = ("specimen", *sweep.grid, *(load for load in LOADS if coordinates[load][0] == load))
+    kept = [_result(sweep, entry, results) for entry in sweep.entries]
+
+    def variable(names: tuple[str, ...], values: list[Any]) -> tuple[tuple[str, ...], np.ndarray]:
+        shape = tuple(len(coordinates[name][1]) for name in names)
+        return names, _column(values).reshape(shape)
+
+    data = {name: variable(axes, [row[name] for result in kept for row in result.rows])
             for name in ("id", *COLUMNS)}
-    coordinates: dict[str, Any] = {"specimen": [entry.name for entry in entries],
-                                   "base": ("specimen", _texts([entry.base for entry in entries]))}
-    for name, axis, loads in (("mass_kg", "mass", [entry.masses for entry in entries]),
-                              ("voltage_V", "voltage", [entry.voltages for entry in entries])):
-        alike = len(set(loads)) == 1
-        coordinates[name] = ((axis, np.array(loads[0])) if alike
-                             else (("specimen", axis), np.array(loads)))
-    varied = [dict(flattened(entry.choice)) for entry in entries]
-    for key in dict.fromkeys(key for choice in varied for key in choice):
-        if key not in ("mass", "voltage"):
-            name, coordinate = _parameter(key, [choice.get(key) for choice in varied])
-            coordinates[name] = coordinate
+    for name in sweep.ask.names:
+        quantity = QUANTITIES[name]
+        records = [record for result in kept for record in result.answers[name]]
+        along = tuple(axis for axis in axes if axis not in LOADS or axis in quantity.loads)
+        data |= {column: variable(along, [record.get(column) for record in records])
+                 for column in quantity.names(sweep.ask.circles.circles)}
+        data[f"{name}_warnings"] = variable(along, [record["warnings"] for record in records])
     table = xr.Dataset(data, coordinates, {"title": "tympan sweep", "source": solver()})
-    for label, variable in table.variables.items():
-        if variable.dtype.kind == "f":
-            variable.attrs.setdefault("units", unit_of(str(label)) or "1")
+    for label, array in table.variables.items():
+        if array.dtype.kind == "f":
+            array.attrs.setdefault("units", unit_of(str(label)) or "1")
     return table
 
 
+def _result(sweep: Sweep, entry: Entry, results: Mapping[str, TaskResult]) -> TaskResult:
+    """That of an entry's task, or why there is none."""
+    if entry.task is not None and entry.task.id in results:
+        return results[entry.task.id]
+    loads = dict(zip(LOADS, (len(entry.masses), len(entry.voltages)), strict=True))
+    if entry.task is None:
+        return without_result([""] * prod(loads.values()), sweep.ask, loads, entry.reason)
+    return without_result(entry.task.ids, sweep.ask, loads, "", WAITING)
+
+
+def _coordinates(sweep: Sweep) -> dict[str, Coordinate]:
+    """Of the specimens, and of each key of the grid, with its parts where its values have any."""
+    specimens = sweep.entries[::prod(map(len, sweep.grid.values()))]
+    coordinates: dict[str, Coordinate] = {
+        "specimen": ("specimen", _column([entry.name for entry in specimens]), {}),
+        "base": ("specimen", _column([entry.base for entry in specimens]), {})}
+    for axis, values in sweep.grid.items():
+        coordinates |= _parameters(axis, [{axis: value} for value in values])
+        labels = [", ".join(map(str, dict(flattened({axis: value})).values())) for value in values]
+        coordinates.setdefault(axis, (axis, _column(labels), {}))
+    coordinates |= _parameters("specimen", [
+        {key: value for key, value in entry.choice.items() if key not in (*sweep.grid, *LOADS)}
+        for entry in specimens])
+    for load, unit in LOADS.items():
+        values = [{"mass": entry.masses, "voltage": entry.voltages}[load] for entry in specimens]
+        coordinates[load] = (("specimen", np.array(values)[:, 0], {"units": unit})
+                             if load in specimens[0].choice
+                             else (load, np.array(values[0]), {"units": unit}))
+    return coordinates
+
+
+def _parameters(axis: str, choices: list[dict[str, Any]]) -> dict[str, Coordinate]:
+    """What differs along an axis, by key: numbers in SI with their unit, or texts."""
+    varied = [dict(flattened(choice)) for choice in choices]
+    coordinates: dict[str, Coordinate] = {}
+    for key in dict.fromkeys(key for choice in varied for key in choice):
+        values = [choice.get(key) for choice in varied]
+        read = [read_quantity(value) for value in values]
+        units = {number[1] for number in read if number is not None}
+        if len(units) == 1 and read.count(None) == values.count(None):
+            numbers = [None if number is None else number[0] for number in read]
+            coordinates[key] = axis, _column(numbers), {"units": units.pop() or "1"}
+        else:
+            texts = ["" if value is None else str(value) for value in values]
+            coordinates[key] = axis, _column(texts), {}
+    return coordinates
+
+
 def frame(table: xr.Dataset) -> pd.DataFrame:
-    """A row per case: its inputs, then its results."""
-    flat = table.to_dataframe(dim_order=list(AXES)).reset_index()
-    inputs = [name for name in table.coords if name != "specimen"]
+    """A row per case: its inputs, then its results; units end the names of all numbers."""
+    flat = table.to_dataframe(dim_order=list(table["status"].dims)).reset_index()
+    inputs = [str(name) for name in table.coords if name != "specimen"]
     results = [name for name in ("status", *table.data_vars) if name not in ("id", "warnings")]
-    return flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
+    flat = flat[list(dict.fromkeys(["specimen", *inputs, *results, "warnings", "id"]))]
+    return flat.rename(columns={name: column_name(table, name) for name in inputs})
+
+
+def column_name(table: xr.Dataset, name: str) -> str:
+    """Of a table's coordinate where tables are flat: its unit ends the name."""
+    unit = table[name].attrs.get("units")
+    return name + next((item.suffix for item in DIMENSIONS.values() if item.si == unit), "")
 
 
 def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -108,24 +168,10 @@ def flattened(choice: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield key, value
 
 
-def _parameter(key: str, values: list[Any]) -> tuple[str, Any]:
-    """Name and coordinate of what the specimens differ in; the unit ends the name of numbers."""
-    read = [None if value is None else read_quantity(value) for value in values]
-    units = {number[1] for number in read if number is not None}
-    if len(units) != 1 or any(number is None and value is not None
-                              for number, value in zip(read, values, strict=True)):
-        return key, ("specimen", _texts(["" if value is None else str(value) for value in values]))
-    unit = units.pop()
-    name = f"{key}_{unit.replace('/', '_per_').replace('^', '')}" if unit else key
-    numbers = np.array([np.nan if number is None else number[0] for number in read])
-    return name, ("specimen", numbers, {"units": unit or "1"})
-
-
-def _column(name: str, values: list[Any]) -> np.ndarray:
-    if name in ("status", "id", "warnings"):
-        return _texts([" | ".join(value) if name == "warnings" else value for value in values])
+def _column(values: list[Any]) -> np.ndarray:
+    """Texts as they are, lists of warnings joined, numbers with nan for those that are missing."""
+    if all(isinstance(value, str) for value in values):
+        return np.array(values, dtype=object)
+    if all(isinstance(value, list) for value in values):
+        return np.array([" | ".join(value) for value in values], dtype=object)
     return np.array([np.nan if value is None else float(value) for value in values])
-
-
-def _texts(values: list[str]) -> np.ndarray:
-    return np.array(values, dtype=object)

@@ -7,8 +7,8 @@ import json
 import tempfile
 import threading
 import time
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
@@ -18,8 +18,9 @@ from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import write
 from tympan.geometry.specimen import Specimen
-from tympan.studies.case import CaseResult, Settings, build_model, solve_grid
+from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
 from tympan.studies.film_surface import film_surface
+from tympan.studies.sweep.asked import QUANTITIES, Ask, Record, SolvedCase
 
 #: To be raised whenever a change of mesher or solver changes results: finished cases of before are
 #: then not reused.
@@ -28,6 +29,12 @@ REVISION = 2
 #: Of a case that could not even be tried: no film can be built or meshed, or the process that tried
 #: it died.
 FAILED = "failed"
+
+#: Of a case whose turn has not come.
+WAITING = "waiting"
+
+#: Into the square of this many triangles an element is cut: for others, and for small pictures.
+_FINE, _COARSE = 6, 3
 
 #: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
 _TURN = threading.Lock()
@@ -43,18 +50,32 @@ def solver() -> str:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """A row per case, masses first, and the fields of a task's equilibria by case id, as VTU."""
+    """A row per case, masses first, and the fields of a task's equilibria by case id, as VTU.
+
+    ``answers`` has the records of every quantity that is asked for, masses first too.
+    """
 
     rows: list[Row]
-    wall_s: float
-    fields: dict[str, bytes]
+    answers: dict[str, list[Record]]
+    wall_s: float = 0.0
+    fields: dict[str, bytes] = field(default_factory=dict)
+
+    def answers_all(self, task: SweepTask) -> bool:
+        """Whether it has all rows and answers of a task."""
+        return ([row.get("id") for row in self.rows] == list(task.ids)
+                and all({"id", *COLUMNS} == row.keys() for row in self.rows)
+                and {name: len(records) for name, records in self.answers.items()} == {
+                    name: len(task.ids) // QUANTITIES[name].every(task.loads)
+                    for name in task.ask.names})
 
 
 @dataclass(frozen=True)
 class SweepTask:
-    """A specimen on a rig, its masses [kg] and voltages [V], ascending; ``fields``: keep them all.
+    """A specimen on a rig, its masses [kg] and voltages [V], ascending, and what else is asked.
 
-    ``solver`` is who is to solve it: results of different versions must not meet in one table.
+    ``fields``: keep those of all equilibria; ``figures``: keep what a picture of the first case
+    needs. ``solver`` is who is to solve it: results of different versions must not meet in one
+    table.
     """
 
     specimen: Specimen
@@ -64,6 +85,8 @@ class SweepTask:
     settings: Settings
     fields: bool
     solver: str
+    figures: bool = False
+    ask: Ask = field(default_factory=Ask)
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
@@ -81,7 +104,13 @@ class SweepTask:
     @cached_property
     def id(self) -> str:
         """The hash of its cases and of what is kept of them."""
-        return _hash([*self.ids, self.fields])
+        more = [self.figures, asdict(self.ask)] if self.figures or self.ask.names else []
+        return _hash([*self.ids, self.fields, *more])
+
+    @property
+    def loads(self) -> dict[str, int]:
+        """How many masses and voltages there are."""
+        return {"mass": len(self.masses), "voltage": len(self.voltages)}
 
     def run(self) -> TaskResult:
         """Solve all cases; what cannot be built or meshed is a failed row each, not an error."""
@@ -91,32 +120,41 @@ class SweepTask:
         began = time.perf_counter()
         with _TURN:
             try:
-                rows, kept = self._solved()
+                result = self._solved()
             except InputError as error:  # without the name, which equal specimens do not share
                 reason = str(InputError(error.allowed, key=error.key))
-                rows, kept = failed_rows(self.ids, reason), {}
-        return TaskResult(rows, time.perf_counter() - began, kept)
+                result = without_result(self.ids, self.ask, self.loads, reason)
+        return replace(result, wall_s=time.perf_counter() - began)
 
-    def _solved(self) -> tuple[list[Row], dict[str, bytes]]:
+    def _solved(self) -> TaskResult:
         model = build_model(self.specimen, self.settings, self.rig.loading)
-        rows: list[Row] = []
-        kept: dict[str, bytes] = {}
+        solution = TaskResult([], {name: [] for name in self.ask.names})
         solved = solve_grid(model, self.masses, self.voltages, self.rig, self.settings.path)
-        for case_id, (result, outcome) in zip(self.ids, solved, strict=True):
+        for number, (case_id, (result, outcome)) in enumerate(zip(self.ids, solved, strict=True)):
             record = result.json()
-            rows.append({"id": case_id} | {name: record[name] for name in COLUMNS})
-            if self.fields and outcome.status == "equilibrium":
+            solution.rows.append({"id": case_id} | {name: record[name] for name in COLUMNS})
+            asked = SolvedCase(Case(self.specimen, mass=result.mass_kg, voltage=result.voltage_V,
+                               rig=self.rig), self.settings, model, outcome, self.ask.circles)
+            for name, records in solution.answers.items():
+                if number % QUANTITIES[name].every(self.loads) == 0:
+                    records.append(QUANTITIES[name].record(asked))
+            if outcome.status == "equilibrium" and (self.fields or (self.figures and not number)):
                 with tempfile.TemporaryDirectory() as folder:
                     file = Path(folder) / "fields.vtu"
-                    film_surface(model, outcome.state).save(file)
-                    kept[case_id] = file.read_bytes()
-        return rows, kept
+                    parts = _FINE if self.fields else _COARSE
+                    film_surface(model, outcome.state, parts).save(file)
+                    solution.fields[case_id] = file.read_bytes()
+        return solution
 
 
-def failed_rows(ids: Iterable[str], reason: str) -> list[Row]:
-    """Rows of cases, by id, that say why there is no result."""
-    empty: Row = dict.fromkeys(COLUMNS)
-    return [{**empty, "id": case_id, "status": FAILED, "warnings": [reason]} for case_id in ids]
+def without_result(ids: Sequence[str], ask: Ask, loads: Mapping[str, int], reason: str,
+                   status: str = FAILED) -> TaskResult:
+    """Rows of cases, by id, and answers that say why there is no result."""
+    rows: list[Row] = [{**dict.fromkeys(COLUMNS), "id": case_id, "status": status,
+                        "warnings": [reason]} for case_id in ids]
+    answers = {name: [{"warnings": [reason]}] * (len(ids) // QUANTITIES[name].every(loads))
+               for name in ask.names}
+    return TaskResult(rows, answers)
 
 
 def _constants(law: Any) -> Any:

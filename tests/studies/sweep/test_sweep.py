@@ -14,7 +14,11 @@ import xarray as xr
 
 from tests.support.sweeps import CHEAP, Lethal, finished, read, written
 from tympan.geometry.errors import InputError
+from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
+from tympan.studies.limits import limits
+from tympan.studies.lumped.build import build
+from tympan.studies.modes import modes
 from tympan.studies.parallel import processes, serial
 from tympan.studies.sweep import run as shelf
 from tympan.studies.sweep.plan import Sweep
@@ -56,7 +60,7 @@ def test_the_three_files_hold_the_same_with_units(whole) -> None:
     _, folder = whole
     found = table(folder)
     assert found["deflection_m"].attrs["units"] == "m"
-    assert found["plate.radius_m"].attrs["units"] == "m"
+    assert found["plate.radius"].attrs["units"] == "m"
     assert found["max_field_V_per_m"].attrs["units"] == "V/m"
     rows = pd.read_csv(folder / "sweep.csv")
     pd.testing.assert_frame_equal(rows[["deflection_m", "plate.radius_m", "mass_kg"]],
@@ -66,9 +70,106 @@ def test_the_three_files_hold_the_same_with_units(whole) -> None:
                                   check_exact=True)
     row = rows.iloc[17]
     place = found.sel(specimen=row["specimen"]).isel(mass=1, voltage=2)
-    assert (row["mass_kg"], row["voltage_V"]) == (float(place["mass_kg"]),
-                                                  float(place["voltage_V"])) == (22.45e-3, 4e3)
+    assert (row["mass_kg"], row["voltage_V"]) == (float(place["mass"]),
+                                                  float(place["voltage"])) == (22.45e-3, 4e3)
     assert row["deflection_m"] == float(place["deflection_m"])
+
+
+GRID = """
+specimen = "oval.toml"
+mass = "17.9 g"
+voltage = ["0 kV", "2.5 kV", "5 kV"]
+[grid]
+"plate.radius" = ["1 cm", "12 mm"]
+"frame.semi_axes" = [["6 cm", "4.5 cm"], ["5 cm", "4.5 cm"]]
+[list]
+"rig.spring" = ["0 N/m", "5 N/m"]
+"""
+
+
+def test_loads_and_keys_of_the_grid_are_indices(tmp_path) -> None:
+    """As xarray's own users take them: by value, as an abscissa, nearest, by label."""
+    sweep = read(tmp_path, GRID)
+    run_sweep(sweep, tmp_path / "out", serial)
+    found = table(tmp_path / "out")
+    assert dict(found.sizes) == {"specimen": 2, "plate.radius": 2, "frame.semi_axes": 2, "mass": 1,
+                                 "voltage": 3}
+    place = {"plate.radius": 0.012, "frame.semi_axes": "6 cm, 4.5 cm", "specimen": "oval-1"}
+    line = found["deflection_m"].sel(place).squeeze()
+    assert line.dims == ("voltage",)
+    [drawn] = line.plot(x="voltage")
+    assert drawn.get_xdata().tolist() == [0, 2500, 5000]
+    [entry] = [entry for entry in sweep.entries if entry.name == "oval-1"
+               and entry.task.specimen.plate.outline.radius == 0.012
+               and entry.task.specimen.frame.semi_axes[0] == 0.06]
+    case = Case(entry.task.specimen, mass="17.9 g", voltage="5 kV", rig=entry.task.rig)
+    assert float(line.sel(voltage=5000)) == pytest.approx(solve(case, CHEAP).deflection_m, rel=1e-7)
+    assert line.sel(voltage=4e3, method="nearest") == line.sel(voltage=5000)
+    assert found.sel({"plate.radius": slice(0.009, 0.011)}).sizes["plate.radius"] == 1
+    assert found["rig.spring"].dims == ("specimen",)
+    assert found["frame.semi_axes.0"].sel({"frame.semi_axes": "5 cm, 4.5 cm"}) == 0.05
+    assert found["plate.radius"].attrs["units"] == "m"
+    rows = pd.read_csv(tmp_path / "out" / "sweep.csv")
+    row = rows[(rows["plate.radius_m"] == 0.012) & (rows["frame.semi_axes.0_m"] == 0.06)
+               & (rows["rig.spring_N_per_m"] == 5) & (rows["voltage_V"] == 5e3)]
+    assert row["deflection_m"].tolist() == [float(line.sel(voltage=5000))]
+
+
+def test_a_load_of_the_list_goes_with_the_specimen_one_of_the_grid_is_an_index(tmp_path) -> None:
+    text = ('specimen = "oval.toml"\n[grid]\nvoltage = ["0 kV", "1 kV"]\n'
+            '[list]\nmass = ["20 g", "10 g"]\n"plate.radius" = ["8 mm", "9 mm"]')
+    run_sweep(read(tmp_path, text), tmp_path / "out", serial)
+    found = table(tmp_path / "out")
+    assert dict(found.sizes) == {"specimen": 2, "voltage": 2}
+    assert found["mass"].values.tolist() == [0.02, 0.01]
+    assert (found["deflection_m"].sel(voltage=1000).diff("specimen") < 0).all()
+
+
+ASKED = """
+specimen = "oval.toml"
+mass = "22.45 g"
+voltage = ["0 kV", "4 kV"]
+ask = ["alpha", "limits", "modes", "lumped"]
+figures = true
+[list]
+plate = [{ shape = "circle", radius = "1 cm" },
+         { shape = "ellipse", semi_axes = ["5 cm", "1 cm"] }]
+"""
+
+
+def test_what_is_asked_stands_in_the_table_and_fails_alone(tmp_path) -> None:
+    """Beside the same things asked of the specimen itself."""
+    sweep = read(tmp_path, ASKED)
+    run_sweep(sweep, tmp_path / "out", serial)
+    found, task = table(tmp_path / "out"), sweep.entries[0].task
+    first = found.isel(specimen=0)
+    weights = alpha(task.specimen, CHEAP)
+    assert [float(first[f"alpha_{number}"]) for number in (1, 2)] == pytest.approx(
+        weights.by_basis["membrane"].alpha, abs=1e-9)
+    assert float(first["alpha_held_out_error"]) == pytest.approx(
+        weights.by_basis["membrane"].held_out_error)
+    assert first["circle_2_m"].attrs["units"] == "m"
+    assert first["alpha_1"].dims == ()
+    swinging = modes(Case(task.specimen, mass="22.45 g", voltage="4 kV"), CHEAP)
+    row = first.sel(mass=22.45e-3, voltage=4e3)
+    assert [float(row[name]) for name in ("heave_Hz", "tilt_1_Hz", "tilt_2_Hz")] == pytest.approx(
+        [mode.frequency_Hz for name in ("heave", "tilt") for mode in swinging.modes
+         if mode.name.startswith(name)])
+    assert found["heave_Hz"].attrs["units"] == "Hz"
+    model = build(task.specimen, CHEAP).model
+    assert float(first["lumped_stiffness"]) == pytest.approx(model.stiffness)
+    assert float(first["lumped_flat_capacitance_F"]) == pytest.approx(model.flat_capacitance)
+    reached = limits(Case(task.specimen, mass="22.45 g"), CHEAP)
+    assert float(first["pull_in_V"].sel(mass=22.45e-3)) == pytest.approx(reached.pull_in.voltage_V)
+    assert float(first["tension_x_m"].sel(mass=22.45e-3)) == pytest.approx(reached.tension.x_m)
+    assert set(found["status"].values.ravel()) == {"equilibrium"}
+    assert np.isnan(found["alpha_1"].values[1])
+    assert "circle" in str(found["alpha_warnings"].values[1])
+    assert np.isfinite(found["heave_Hz"].values).all()
+    assert {file.stem for file in (tmp_path / "out" / "fields").iterdir()} == set(
+        found["id"].values[:, 0, 0])
+    assert run_sweep(sweep, tmp_path / "out", serial).kept == 4
+    alike(table(tmp_path / "out"), found)
 
 
 def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -> None:
@@ -122,9 +223,9 @@ def test_an_impossible_combination_is_a_row_with_the_reason(tmp_path) -> None:
     summary = run_sweep(read(tmp_path, text), tmp_path / "out", serial)
     assert summary.statuses == {"equilibrium": 1, "no_equilibrium": 1, "failed": 2}
     found = table(tmp_path / "out")
-    assert "plate must lie inside the frame" in str(found["warnings"][1, 0, 0].item())
-    assert "pulls in" in str(found["warnings"][0, 0, 1].item())
-    assert np.isnan(found["deflection_m"].values).tolist() == [[[False, True]], [[True, True]]]
+    assert "plate must lie inside the frame" in str(found["warnings"][0, 1, 0, 0].item())
+    assert "pulls in" in str(found["warnings"][0, 0, 0, 1].item())
+    assert np.isnan(found["deflection_m"].values).tolist() == [[[[False, True]], [[True, True]]]]
 
 
 def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monkeypatch) -> None:

@@ -13,6 +13,7 @@ from tests.support.sweeps import CHEAP, read, written
 from tympan.cli import main
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
+from tympan.studies.sweep.asked import Ask
 from tympan.studies.sweep.plan import METHODS, read_sweep, sample_points
 from tympan.studies.sweep.task import SweepTask
 
@@ -87,7 +88,8 @@ def test_ids_follow_loads_rig_settings_and_solver_but_not_names_or_units(tmp_pat
                     replace(task, solver="another")):
         assert not set(task.ids) & set(changed.ids)
     assert replace(task, fields=True).ids == task.ids
-    assert replace(task, fields=True).id != task.id
+    for more in ({"fields": True}, {"figures": True}, {"ask": Ask(("modes",))}):
+        assert replace(task, **more).id != task.id
     same = specimen_toml().replace('"oval"', '"other"').replace("1 mm", "1000 um")
     [equal] = tasks(tmp_path / "b", LOADS, oval=same)
     assert equal.ids == task.ids
@@ -129,6 +131,13 @@ REFUSED = {
               r"sample.ranges.plate.radius: given .*one kind"),
     "undotted": (LOADS + '[grid]\nplate.radius = ["1 cm"]',
                  r"grid.plate: must be a list; write a dotted key"),
+    "ask": (LOADS + 'ask = ["alfa"]',
+            r"SWEEP.toml: ask: given .*'alfa'.*: must be a list of any of alpha, limits, modes"),
+    "asked twice": (LOADS + 'ask = ["modes", "modes"]', r"SWEEP.toml: ask: "),
+    "circles": (LOADS + 'circles = 7', r"SWEEP.toml: circles: given 7: must be from 1 to 6"),
+    "radii": (LOADS + 'radii = "best"', r"SWEEP.toml: radii: given 'best': must be one of"),
+    "alike": (LOADS + '[grid]\n"plate.radius" = ["1 cm", "1 cm"]',
+              r"SWEEP.toml: grid.plate.radius: given .*different"),
     "no specimen": ('mass = "1 g"\nvoltage = "1 kV"', r"specimen: is missing"),
     "none possible": (
         LOADS + '[grid]\n"plate.radius" = ["5 cm", "6 cm"]',

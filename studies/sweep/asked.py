@@ -1,0 +1,169 @@
+"""What SWEEP.toml may ask of every specimen beside its cases; each stands here once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import prod
+from typing import Any
+
+from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.membrane.model import Model
+from tympan.fem.vibration.modes import plate_motion, vibrations
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Registry
+from tympan.geometry.system import MissingLibrary
+from tympan.studies.alpha import AlphaSettings, alpha
+from tympan.studies.case import Case, Settings
+from tympan.studies.limits import limits
+from tympan.studies.lumped.build import BuildSettings, build
+from tympan.studies.modes import carried
+
+#: Values by column, with "warnings" or the reason why there are none.
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What is asked: names of :data:`QUANTITIES`, and what circles stand for a specimen."""
+
+    names: tuple[str, ...] = ()
+    circles: AlphaSettings = field(default_factory=AlphaSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCase:
+    """A case, what was solved of it, and the circles that are asked for."""
+
+    case: Case
+    settings: Settings
+    model: Model
+    outcome: Outcome
+    circles: AlphaSettings
+
+
+@dataclass(frozen=True)
+class AskedQuantity:
+    """Something to ask: ``columns`` with what each holds, its unit at the end of its name.
+
+    ``{n}`` in a name is the number of a circle. ``loads`` are those it depends on, from the front
+    of mass and voltage; ``answer`` is asked once for each of their values.
+    """
+
+    name: str
+    meaning: str
+    columns: Mapping[str, str]
+    loads: tuple[str, ...]
+    answer: Callable[[SolvedCase], Record]
+
+    def names(self, circles: int) -> list[str]:
+        """Its columns for so many circles at most."""
+        return [name.format(n=number) for name in self.columns
+                for number in range(1, circles + 1 if "{n}" in name else 2)]
+
+    def every(self, loads: Mapping[str, int]) -> int:
+        """Of so many loads, each number of cases to which one answer belongs."""
+        return prod(count for load, count in loads.items() if load not in self.loads)
+
+    def record(self, asked: SolvedCase) -> Record:
+        """The answer, or why there is none."""
+        try:
+            return self.answer(asked)
+        except InputError as error:  # without the name, which equal specimens do not share
+            return {"warnings": [str(InputError(error.allowed, key=error.key))]}
+        except (MissingLibrary, OSError):
+            raise
+        except Exception as error:  # whatever a library raises must not cost the rest
+            return {"warnings": [f"{type(error).__name__}: {error}"]}
+
+
+#: All of them by name.
+QUANTITIES: Registry[AskedQuantity] = Registry("name")
+
+
+def quantity_of(meaning: str, columns: Mapping[str, str], loads: tuple[str, ...] = ()
+                ) -> Callable[[Callable[[SolvedCase], Record]], AskedQuantity]:
+    """Make a function the quantity of its name."""
+    def registered(answer: Callable[[SolvedCase], Record]) -> AskedQuantity:
+        made: AskedQuantity = QUANTITIES.register(
+            AskedQuantity(answer.__name__.strip("_"), meaning, columns, loads, answer))
+        return made
+
+    return registered
+
+
+@quantity_of("weights of the membrane circles that stand for it, as `tympan alpha` finds them", {
+    "alpha_{n}": "weight of circle n",
+    "circle_{n}_m": "its radius",
+    "alpha_fit_error": "force error of the mixture, relative, at the loads of the fit",
+    "alpha_held_out_error": "the same at other loads",
+})
+def _alpha(asked: SolvedCase) -> Record:
+    result = alpha(asked.case.specimen, asked.settings, asked.circles, asked.case.rig)
+    weights = result.by_basis["membrane"]
+    return {**_numbered("alpha_{n}", weights.alpha), **_numbered("circle_{n}_m", result.circles),
+            "alpha_fit_error": weights.fit_error, "alpha_held_out_error": weights.held_out_error,
+            "warnings": list(result.warnings)}
+
+
+@quantity_of("how far the voltage can be raised, as `tympan limits` finds it", {
+    f"{kind}_{column}": words.format(what)
+    for kind, what in (("tension", "the first loss of tension"), ("breakdown", "breakdown"),
+                       ("pull_in", "pull-in"))
+    for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
+                          ("y_m", "the same along y"),
+                          ("spread", "how certain the voltage is, relative"))
+}, loads=("mass",))
+def _limits(asked: SolvedCase) -> Record:
+    result = limits(asked.case, asked.settings)
+    record: Record = {"warnings": [] if result.pull_in else [result.ended]}
+    for limit in (result.tension, result.breakdown, result.pull_in):
+        if limit is not None:
+            record |= {f"{limit.kind}_V": limit.voltage_V, f"{limit.kind}_x_m": limit.x_m,
+                       f"{limit.kind}_y_m": limit.y_m, f"{limit.kind}_spread": limit.spread}
+    return record
+
+
+@quantity_of("frequencies of small vibrations of the plate, as `tympan modes` finds them", {
+    "heave_Hz": "along the load",
+    "tilt_1_Hz": "of the slower tilt",
+    "tilt_2_Hz": "of the faster tilt",
+}, loads=("mass", "voltage"))
+def _modes(asked: SolvedCase) -> Record:
+    if asked.outcome.status != "equilibrium":
+        return {"warnings": ["there is no equilibrium"]}
+    computed = vibrations(asked.model, asked.outcome.state, carried(asked.case))
+    motions = [plate_motion(share).split(" ")[0] for share in computed.shares]
+    heave, tilt = ([float(hertz) for motion, hertz, growth in zip(
+        motions, computed.frequencies_Hz, computed.growth, strict=True)
+        if motion == name and not growth] for name in ("heave", "tilt"))
+    missing = [f"{name}: unstable, held, or not among the slowest modes"
+               for name, hertz, count in (("heave", heave, 1), ("tilt", tilt, 2))
+               if len(hertz) < count]
+    return {"heave_Hz": heave[0] if heave else None,
+            **dict(zip(("tilt_1_Hz", "tilt_2_Hz"), tilt, strict=False)), "warnings": missing}
+
+
+@quantity_of("constants of its lumped model, as `tympan lumped build` finds them", {
+    "lumped_alpha_{n}": "weight of circle n",
+    "lumped_circle_{n}_m": "its radius",
+    "lumped_stiffness": "factor on the film's energy",
+    "lumped_permittivity": "factor on the voltage's energy",
+    "lumped_flat_capacitance_F": "of the flat film",
+    "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
+})
+def _lumped(asked: SolvedCase) -> Record:
+    circles = asked.circles
+    built = build(asked.case.specimen, asked.settings,
+                  BuildSettings(circles=circles.circles, radii=circles.radii), asked.case.rig)
+    model = built.model
+    return {**_numbered("lumped_alpha_{n}", model.weights),
+            **_numbered("lumped_circle_{n}_m", model.radii),
+            "lumped_stiffness": model.stiffness, "lumped_permittivity": model.permittivity,
+            "lumped_flat_capacitance_F": model.flat_capacitance,
+            "lumped_held_out_error": built.worst("corrected", held_out=True),
+            "warnings": built.warnings}
+
+
+def _numbered(name: str, values: tuple[float, ...]) -> Record:
+    return {name.format(n=number): value for number, value in enumerate(values, start=1)}
