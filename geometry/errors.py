@@ -1,4 +1,4 @@
-"""The one exception a user's input can raise."""
+"""The one exception a user's input can raise, and the one of what fails for another reason."""
 
 from __future__ import annotations
 
@@ -27,6 +27,10 @@ class InputError(ValueError):
         """A copy that also names where the value stood; what is already named is kept."""
         return type(self)(self.allowed, file=self.file or file, key=self.key or key,
                           given=self.given)
+
+
+class Failure(RuntimeError):
+    """What ends a command with a message though its input is right."""
 
 
 def _shortened(text: str, most: int = 200) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import sys
 
+from tympan.geometry.errors import Failure
+
 #: Debian packages of the libraries.
 DEBIAN = {
     "libGL.so.1": "libgl1",
@@ -22,7 +24,7 @@ DEBIAN = {
 }
 
 
-class MissingLibrary(RuntimeError):
+class MissingLibrary(Failure):
     """A system library is not installed; the message names the Debian package."""
 
 

@@ -16,14 +16,16 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from typing import TypeVar
 
-from tympan.geometry.errors import InputError
-from tympan.geometry.system import MissingLibrary
+from tympan.geometry.errors import Failure, InputError
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
 #: Small dense matrices gain nothing from threads, which would take the processors from each other.
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+#: Signals that end a command; a terminal or a supervisor sends them to all its processes.
+_ENDING = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 #: How often processes may die with an item among theirs before it is tried alone, a last time.
 _DEATHS = 2
@@ -85,7 +87,7 @@ def value_or_reason(future: Future[Value]) -> Value | NoValue:
     """The value of a future, or its failure; errors that would meet every item are raised."""
     try:
         return future.result()
-    except (InputError, MissingLibrary, BrokenProcessPool, OSError):
+    except (InputError, Failure, BrokenProcessPool, OSError):
         raise
     except Exception as error:  # whatever a library raises on one item must not end the others
         return NoValue(f"{type(error).__name__}: {error}", error)
@@ -121,9 +123,9 @@ def _alone(function: Callable[[Item], Value], item: Item) -> Value | NoValue:
 
 def _submitted(pool: ProcessPoolExecutor, function: Callable[[Item], Value], item: Item
                ) -> Future[Value]:
-    """An item in a pool; processes started for it leave interruption to the parent."""
+    """An item in a pool; processes started for it leave it to the parent to be ended."""
     resource_tracker.ensure_running()  # its start would lift the block
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
         return pool.submit(function, item)
     finally:

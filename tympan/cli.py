@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tympan.commands import COMMANDS, GROUPS
-from tympan.geometry.errors import InputError
-from tympan.geometry.system import MissingLibrary
+from tympan.geometry.errors import Failure, InputError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -17,18 +16,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         options.run(options)
-    except InputError as error:
-        print(f"tympan: {error}", file=sys.stderr)
-        return 2
-    except MissingLibrary as error:
-        print(f"tympan: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt as interruption:
-        print("; ".join(["tympan: interrupted", *map(str, interruption.args)]), file=sys.stderr)
-        return 1
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 1
+    except (InputError, Failure) as error:
+        print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
     return 0
 
 

@@ -179,7 +179,7 @@ def finish(options: argparse.Namespace, result: Any, **more: Any) -> None:
 def print_record(options: argparse.Namespace, record: dict[str, Any], **more: Any) -> None:
     """Print a record as one JSON object, or as the command's template in commands/text says it."""
     if options.json:
-        print(json.dumps(record, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(record, allow_nan=False))
         return
     from tympan.reports.template import template
 

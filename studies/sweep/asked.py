@@ -10,9 +10,8 @@ from typing import Any
 from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.membrane.model import Model
 from tympan.fem.vibration.modes import plate_motion, vibrations
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import Registry
-from tympan.geometry.system import MissingLibrary
 from tympan.studies.alpha import AlphaSettings, alpha
 from tympan.studies.case import Case, Settings
 from tympan.studies.limits import limits
@@ -71,7 +70,7 @@ class AskedQuantity:
             return self.answer(asked)
         except InputError as error:  # without the name, which equal specimens do not share
             return {"warnings": [str(InputError(error.allowed, key=error.key))]}
-        except (MissingLibrary, OSError):
+        except (Failure, OSError):
             raise
         except Exception as error:  # whatever a library raises must not cost the rest
             return {"warnings": [f"{type(error).__name__}: {error}"]}

@@ -223,17 +223,6 @@ def test_missing_system_library_is_named(monkeypatch, capsys) -> None:
     assert "Debian package libglu1-mesa" in capsys.readouterr().err
 
 
-def test_interrupt_is_a_message_and_status_1(monkeypatch, capsys) -> None:
-    import tympan.studies.case
-
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(tympan.studies.case, "equilibrate", interrupted)
-    assert main(["solve", str(ACTUATORS["circular"]), "--mass", "1 g"]) == 1
-    assert capsys.readouterr().err == "tympan: interrupted\n"
-
-
 def test_time_is_reported_truly(capsys) -> None:
     began = time.perf_counter()
     assert main(["solve", str(ACTUATORS["circular"]), "--mass", "17.9 g", "--json"]) == 0

@@ -7,7 +7,7 @@ import os
 from functools import partial
 from pathlib import Path
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import Failure, InputError
 from tympan.options import (
     JSON,
     MESH,
@@ -71,9 +71,10 @@ def sweep(options: argparse.Namespace) -> None:
                 progress(ready, kept)
 
             result = run_sweep(planned, options.output, pool, seen)
-    except KeyboardInterrupt:
-        kept = f"{done} of {planned.cases} cases are kept, the same command goes on from there"
-        raise KeyboardInterrupt(kept) from None
+    except (KeyboardInterrupt, Failure) as ending:
+        ending.add_note(f"{done} of {planned.cases} cases are kept, the same command goes on from "
+                        "there")
+        raise
     print_record(options, {"table": str(options.output / "sweep.nc"), **result.json()})
 
 

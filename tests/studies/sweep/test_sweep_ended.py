@@ -85,19 +85,21 @@ def test_killed_ten_times_the_table_is_complete_and_nothing_is_solved_twice(righ
     goes_on(right, tmp_path / "out")
 
 
-@pytest.mark.parametrize("tasks", [0, 3])
-def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, tasks: int) -> None:
-    """As by Ctrl-C, which all processes of a terminal get, also those that have only just been
-    started."""
+@pytest.mark.parametrize(("number", "tasks"),
+                         [(signal.SIGINT, 0), (signal.SIGINT, 3), (signal.SIGTERM, 3)])
+def test_interrupted_it_says_so_once_and_goes_on(right, tmp_path, number, tasks: int) -> None:
+    """As by Ctrl-C, which all processes of a terminal get, or by a supervisor, also those that have
+    only just been started."""
     command = Command(written(tmp_path, MANY), tmp_path / "out")
     while not (tmp_path / "out" / ".lock").exists():
         time.sleep(0.01)
-    assert command.signalled(signal.SIGINT, tasks, 0.0 if tasks else 0.3)
+    assert command.signalled(number, tasks, 0.0 if tasks else 0.3)
     status, said = command.ended()
     kept = len(finished(right[0], tmp_path / "out"))
-    words = (f"tympan: interrupted; {2 * kept} of 64 cases are kept, "
-             "the same command goes on from there\n")
-    assert (status, said) == (1, words)
+    words = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
+    assert said == (f"tympan: {words}; {2 * kept} of 64 cases are kept, "
+                    "the same command goes on from there\n")
+    assert status == 128 + number
     if tasks:
         assert kept >= 3
         goes_on(right, tmp_path / "out")

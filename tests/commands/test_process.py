@@ -1,0 +1,130 @@
+"""The command as a process: ended by signals, on terminals and disks that cannot take what it
+says."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tympan.__main__
+from tests.support.specimens import specimen_toml
+
+TYMPAN = [sys.executable, "-m", "tympan"]
+WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+#: A module in a library's place. A signal comes while it is imported, which takes time.
+INTERRUPTED = """
+import os, time
+os.kill(os.getpid(), {number})
+try:
+    end = time.monotonic() + {seconds}
+    while time.monotonic() < end:
+        pass
+except BaseException:
+    raise ImportError("initialization failed")  # as compiled modules do
+print("imported", flush=True)
+"""
+
+
+def run(*arguments: str, path: Path | None = None, stdout: int = subprocess.PIPE,
+        **environment: str) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of a command."""
+    paths = [str(path), *sys.path] if path is not None else sys.path
+    done = subprocess.run([*TYMPAN, *arguments], stdout=stdout, stderr=subprocess.PIPE,
+                          check=False, stdin=subprocess.DEVNULL, timeout=60,
+                          env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths)),
+                                            **environment})
+    return done.returncode, (done.stdout or b"").decode("latin-1"), done.stderr.decode("latin-1")
+
+
+@pytest.mark.parametrize("number", WORDS)
+@pytest.mark.parametrize("seconds", [0.1, 30.0])
+def test_a_signal_during_an_import_is_one_line(tmp_path, number: int, seconds: float) -> None:
+    """It waits for the import, but not for long."""
+    (tmp_path / "jinja2.py").write_text(INTERRUPTED.format(number=int(number), seconds=seconds))
+    printed = "imported\n" if seconds < 1 else ""
+    assert run("materials", path=tmp_path) == (128 + number, printed,
+                                               f"tympan: {WORDS[number]}\n")
+
+
+def test_signals_at_any_moment_are_one_line(tmp_path) -> None:
+    """From when the process listens on, which /proc tells, through imports and the solver."""
+    if not Path("/proc/self/status").exists():
+        pytest.skip("no /proc")
+    (tmp_path / "oval.toml").write_text(specimen_toml())
+    moments = np.random.default_rng(4).uniform(0.0, 1.5, 4)
+    for moment, number in zip(moments, 2 * list(WORDS), strict=True):
+        process = subprocess.Popen([*TYMPAN, "solve", str(tmp_path / "oval.toml"), "--mass", "1 g"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                   start_new_session=True)
+        while not listens(process.pid):
+            time.sleep(0.002)
+        time.sleep(moment)
+        os.killpg(process.pid, number)
+        _, said = process.communicate(timeout=60)
+        if process.returncode != 0:  # else it was quicker
+            assert (process.returncode, said) == (128 + number, f"tympan: {WORDS[number]}\n")
+
+
+def listens(process: int) -> bool:
+    """Whether it catches SIGTERM."""
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    caught, = (int(line.split()[1], 16) for line in lines if line.startswith("SigCgt"))
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.parametrize(("arguments", "words", "environment"), [
+    (["--help"], "derive alpha", {"PYTHONIOENCODING": "ascii"}),
+    (["materials"], "a Gent law with mu 18 kPa", {"PYTHONIOENCODING": "latin-1"}),
+    (["--help"], "derive alpha",
+     {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": ""})])
+def test_terminals_without_greek_get_it_spelled(arguments: list[str], words: str,
+                                                environment: dict[str, str]) -> None:
+    status, said, error = run(*arguments, **environment)
+    assert (status, error) == (0, "")
+    assert words in said
+
+
+def test_letters_are_spelled_or_stand_by_their_number() -> None:
+    assert doctest.testmod(tympan.__main__) == (0, 2)
+
+
+def test_json_is_the_same_on_any_terminal(capsys) -> None:
+    from tympan.cli import main
+
+    assert main(["effects", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert "µ" in json.dumps(record, ensure_ascii=False)
+    assert json.loads(run("effects", "--json", PYTHONIOENCODING="ascii")[1]) == record
+
+
+@pytest.mark.parametrize(("arguments", "unbuffered"), [(["--help"], "1"), (["materials"], "")])
+def test_output_that_finds_no_room_or_no_reader(arguments: list[str], unbuffered: str) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    with open("/dev/full", "w") as full:
+        said = "tympan: standard output cannot be written: No space left on device\n"
+        assert run(*arguments, stdout=full.fileno(), PYTHONUNBUFFERED=unbuffered) == (1, "", said)
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        assert run(*arguments, stdout=writing, PYTHONUNBUFFERED=unbuffered) == (1, "", "")
+    finally:
+        os.close(writing)
+
+
+def test_a_backend_that_does_not_exist_draws_nothing_on_no_screen(tmp_path) -> None:
+    (tmp_path / "oval.toml").write_text(specimen_toml())
+    status, _, error = run("lumped", "simulate", str(tmp_path / "oval.toml"), "--duration",
+                           "0.1 s", "-o", str(tmp_path), MPLBACKEND="nonsense")
+    assert (status, error) == (0, "")
+    assert list(tmp_path.glob("*.png"))
