@@ -112,7 +112,7 @@ def least_bytes(model: Model, entries: int) -> int:
 def prepare(model: Model, solver: str) -> None:
     """Choose the solver of this name for the model."""
     direct.PARDISO_PAYS = 0 if solver == "Pardiso" else 2**62
-    assert type(model.discretisation.analysis).__name__ == solver
+    assert type(model.discretisation.unknowns.analysis).__name__ == solver
 
 
 def assembled(model: Model, base: float) -> Stage:
@@ -129,8 +129,8 @@ def factorised(model: Model, solver: str, base: float) -> tuple[Stage, Stage, in
     """
     inner = model.linearised(model.mounted(1e6)).inner
     _, order = timed(lambda: prepare(model, solver), base)
-    _, first = timed(lambda: bool(factorise(inner, model.discretisation.analysis)), base)
-    _, again = timed(lambda: bool(factorise(inner, model.discretisation.analysis)), base)
+    _, first = timed(lambda: bool(factorise(inner, model.discretisation.unknowns.analysis)), base)
+    _, again = timed(lambda: bool(factorise(inner, model.discretisation.unknowns.analysis)), base)
     return Stage(order.seconds + max(0.0, first.seconds - again.seconds),
                  first.peak_MB), again, int(inner.nnz)
 
@@ -140,7 +140,7 @@ def measure(order: int, unknowns: int, solver: str) -> Case:
     equilibrium(film_model(order, 500), FORCE, VOLTAGE)  # lazy imports are not the subject
     base = peak_mb()
     model, meshing = timed(lambda: film_model(order, unknowns), base)
-    _, setup = timed(lambda: (model.volumes, model.discretisation.pattern), base)
+    _, setup = timed(lambda: (model.volumes, model.discretisation.unknowns.pattern), base)
     assembly = assembled(model, base)
     analysis, factorisation, entries = factorised(model, solver, base)
     outcome, path = timed(lambda: equilibrium(model, FORCE, VOLTAGE), base)

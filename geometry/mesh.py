@@ -72,13 +72,6 @@ def from_meshio(source: meshio.Mesh) -> CurvedTriangles:
     return tagged
 
 
-def folded(mesh: CurvedTriangles) -> int:
-    """How many elements turn inside out between nodes and quadrature points."""
-    inner = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order)).X
-    determinant = mesh.mapping().detDF(np.hstack([inner, ELEMENTS[mesh.order].doflocs.T]))
-    return int(np.count_nonzero(determinant.min(axis=1) * determinant.max(axis=1) <= 0))
-
-
 def facets_of(mesh: CurvedTriangles, edges: Ints) -> Ints:
     """Numbers of the facets with the given end vertices, shape (edges, 2)."""
     key = mesh.facets[0].astype(np.int64) * mesh.nvertices + mesh.facets[1]

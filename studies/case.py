@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 
 from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.equilibrium.ramp import Outcome, PathSettings, Status, equilibrium, voltage_path
 from tympan.fem.film.admissibility import failures
 from tympan.fem.film.tension_field import Tension
@@ -29,7 +30,7 @@ from tympan.fem.results.fields import (
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, takes_units
-from tympan.geometry.mesh import ELEMENTS, folded, from_meshio, unfold
+from tympan.geometry.mesh import ELEMENTS, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
 from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json

@@ -126,6 +126,10 @@ def to_json(value: Any) -> Any:
     >>> to_json({"loads": (1.0, float("inf")), "size": np.zeros(2)})
     {'loads': [1.0, 'inf'], 'size': [0.0, 0.0]}
     """
+    if isinstance(value, float):
+        return str(value) if isinf(value) else float(value)
+    if value is None or isinstance(value, str | int):
+        return value
     if is_dataclass(value):
         return {item.name: to_json(getattr(value, item.name)) for item in fields(value)
                 if item.compare}
@@ -135,7 +139,7 @@ def to_json(value: Any) -> Any:
         return to_json(value.tolist())
     if isinstance(value, tuple | list):
         return [to_json(entry) for entry in value]
-    return str(value) if isinstance(value, float) and isinf(value) else value
+    return value
 
 
 def from_json(kind: type[T], value: Any, file: Path | str | None = None, key: str = "") -> T:

@@ -64,9 +64,8 @@ def element_tangents(gradients: Array, f: Array, stress: Array, tangent: Array,
 
 def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
     """∂²ψ/∂F_iα∂F_jβ times volume, (elements, points, 12, 2): rows (α, pair ij), columns β."""
-    a, b = np.ascontiguousarray(np.moveaxis(f, (-1, -2), (0, 1)))
-    d = np.ascontiguousarray(np.moveaxis(tangent, (-2, -1), (0, 1))) * volumes
-    s = np.ascontiguousarray(np.moveaxis(stress, -1, 0)) * volumes
+    a, b = np.ascontiguousarray(f.transpose(3, 2, 0, 1))
+    d, s = tangent.transpose(2, 3, 0, 1) * volumes, stress.transpose(2, 0, 1) * volumes
     # ∂S/∂F_jβ, rows S₁₁, S₂₂, S₁₂.
     by = d[:, 0, None] * a + d[:, 2, None] * b, d[:, 1, None] * b + d[:, 2, None] * a
     result = np.empty((2, len(_PAIRS), 2, *volumes.shape))
@@ -76,8 +75,7 @@ def _moduli(f: Array, stress: Array, tangent: Array, volumes: Array) -> Array:
             result[1, pair, beta] = b[i] * by[beta][1, j] + a[i] * by[beta][2, j]
         if i == j:
             result[:, pair] += s[[0, 2, 2, 1]].reshape(2, 2, *volumes.shape)
-    return np.ascontiguousarray(np.moveaxis(result, (0, 1, 2),
-                                            (-3, -2, -1))).reshape(*volumes.shape, 12, 2)
+    return result.transpose(3, 4, 0, 1, 2).reshape(*volumes.shape, 12, 2)
 
 
 def _place(blocks: Array, result: Array) -> None:
@@ -107,29 +105,22 @@ class SparsityPattern:
     def of(cls, connectivity: Array, free: NDArray[np.bool_]) -> SparsityPattern:
         """From nodes of the elements (elements, local) and the free components (nodes, 3)."""
         row, first, places = _node_pairs(connectivity, free)
-        count = np.diff(first, append=len(places))
-        column = connectivity.ravel()[places[first] // connectivity.shape[1]]
-        start = np.searchsorted(column, np.arange(len(free) + 1))
-        node, axis = np.nonzero(free)
-        degree = np.diff(start)[node]
-        # One triple per free component and node it meets: which pair, and which row of the pair's
-        # block.
-        triple = _runs(start[node], degree)
-        entry = _runs(first[triple], count[triple])
-        rows = np.repeat(np.repeat(axis, degree), count[triple])
         local = connectivity.shape[1]
-        pair = places[entry]
-        source = (pair // local * 3 + rows) * local + pair % local
-        ends = np.concatenate([[0], np.cumsum(count[triple])])
-        shape = len(triple), 3 * local * connectivity.size
-        gather = csr_matrix((np.ones(len(source)), source.astype(np.int32), ends.astype(np.int32)),
-                            shape=shape)
-        kept = np.asarray(free[row[triple]])
-        number = (np.cumsum(free.ravel(), dtype=np.int32) - 1).reshape(free.shape)
-        lengths = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        indptr = lengths[np.concatenate([[0], np.cumsum(degree)])]
-        indices = number[row[triple]][kept]
-        return cls(gather, None if kept.all() else kept.ravel(), indices, indptr.astype(np.int32))
+        corner, across = np.divmod(places, local)
+        column, source = connectivity.ravel()[corner], 3 * local * corner + across
+        node, axis = np.nonzero(free)
+        # One triple per free component and node it meets, added up from its places.
+        entry, lengths = _of_columns(column, node)
+        source = source[entry] + local * np.repeat(axis, lengths)
+        triple, degree = _of_columns(column[first], node)
+        ends = _ends(np.diff(first, append=len(places))[triple])
+        gather = csr_matrix((np.ones(len(source)), source.astype(np.int32), ends),
+                            shape=(len(triple), 3 * local * connectivity.size))
+        number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1).astype(np.int32)
+        indices = number[row].take(triple, axis=0).ravel()
+        kept = indices >= 0
+        return cls(gather, None if kept.all() else kept, indices[kept],
+                   _ends(kept)[3 * _ends(degree)])
 
     def assemble(self, elements: Array) -> csc_matrix:
         """The sparse tangent of free components, from symmetric (elements, 3 local, 3 local)."""
@@ -155,7 +146,14 @@ def _node_pairs(connectivity: Array, free: NDArray[np.bool_]) -> tuple[Array, Ar
     return key[first] % nodes, first, both[order]
 
 
-def _runs(start: Array, length: Array) -> Array:
-    """The integers start[k], …, start[k] + length[k] − 1 for each k in turn."""
+def _of_columns(column: Array, chosen: Array) -> tuple[Array, Array]:
+    """Places of the chosen columns in an ascending list, one after another; how many each has."""
+    start = np.searchsorted(column, np.arange(int(chosen.max(initial=-1)) + 2))
+    length = np.diff(start)[chosen]
     before = np.cumsum(length) - length
-    return np.asarray(np.arange(length.sum()) + np.repeat(start - before, length))
+    return np.arange(length.sum()) + np.repeat(start[chosen] - before, length), length
+
+
+def _ends(lengths: Array) -> Array:
+    """Where runs of given lengths begin and end."""
+    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

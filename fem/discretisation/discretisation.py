@@ -14,7 +14,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from tympan.fem.discretisation.assembly import SparsityPattern
-from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
+from tympan.fem.discretisation.isoparametric import (
+    deformation,
+    isoparametric,
+    quadrature,
+    tabulated,
+)
 from tympan.fem.linear_solver.direct import Analysis, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import CurvedTriangles
@@ -23,47 +28,88 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Which nodal components are solved for, and what all their tangents have in common.
+
+    Their order is one of elimination that fills in little. Meshes that differ in their nodes'
+    places alone share them.
+    """
+
+    connectivity: Array  #: nodes of the elements, shape (elements, local)
+    points: Array  #: places of the nodes, by which elements are parted, shape (nodes, 2) [m]
+    movable: NDArray[np.bool_]  #: which components they are, shape (nodes, 3)
+
+    @cached_property
+    def free(self) -> tuple[Array, Array]:
+        """Node and component of each: as an index, they take the unknowns from (nodes, 3)."""
+        position, component = np.nonzero(self.movable[self._nodes])
+        return self._nodes[position], component
+
+    @cached_property
+    def pattern(self) -> SparsityPattern:
+        """Where the entries of element tangents go in the sparse one of the unknowns."""
+        rank = np.empty(len(self.movable), dtype=np.int64)
+        rank[self._nodes] = np.arange(len(self._nodes))
+        return SparsityPattern.of(rank[self.connectivity], self.movable[self._nodes])
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """What the factorisations of all tangents of the unknowns have in common."""
+        return analyse(self.pattern.indices, self.pattern.indptr, ordered=True)
+
+    @cached_property
+    def _nodes(self) -> Array:
+        return elimination_order(self.connectivity, self.points)
+
+
+@dataclass(frozen=True, eq=False)
 class Discretisation:
     """A mesh of the flat mounted film with its basis functions, quadrature and unknowns.
 
     Node positions, not displacements, are the unknowns; all nodal arrays have shape (nodes, 3).
-    A copy with other ``planes`` or ``odd`` shares everything that these do not change.
     """
 
     mesh: CurvedTriangles
     planes: frozenset[str]  #: coordinates about whose zero the mesh is half of a mirrored whole
-    basis: skfem.CellBasis  #: the scalar scikit-fem basis everything is integrated with
+    odd: frozenset[str]  #: planes about which motions are odd instead of even
     boundaries: Mapping[str, Array]  #: nodes on each named boundary
     reference: Array  #: node positions of the flat mounted film [m], shape (nodes, 3)
-    connectivity: Array  #: nodes of the elements, shape (elements, local)
     shapes: Array  #: φ at the quadrature points, shape (points, local)
-    odd: frozenset[str] = frozenset()  #: planes about which motions are odd instead of even
+    unknowns: Unknowns
 
     @classmethod
-    def of(cls, mesh: CurvedTriangles, planes: frozenset[str] = frozenset()) -> Discretisation:
+    def of(cls, mesh: CurvedTriangles, planes: frozenset[str] = frozenset(),
+           odd: frozenset[str] = frozenset()) -> Discretisation:
         """With quadrature that is exact for the square of the shape functions."""
-        basis = skfem.CellBasis(mesh, mesh.elem(), intorder=max(2, 2 * mesh.order))
-        flat = basis.doflocs.T
-        return cls(
-            mesh, planes, basis,
-            boundaries={name: basis.get_dofs(facets).flatten()
-                        for name, facets in (mesh.boundaries or {}).items()},
-            reference=np.column_stack([flat, np.zeros(len(flat))]),
-            connectivity=np.ascontiguousarray(basis.element_dofs.T),
-            shapes=np.ascontiguousarray(tabulated(mesh.order, basis.X)[0].T))
+        flat, dofs = mesh.doflocs.T, mesh.dofs
+        nodes = {name: dofs.get_facet_dofs(facets).flatten()
+                 for name, facets in (mesh.boundaries or {}).items()}
+        movable = np.ones((len(flat), 3), dtype=bool)
+        for edge in ("frame", "plate"):
+            movable[nodes.get(edge, [])] = False
+        for plane in planes:
+            across = np.arange(3) == "xy".index(plane)
+            movable[nodes[{"x": "axis_y", "y": "axis_x"}[plane]]] &= (
+                across if plane in odd else ~across)
+        return cls(mesh, planes, odd, nodes, np.column_stack([flat, np.zeros(len(flat))]),
+                   tabulated(mesh.order, quadrature(mesh.order)[0])[0].T,
+                   Unknowns(np.ascontiguousarray(dofs.element_dofs.T), flat, movable))
 
     def moved(self, motion: Array) -> Discretisation:
         """The same elements after a motion of their nodes in the plane, shape (nodes, 2) [m].
 
         It may be imaginary.
         """
-        nodes = self.reference[:, :2] + motion
+        nodes, mesh = self.reference[:, :2] + motion, self.mesh
         if not np.iscomplexobj(nodes):
-            mesh = CurvedTriangles(np.ascontiguousarray(nodes.T), self.mesh.t, elem=self.mesh.elem,
-                                   validate=False)
-            mesh = mesh.with_boundaries(self.mesh.boundaries or {})
-            return Discretisation.of(mesh.with_subdomains(self.mesh.subdomains or {}), self.planes)
-        return replace(self, reference=np.column_stack([nodes, np.zeros(len(nodes))]))
+            places: dict[str, Any] = {"doflocs": np.ascontiguousarray(nodes.T)}
+            mesh = replace(mesh, **places)
+        return replace(self, mesh=mesh, reference=np.column_stack([nodes, np.zeros(len(nodes))]))
+
+    @cached_property
+    def basis(self) -> skfem.CellBasis:
+        """Scikit-fem's scalar basis on the same elements and points."""
+        return skfem.CellBasis(self.mesh, self.mesh.elem(), quadrature=quadrature(self.mesh.order))
 
     @property
     def gradients(self) -> Array:
@@ -77,13 +123,11 @@ class Discretisation:
 
     @cached_property
     def _geometry(self) -> tuple[Array, Array]:
-        """Gradients and weights; our own of complex nodes, which scikit-fem does not map."""
-        if np.iscomplexobj(self.reference):
-            gradients, areas = isoparametric(self.mesh.order, self.basis.X,
-                                             self.reference[self.connectivity, :2])
-            return gradients, areas * self.basis.W
-        gradients = np.stack([shape[0].grad for shape in self.basis.basis])
-        return np.ascontiguousarray(gradients.transpose(2, 3, 0, 1)), np.asarray(self.basis.dx)
+        """Gradients and weights."""
+        points, weights = quadrature(self.mesh.order)
+        gradients, areas = isoparametric(self.mesh.order, points,
+                                         self.reference[self.connectivity, :2])
+        return gradients, areas * weights
 
     @property
     def mirrored(self) -> int:
@@ -106,30 +150,27 @@ class Discretisation:
         """Nodes on the plate's edge."""
         return self.boundary_nodes("plate")
 
-    @cached_property
-    def free(self) -> NDArray[np.bool_]:
-        """Which nodal components are unknowns, shape (nodes, 3)."""
-        free = np.ones(self.reference.shape, dtype=bool)
-        free[self.boundary_nodes("frame")] = False
-        free[self.plate_nodes] = False
-        for axis, plane in enumerate("xy"):
-            if plane in self.planes:
-                nodes, across = self.boundary_nodes(f"axis_{'yx'[axis]}"), np.arange(3) == axis
-                free[nodes] &= across if plane in self.odd else ~across
-        return free
+    @property
+    def connectivity(self) -> Array:
+        """Nodes of the elements, shape (elements, local)."""
+        return self.unknowns.connectivity
 
-    @cached_property
+    @property
+    def free(self) -> tuple[Array, Array]:
+        """Index of the unknowns among nodal components, as :attr:`Unknowns.free`."""
+        return self.unknowns.free
+
+    @property
     def free_count(self) -> int:
         """Number of nodal components that are unknowns."""
-        return int(self.free.sum())
+        return len(self.free[0])
 
     def deformation(self, positions: Array) -> Array:
         """F at the quadrature points, shape (elements, points, 3, 2), of node positions (nodes, 3).
 
         Of several states' positions, shape (states, nodes, 3), with the states first.
         """
-        local = positions[..., self.connectivity, :].swapaxes(-1, -2)
-        return np.asarray(np.matmul(local[..., None, :, :], self.gradients))
+        return deformation(self.gradients, positions[..., self.connectivity, :])
 
     def scatter(self, elements: Array, nodes: Array | None = None) -> Array:
         """Sums at the nodes, (nodes, components), of vectors (elements, local, components).
@@ -155,10 +196,10 @@ class Discretisation:
         padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
         local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
         product = np.matmul(elements[touching], local)
-        corner = np.einsum("eap,eaq->pq", local, product)
+        corner = local.reshape(-1, freedoms).T @ product.reshape(-1, freedoms)
         border = self.scatter(product.reshape(*rows.shape, 3 * freedoms),
                               self.connectivity[touching])
-        return border.reshape(*self.free.shape, freedoms)[self.free], corner
+        return border.reshape(*self.reference.shape, freedoms)[self.free], corner
 
     @cached_property
     def _plate_elements(self) -> tuple[Array, Array]:
@@ -170,23 +211,11 @@ class Discretisation:
         return touching, rows[touching]
 
     @cached_property
-    def pattern(self) -> SparsityPattern:
-        """Where the entries of element tangents go in the sparse one of the free components."""
-        return SparsityPattern.of(self.connectivity, self.free)
-
-    @cached_property
-    def analysis(self) -> Analysis:
-        """What the factorisations of all tangents of the free components have in common."""
-        nodes = elimination_order(self.connectivity, self.reference[:, :2])
-        number = (np.cumsum(self.free) - 1).reshape(self.free.shape)
-        return analyse(self.pattern.indices, self.pattern.indptr, number[nodes][self.free[nodes]])
-
-    @cached_property
     def electrode_edge_nodes(self) -> Array:
         """Nodes between what is covered and what is bare."""
         around = self.mesh.facets_around(np.flatnonzero(self.covered[:, 0] == 0))
         facets = np.setdiff1d(around, self.mesh.boundary_facets())
-        return np.asarray(self.basis.get_dofs(facets).flatten())
+        return np.asarray(self.mesh.dofs.get_facet_dofs(facets).flatten())
 
     def extended(self, given: Array) -> Array:
         """The harmonic extension of a motion of the edges of frame, plate and electrode.

@@ -6,11 +6,19 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import skfem.quadrature
 from numpy.typing import NDArray
 
-from tympan.geometry.mesh import ELEMENTS
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
 
 Array = NDArray[Any]
+
+
+@lru_cache
+def quadrature(order: int) -> tuple[Array, Array]:
+    """Points (2, points) and weights (points,) exact for squares of the shape functions."""
+    points, weights = skfem.quadrature.get_quadrature(ELEMENTS[order].refdom, max(2, 2 * order))
+    return points, weights
 
 
 def tabulated(order: int, points: Array) -> tuple[Array, Array]:
@@ -24,13 +32,36 @@ def isoparametric(order: int, points: Array, nodes: Array) -> tuple[Array, Array
     ``points`` of the reference triangle, shape (2, points); ``nodes`` of the elements, (elements,
     local, 2) [m], may be complex.
     """
-    slopes = tabulated(order, points)[1]
-    jacobian = np.matmul(nodes.swapaxes(1, 2)[:, None], slopes)
-    (a, b), (c, d) = np.moveaxis(jacobian, (2, 3), (0, 1))
+    by, ((a, c), (b, d)) = _jacobian(order, points, nodes)
     determinant = a * d - b * c
-    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)],
-                       axis=-2) / determinant[..., None, None]
-    return np.matmul(slopes, inverse), determinant * np.sign(determinant.real)
+    a, b, c, d = np.stack([a, b, c, d])[..., None] / determinant[..., None]
+    gradients = np.stack([d * by[0] - c * by[1], a * by[1] - b * by[0]])
+    return np.moveaxis(gradients, 0, -1), determinant * np.sign(determinant.real)
+
+
+def folded(mesh: CurvedTriangles) -> int:
+    """How many elements turn inside out between nodes and quadrature points."""
+    points = np.hstack([quadrature(mesh.order)[0], ELEMENTS[mesh.order].doflocs.T])
+    nodes = mesh.doflocs.T[mesh.dofs.element_dofs.T]
+    _, ((a, c), (b, d)) = _jacobian(mesh.order, points, nodes)
+    determinant = a * d - b * c
+    return int(np.count_nonzero(determinant.min(axis=1) * determinant.max(axis=1) <= 0))
+
+
+def _jacobian(order: int, points: Array, nodes: Array) -> tuple[Array, Array]:
+    """Slopes by ξ and by η, (2, points, local), and by these the place's components, (2, 2, …)."""
+    by = np.moveaxis(tabulated(order, points)[1], -1, 0)
+    return by, np.moveaxis(np.matmul(by[:, None], nodes), -1, 1)
+
+
+def deformation(gradients: Array, nodes: Array) -> Array:
+    """F, (..., elements, points, 3, 2), of the nodes' positions, (..., elements, local, 3) [m].
+
+    ``gradients`` as :func:`isoparametric` gives them.
+    """
+    columns = np.matmul(gradients.transpose(3, 0, 1, 2), nodes[..., None, :, :, :])
+    first = range(columns.ndim - 4)
+    return np.transpose(columns, (*first, -3, -2, -1, -4))
 
 
 @lru_cache(maxsize=64)

@@ -115,6 +115,10 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             return Solution(state, False, iteration, None,
                             "the tangent is singular: a limit point is near")
         before, damping = length(model, motion), min(1.0, 4 * damping)
+        if before < settings.correction:
+            reached = moved(model, state, motion, 1.0, loads)
+            if _unbalanced(model, subspace, reached) < settings.residual:
+                return Solution(reached, True, iteration, tangent)
         while True:
             if not (np.isfinite(before) and damping >= settings.damping):
                 return Solution(state, False, iteration, tangent, "no step reduces the error: a "
@@ -279,7 +283,7 @@ def _dot(first: Parts, second: Parts) -> float:
 def _factorise(matrix: Any, model: Model) -> Any:
     if isinstance(matrix, np.ndarray):
         return _Dense(matrix)
-    return factorise(matrix, model.discretisation.analysis)
+    return factorise(matrix, model.discretisation.unknowns.analysis)
 
 
 class _Dense:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ class FilmDensity:
         materials = (self.material,) if self.wrinkles else joined
         return [*((material, self.specimen.membrane.prestretch) for material in materials), *apart]
 
-    @property
+    @cached_property
     def material(self) -> TensionField:
         """All that shares the film's principal axes, as one material."""
         film, (joined, _) = self.specimen.membrane, self._joined_and_apart
@@ -97,7 +98,7 @@ class FilmDensity:
         modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
         return TensionField(joined, _RESIDUAL * modulus)
 
-    @property
+    @cached_property
     def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[Part]]:
         film, grease = self.specimen.membrane, self.specimen.electrode.stiffness
         joined = film.material, self.maxwell
@@ -154,32 +155,41 @@ def plane_stress(material: Any, c: tuple[Any, Any, Any], prestretch: tuple[float
     is even in b; so W_b/b stays finite at equal stretches and no eigenvectors are needed.
     """
     mean, half, shear, radius = _circle(c, prestretch)
-    x1, x2 = mean + radius, mean - radius
-    l1, l2 = np.sqrt(x1), np.sqrt(x2)
+    l1, l2 = np.sqrt(mean + radius), np.sqrt(mean - radius)
     w, w1, w2, w11, w12, w22 = material.derivatives(l1, l2)
-    g1, g2 = w1 / (2 * l1), w2 / (2 * l2)
-    g11, g22 = (w11 - w1 / l1) / (4 * x1), (w22 - w2 / l2) / (4 * x2)
-    g12 = w12 / (4 * l1 * l2)
-    bend = g11 - 2 * g12 + g22
+    # By the squares of the stretches: dx = 2 l dl.
+    by1, by2 = 0.5 / l1, 0.5 / l2
+    g1, g2 = w1 * by1, w2 * by2
     equal = np.abs(radius) < _EQUAL * np.abs(mean)
-    over = np.where(equal, bend, (g1 - g2) / np.where(equal, 1.0, radius))
-    scale = np.array([prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]])
-    stress = np.stack([g1 + g2 + over * half, g1 + g2 - over * half, over * shear], axis=-1) * scale
+    if tangent or equal.any():
+        g11, g22 = by1 * by1 * (w11 - 2 * g1), by2 * by2 * (w22 - 2 * g2)
+        g12 = by1 * by2 * w12
+        bend = g11 - 2 * g12 + g22
+    over = (g1 - g2) / np.where(equal, 1.0, radius)
+    if equal.any():
+        over = np.where(equal, bend, over)
+    scale = prestretch[0] ** 2, prestretch[1] ** 2, prestretch[0] * prestretch[1]
+    total, split = g1 + g2, over * half
+    stress = np.stack([scale[0] * (total + split), scale[1] * (total - split),
+                       scale[2] * over * shear])
     if not tangent:
-        return Density(w, stress, None)
+        return Density(w, _components_last(stress, 1), None)
     safe = np.where(radius == 0, 1.0, radius)
     n1, n2 = half / safe, shear / safe
     mm, mb, bb = g11 + 2 * g12 + g22, g11 - g22, bend - over
-    md, ms = mb * n1, mb * n2
-    dd, ss, ds = over + bb * n1 * n1, over + bb * n2 * n2, bb * n1 * n2
-    d = np.empty((*np.shape(w), 3, 3), dtype=np.result_type(w, 0.0))
-    d[..., 0, 0] = mm + 2 * md + dd
-    d[..., 1, 1] = mm - 2 * md + dd
-    d[..., 2, 2] = ss
-    d[..., 0, 1] = d[..., 1, 0] = mm - dd
-    d[..., 0, 2] = d[..., 2, 0] = ms + ds
-    d[..., 1, 2] = d[..., 2, 1] = ms - ds
-    return Density(w, stress, d * np.outer(scale, scale))
+    md, ms, b1 = 2 * mb * n1, mb * n2, bb * n1
+    dd, ss, ds = over + b1 * n1, over + bb * n2 * n2, b1 * n2
+    d = np.empty((3, 3, *np.shape(w)), dtype=np.result_type(w, 0.0))
+    d[0, 0], d[0, 1], d[0, 2] = mm + md + dd, mm - dd, ms + ds
+    d[1, 1], d[1, 2], d[2, 2] = mm - md + dd, ms - ds, ss
+    d[1, 0], d[2, 0], d[2, 1] = d[0, 1], d[0, 2], d[1, 2]
+    d *= np.multiply.outer(scale, scale).reshape(3, 3, *np.ones(np.ndim(w), dtype=int))
+    return Density(w, _components_last(stress, 1), _components_last(d, 2))
+
+
+def _components_last(values: Any, axes: int) -> Any:
+    """A view whose first axes are the last."""
+    return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
 def virtual_work(c: tuple[Any, Any, Any], changes: tuple[Any, Any, Any],

@@ -32,51 +32,34 @@ _GROWTH = 1e6
 _DENSE = 300
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SuperLU:
-    """SciPy's sparse LU in a given order, pivots on the diagonal: LDLᵀ in all but name."""
+    """SciPy's sparse LU, pivots on the diagonal: LDLᵀ in all but name.
 
-    indices: Array
-    indptr: Array
-    order: Array | None = None
+    Unknowns are eliminated in the order they have where that is ``ordered`` to fill in little, else
+    by minimum degree.
+    """
+
+    ordered: bool = False
 
     def factorise(self, matrix: csc_matrix) -> SuperLUFactors:
         """Factorise; rows are exchanged only where a pivot is exactly zero."""
-        permuted, spec = matrix, "MMD_AT_PLUS_A"
-        if self.order is not None:
-            source, indices, indptr = self._permutation
-            permuted = csc_matrix((matrix.data[source], indices, indptr), matrix.shape)
-            spec = "NATURAL"
-        factors = splu(permuted, permc_spec=spec, diag_pivot_thresh=0.0,
+        spec = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
+        factors = splu(matrix, permc_spec=spec, diag_pivot_thresh=0.0,
                        options={"SymmetricMode": True})
-        return SuperLUFactors(factors, self.order, matrix)
-
-    @cached_property
-    def _permutation(self) -> tuple[Array, Array, Array]:
-        """For the permuted matrix: the place of each entry in the given one, and its sparsity."""
-        count = len(self.indptr) - 1
-        places = csc_matrix((np.arange(len(self.indices), dtype=np.int32), self.indices,
-                             self.indptr), (count, count))
-        permuted = places[:, self.order][self.order]
-        permuted.sort_indices()
-        return permuted.data, permuted.indices, permuted.indptr
+        return SuperLUFactors(factors, matrix)
 
 
 @dataclass(frozen=True, eq=False)
 class SuperLUFactors:
-    """Factors by SuperLU, the order their rows and columns are in, and the matrix they are of."""
+    """Factors by SuperLU, and the matrix they are of."""
 
     factors: Any
-    order: Array | None
     matrix: csc_matrix
 
     def solve(self, right: Array) -> Array:
         """Solution for right-hand sides of shape (n,) or (n, k)."""
-        if self.order is None:
-            return np.asarray(self.factors.solve(right))
-        solution = np.empty(right.shape)
-        solution[self.order] = self.factors.solve(right[self.order])
-        return solution
+        return np.asarray(self.factors.solve(right))
 
     @cached_property
     def negative(self) -> int:
@@ -91,8 +74,7 @@ class SuperLUFactors:
         doubtful = (reach > _GROWTH) | (self.factors.perm_r[position] != np.arange(len(pivots)))
         if not doubtful.any():
             return int(np.count_nonzero(pivots < 0))
-        last = position[doubtful] if self.order is None else self.order[position[doubtful]]
-        return _negative_eigenvalues(self.matrix, last)
+        return _negative_eigenvalues(self.matrix, position[doubtful])
 
 
 def _negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
@@ -101,7 +83,7 @@ def _negative_eigenvalues(matrix: csc_matrix, last: Array) -> int:
     if count <= _DENSE or len(last) == count:
         return int(np.count_nonzero(np.linalg.eigvalsh(matrix.toarray()) < 0))
     rest = np.setdiff1d(np.arange(count), last)
-    factors = SuperLU(matrix.indices, matrix.indptr).factorise(csc_matrix(matrix[rest][:, rest]))
+    factors = SuperLU().factorise(csc_matrix(matrix[rest][:, rest]))
     coupling = matrix[rest][:, last].toarray()
     complement = matrix[last][:, last].toarray() - coupling.T @ factors.solve(coupling)
     values = np.linalg.eigvalsh((complement + complement.T) / 2)
@@ -113,15 +95,15 @@ Analysis = SuperLU | Pardiso
 Factorisation = SuperLUFactors | PardisoFactors
 
 
-def analyse(indices: Array, indptr: Array, order: Array | None = None) -> Analysis:
+def analyse(indices: Array, indptr: Array, ordered: bool = False) -> Analysis:
     """Analysis for the fastest solver installed.
 
     ``indices`` and ``indptr``: sparsity in compressed columns, rows ascending, both triangles, the
-    diagonal included; ``order``: of elimination, one that fills in little, or minimum degree.
+    diagonal included; ``ordered``: whether the unknowns' own order fills in little.
     """
     if len(indptr) - 1 >= PARDISO_PAYS and find_spec("pypardiso") is not None:
         return Pardiso(indices, indptr)
-    return SuperLU(indices, indptr, order)
+    return SuperLU(ordered)
 
 
 def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisation:
@@ -139,5 +121,5 @@ def factorise(matrix: csc_matrix, analysis: Analysis | None = None) -> Factorisa
     factors = (analysis or analyse(matrix.indices, matrix.indptr)).factorise(matrix)
     if isinstance(factors, PardisoFactors) and factors.perturbed:
         # SuperLU exchanges rows instead of perturbing pivots.
-        return SuperLU(matrix.indices, matrix.indptr).factorise(matrix)
+        return SuperLU().factorise(matrix)
     return factors

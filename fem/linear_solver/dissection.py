@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
     [3, 1, 0, 2]
     """
     codes = _bisected(connectivity, points)
-    low, high = _ends(connectivity, codes)
+    low, high = _Sharing.of(connectivity).ends(codes)
     # Elements 1011 and 1001 part at their third-last digit: their common nodes belong to part 10xx,
     # whose end is 1011.
     levels = np.frexp((low ^ high).astype(float))[1].astype(np.int64)
@@ -44,36 +45,56 @@ def elimination_order(connectivity: Array, points: Array) -> Array:
 def _bisected(connectivity: Array, points: Array) -> Array:
     """For each element the sides it fell on, cut after cut, as binary digits."""
     angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
-    along = points[connectivity].mean(axis=1) @ np.stack([np.cos(angles), np.sin(angles)])
-    ranks = np.argsort(np.argsort(along, axis=0, kind="stable"), axis=0, kind="stable")
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ points[connectivity].mean(axis=1).T
+    ranks = np.argsort(np.argsort(along, kind="stable"), kind="stable")
     codes = np.zeros(len(connectivity), dtype=np.int64)
-    corners = connectivity[:, :3]
+    corners = _Sharing.of(connectivity[:, :3])
     for level in range(int(np.ceil(np.log2(len(codes))))):
-        trials = np.stack([_halved(codes, rank, 1 << level) for rank in ranks.T])
-        cuts = np.stack([_cut(corners, trial, 1 << level) for trial in trials])
+        trials = _halved(codes, ranks)
+        cuts = _cuts(*corners.ends(trials), 1 << level)
         codes = np.take_along_axis(trials, cuts.argmin(axis=0)[codes][None], axis=0)[0]
     return codes
 
 
-def _halved(codes: Array, rank: Array, parts: int) -> Array:
-    """The codes with one more digit, 1 in the half of each part that ranks higher."""
-    size = np.bincount(codes, minlength=parts)
-    order = np.argsort(codes * len(codes) + rank)
-    within = np.empty_like(codes)
-    within[order] = np.arange(len(codes)) - np.repeat(np.cumsum(size) - size, size)
-    return 2 * codes + (2 * within >= size[codes])
+def _halved(codes: Array, ranks: Array) -> Array:
+    """The codes with one more digit, 1 in the half of each part that ranks higher.
+
+    For ranks along each direction, shape (directions, elements).
+    """
+    order = np.argsort(codes * len(codes) + ranks)
+    parts = codes[order[0]]  # in ascending order, the same in all directions
+    size = np.bincount(parts)
+    within = np.arange(len(parts)) - (np.cumsum(size) - size)[parts]
+    result = np.empty_like(ranks)
+    np.put_along_axis(result, order, (2 * parts + (2 * within >= size[parts]))[None], axis=1)
+    return result
 
 
-def _cut(corners: Array, codes: Array, parts: int) -> Array:
-    """Number of corner nodes within each part that the last digit divides."""
-    low, high = _ends(corners, codes)
-    return np.bincount((low >> 1)[(low ^ high) == 1], minlength=parts)
+def _cuts(low: Array, high: Array, parts: int) -> Array:
+    """Number of nodes within each part that the last digit divides, (directions, parts).
+
+    From the ends of the nodes in each direction, (directions, nodes).
+    """
+    direction, node = np.nonzero((low ^ high) == 1)
+    part = direction * parts + (low[direction, node] >> 1)
+    return np.bincount(part, minlength=len(low) * parts).reshape(len(low), parts)
 
 
-def _ends(connectivity: Array, codes: Array) -> tuple[Array, Array]:
-    """Smallest and largest code among the elements of each node that has any."""
-    order = np.argsort(connectivity.ravel(), kind="stable")
-    nodes = connectivity.ravel()[order]
-    starts = np.flatnonzero(np.diff(nodes, prepend=-1))
-    spread = codes[order // connectivity.shape[1]]
-    return np.minimum.reduceat(spread, starts), np.maximum.reduceat(spread, starts)
+@dataclass(frozen=True, eq=False)
+class _Sharing:
+    """The elements of each node that has any, one node after the other."""
+
+    elements: Array
+    starts: Array
+
+    @classmethod
+    def of(cls, connectivity: Array) -> _Sharing:
+        order = np.argsort(connectivity, axis=None, kind="stable")
+        nodes = connectivity.ravel()[order]
+        return cls(order // connectivity.shape[1], np.flatnonzero(np.diff(nodes, prepend=-1)))
+
+    def ends(self, codes: Array) -> tuple[Array, Array]:
+        """Smallest and largest code among the elements of each node, along the last axis."""
+        spread = codes[..., self.elements]
+        return (np.minimum.reduceat(spread, self.starts, axis=-1),
+                np.maximum.reduceat(spread, self.starts, axis=-1))

@@ -103,7 +103,8 @@ class Loading:
 
     def lift(self, plate: PlateMotion) -> Array:
         """Derivative of the height of the weight by the plate's six freedoms."""
-        return np.asarray(plate.gradient(self._arm)[0, HEAVE])
+        x, y, _ = plate.rotation @ [*self.arm, 0.0]
+        return np.array([0.0, 0.0, 1.0, y, -x, 0.0])
 
     def on_plate(self, state: State, centre: Array, area: float) -> tuple[Any, Array, Array]:
         """Potential of what acts on the plate [J], and its derivatives by the six freedoms.
@@ -111,21 +112,18 @@ class Loading:
         Force, bias mechanisms, and the gas pressure on the plate's ``area`` [m²].
         """
         plate = state.plate
-        biases = [bias.derivatives(plate.deflection) for bias in self.biases]
-        energy, push, stiffness = np.sum([(0.0, 0.0, 0.0), *biases], axis=0)
-        energy = energy - state.force * plate.positions(centre, self._arm)[0, HEAVE]
-        first = push * _UP - state.force * self.lift(plate)
-        weight = np.array([[0.0, 0.0, -state.force]])
-        second = plate.curvature(self._arm, weight) + stiffness * np.outer(_UP, _UP)
+        arm, weight = np.array([[*self.arm, 0.0]]), np.array([[0.0, 0.0, -state.force]])
+        energy = -state.force * plate.positions(centre, arm)[0, HEAVE]
+        first, second = -state.force * self.lift(plate), plate.curvature(arm, weight)
+        for bias in self.biases:
+            stored, push, stiffness = bias.derivatives(plate.deflection)
+            energy, first = energy + stored, first + push * _UP
+            second = second + stiffness * np.outer(_UP, _UP)
         if state.pressure:
             volume, by, bend = plate_volume(area, plate)
             energy = energy - state.pressure * volume
             first, second = first - state.pressure * by, second - state.pressure * bend
         return energy, first, second
-
-    @property
-    def _arm(self) -> Array:
-        return np.array([[*self.arm, 0.0]])
 
 
 def film_volume(mesh: Discretisation, positions: Array, *, second: bool = False

@@ -93,7 +93,7 @@ class Model:
         """The frame's larger half extent [m], the scale of corrections."""
         return max(self.specimen.frame.semi_axes)
 
-    @property
+    @cached_property
     def plate_area(self) -> Any:
         """Area of the whole plate [m²]."""
         return area(self.specimen.plate.outline)
@@ -220,7 +220,7 @@ class Model:
             forces = forces - state.pressure * mesh.scatter(first)
         gradient = state.plate.gradient(self.arms)[:, :, self.plate_freedoms]
         border, corner = mesh.plate_coupling(elements, gradient)
-        return Linearised(forces, mesh.pattern.assemble(elements), border,
+        return Linearised(forces, mesh.unknowns.pattern.assemble(elements), border,
                           corner + self.plate_curvature(forces, state))
 
     def plate_curvature(self, forces: Array, state: State) -> Array:
@@ -233,8 +233,8 @@ class Model:
     def on_freedoms(self, forces: Array, plate: PlateMotion) -> Parts:
         """Nodal forces [N] on free components, and gathered on the plate's freedoms [N, N m]."""
         mesh = self.discretisation
-        gradient = plate.gradient(self.arms)[:, :, self.plate_freedoms]
-        return forces[mesh.free], np.einsum("nip,ni->p", gradient, forces[mesh.plate_nodes])
+        on_plate = plate.gathered(self.arms, forces[mesh.plate_nodes])
+        return forces[mesh.free], on_plate[list(self.plate_freedoms)]
 
     def _nodal(self, f: Array, stress: Array) -> Array:
         mesh = self.discretisation
@@ -264,4 +264,4 @@ class Linearised:
 def cauchy_green(f: Array) -> tuple[Array, Array, Array]:
     """(C₁₁, C₂₂, C₁₂) of C = FᵀF for F of shape (..., 3, 2); complex-safe, without conjugation."""
     a, b = f[..., 0], f[..., 1]
-    return (a * a).sum(-1), (b * b).sum(-1), (a * b).sum(-1)
+    return tuple(np.einsum("...i,...i", *pair) for pair in ((a, a), (b, b), (a, b)))

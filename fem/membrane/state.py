@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import sin, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,8 @@ HEAVE = FREEDOMS.index("z")
 
 #: The loads that can be changed along a path: force on the plate [N], U² [V²], gas pressure [Pa].
 Load = Literal["force", "voltage", "pressure"]
+
+_UNIT = np.eye(3)
 
 _FIELD = {"force": "force", "voltage": "voltage_squared", "pressure": "pressure"}
 
@@ -47,10 +50,8 @@ class PlateMotion:
 
     def moved(self, step: Array) -> PlateMotion:
         """After a small motion in the six freedoms; rotations compose, so none is singular."""
-        if not step[3:].any():
-            return PlateMotion(self.translation + step[:3], self.rotation)
-        turn = Rotation.from_rotvec(step[3:]).as_matrix()
-        return PlateMotion(self.translation + step[:3], turn @ self.rotation)
+        rotation = _turn(step[3:]) @ self.rotation if step[3:].any() else self.rotation
+        return PlateMotion(self.translation + step[:3], rotation)
 
     def raised_to(self, deflection: float) -> PlateMotion:
         """The same with another deflection [m]."""
@@ -66,19 +67,31 @@ class PlateMotion:
         """Derivative of the positions by the six freedoms, shape (n, 3, 6)."""
         turned = arms @ self.rotation.T
         result = np.zeros((len(arms), 3, 6), dtype=turned.dtype)
-        result[:, :, :3] = np.eye(3)
+        result[:, :, :3] = _UNIT
         # The cross products of the axes with the arms.
         result[:, (2, 0, 1), (3, 4, 5)] = turned[:, (1, 2, 0)]
         result[:, (1, 2, 0), (3, 4, 5)] = -turned[:, (2, 0, 1)]
         return result
 
+    def gathered(self, arms: Array, forces: Array) -> Array:
+        """Forces at plate points on the six freedoms: their sum and their moment, shape (6,)."""
+        moment = forces.T @ (arms @ self.rotation.T)
+        return np.concatenate([forces.sum(axis=0), (moment.T - moment)[(1, 2, 0), (2, 0, 1)]])
+
     def curvature(self, arms: Array, forces: Array) -> Array:
         """Σ forces · second derivative of positions, (6, 6): ½ (a × (b × r) + b × (a × r))."""
-        r = arms @ self.rotation.T
-        moment = np.einsum("ni,nj->ij", forces, r)
+        moment = forces.T @ (arms @ self.rotation.T)
         result = np.zeros((6, 6), dtype=moment.dtype)
-        result[3:, 3:] = (moment + moment.T) / 2 - np.eye(3) * np.trace(moment)
+        result[3:, 3:] = (moment + moment.T) / 2 - _UNIT * moment.trace()
         return result
+
+
+def _turn(vector: Array) -> Array:
+    """The matrix of a rotation vector, by Rodrigues' formula."""
+    x, y, z = vector.tolist()
+    angle = sqrt(x * x + y * y + z * z)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
+    return np.asarray(_UNIT + sin(angle) * cross + 2 * sin(angle / 2) ** 2 * (cross @ cross))
 
 
 def turned(plate: PlateMotion, origin: PlateMotion) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tympan.fem.complex_step import STEP
 from tympan.fem.discretisation.assembly import first_piola
 from tympan.fem.discretisation.discretisation import Discretisation
-from tympan.fem.discretisation.isoparametric import isoparametric, tabulated
+from tympan.fem.discretisation.isoparametric import deformation, isoparametric, tabulated
 from tympan.fem.film.density import FilmDensity
 from tympan.fem.film.tension_field import Tension, tension_state
 from tympan.fem.membrane.model import Model, cauchy_green
@@ -181,19 +181,15 @@ def _middles(parts: int) -> Array:
 
 def _tension(model: Model, states: Sequence[State], gradients: Array) -> Array:
     """Tension states, shape (states, cells, points); stresses as the eigenvalues of S C."""
-    c = cauchy_green(_deformation(states, model.discretisation.connectivity, gradients))
+    positions = np.stack([state.positions for state in states])
+    f = deformation(gradients, positions[:, model.discretisation.connectivity])
+    c = cauchy_green(f)
     density = model.density(np.array([state.voltage_squared for state in states])[:, None, None])
     s = np.moveaxis(density(c, tangent=False).stress, -1, 0)
     mean = (s[0] * c[0] + s[1] * c[1]) / 2 + s[2] * c[2]
     product = (s[0] * s[1] - s[2] ** 2) * (c[0] * c[1] - c[2] ** 2)
     radius = np.sqrt(np.maximum(mean**2 - product, 0.0))
     return tension_state(mean + radius, mean - radius, density.stretches(c)[2])
-
-
-def _deformation(states: Sequence[State], nodes: Array, gradients: Array) -> Array:
-    """F, shape (states, cells, points, 3, 2)."""
-    local = np.stack([state.positions[nodes] for state in states]).swapaxes(-1, -2)
-    return np.asarray(np.matmul(local[:, :, None], gradients))
 
 
 def strength(film: Film, l1: Array, l2: Array, thickness: Array) -> Array:
@@ -215,9 +211,9 @@ def _fields(model: Model, states: Sequence[State], cells: Array, points: Array,
     gradients = isoparametric(mesh.mesh.order, points, mesh.reference[nodes, :2])[0]
     here = np.matmul(shapes.T, mesh.reference[nodes]).reshape(-1, 3)
     reference = np.tile(here, (len(states), 1))
-    current = np.concatenate([np.matmul(shapes.T, state.positions[nodes]).reshape(-1, 3)
-                              for state in states])
-    f = _deformation(states, nodes, gradients).reshape(-1, 3, 2)
+    positions = np.stack([state.positions[nodes] for state in states])
+    current = np.matmul(shapes.T, positions).reshape(-1, 3)
+    f = deformation(gradients, positions).reshape(-1, 3, 2)
     covered = np.tile(np.repeat(mesh.covered[cells, 0], points.shape[1]), len(states))
     voltage_squared = np.repeat([state.voltage_squared for state in states], len(here))
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bmat, coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
@@ -96,7 +97,8 @@ def symmetry_classes(model: Model) -> Iterator[Model]:
     mesh = model.discretisation
     for odd in chain.from_iterable(combinations(sorted(mesh.planes), count)
                                    for count in range(len(mesh.planes) + 1)):
-        yield replace(model, discretisation=replace(mesh, odd=frozenset(odd))) if odd else model
+        yield replace(model, discretisation=Discretisation.of(mesh.mesh, mesh.planes,
+                                                              frozenset(odd))) if odd else model
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +233,8 @@ class _System:
 def _coordinates(model: Model, gradient: Array) -> csr_matrix:
     """Node components (node-major) by free components and plate freedoms, (3 nodes, n + p)."""
     mesh = model.discretisation
-    free = np.flatnonzero(mesh.free.ravel())
-    count, freedoms = len(free), gradient.shape[2]
+    node, component = mesh.free
+    free, count, freedoms = 3 * node + component, mesh.free_count, gradient.shape[2]
     edge = (3 * mesh.plate_nodes[:, None] + np.arange(3)).ravel()
     rows = np.concatenate([free, np.repeat(edge, freedoms)])
     columns = np.concatenate([np.arange(count), np.tile(count + np.arange(freedoms), len(edge))])

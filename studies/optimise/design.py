@@ -13,10 +13,10 @@ from tympan.fem.complex_step import complex_step
 from tympan.fem.derivatives.quantities import QUANTITIES
 from tympan.fem.derivatives.sensitivity import shape_names
 from tympan.fem.derivatives.shape import edge_nodes, motion_between, moved_by
+from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesh import folded
 from tympan.geometry.paths import at, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, Settings, build_model, failure_reason, voltage_ramp

@@ -59,7 +59,9 @@ def test_fields_and_lost_tension_are_those_of_each_state(several) -> None:
         [alone] = cell_fields(made, [state], points)
         for item in fields(Fields):
             one, other = getattr(together, item.name), getattr(alone, item.name)
-            scale = np.abs(other[np.isfinite(other)]).max(initial=0.0)
+            # A stress that all but vanishes is as exact as the one it is a part of.
+            size = alone.stress_1 if item.name.startswith("stress_") else other
+            scale = np.abs(size[np.isfinite(size)]).max(initial=0.0)
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13 * scale)
     for state, together in zip(states, lost_tension(made, states), strict=True):
         assert [together] == lost_tension(made, [state])

@@ -253,7 +253,8 @@ def dense(film: Model, state: State, plate: RigidPlate) -> np.ndarray:
     for axis in range(3):
         number[3 * scalar.element_dofs + axis] = basis.element_dofs[axis::3]
     mass = mass[np.ix_(number, number)]
-    free, step = np.flatnonzero(film.discretisation.free.ravel()), 1e-6
+    node, component = film.discretisation.free
+    free, step = 3 * node + component, 1e-6
     reduction = np.zeros((film.discretisation.reference.size, len(free) + 6))
     reduction[free, np.arange(len(free))] = 1.0
     centre = np.zeros((3, 6))

@@ -14,9 +14,10 @@ import pytest
 import skfem
 
 from tests.support.specimens import circular, elliptical, skewed
+from tympan.fem.discretisation.isoparametric import folded
 from tympan.fem.results.fields import cell_fields
 from tympan.geometry.errors import InputError
-from tympan.geometry.mesh import ELEMENTS, facets_of, folded, from_meshio, unfold
+from tympan.geometry.mesh import ELEMENTS, facets_of, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Electrode, Plate

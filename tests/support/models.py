@@ -63,7 +63,8 @@ def deformed(film: Model, seed: int = 0) -> tuple[np.ndarray, PlateMotion]:
     x = film.discretisation.reference / film.size
     waves = sum(rng.normal(size=3) * np.sin(rng.normal(size=2) @ x[:, :2].T * 2)[:, None]
                 for _ in range(4))
-    positions = film.discretisation.reference + 1.5e-3 * waves * film.discretisation.free
+    mesh = film.discretisation
+    positions = mesh.reference + 1.5e-3 * waves * mesh.unknowns.movable
     return film.place(positions, plate), plate
 
 

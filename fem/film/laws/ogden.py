@@ -56,12 +56,13 @@ class Ogden:
             p1, p2 = l1**alpha, l2**alpha
             p3 = 1 / (p1 * p2)
             w = w + mu / alpha * (p1 + p2 + p3 - 3)
-            w1 = w1 + mu * (p1 - p3) / l1
-            w2 = w2 + mu * (p2 - p3) / l2
-            w11 = w11 + mu * ((alpha - 1) * p1 + (alpha + 1) * p3) / l1**2
-            w22 = w22 + mu * ((alpha - 1) * p2 + (alpha + 1) * p3) / l2**2
-            w12 = w12 + mu * alpha * p3 / (l1 * l2)
-        return w, w1, w2, w11, w12, w22
+            w1 = w1 + mu * (p1 - p3)
+            w2 = w2 + mu * (p2 - p3)
+            both = mu * (alpha + 1) * p3
+            w11 = w11 + (mu * (alpha - 1) * p1 + both)
+            w22 = w22 + (mu * (alpha - 1) * p2 + both)
+            w12 = w12 + mu * alpha * p3
+        return w, w1 / l1, w2 / l2, w11 / (l1 * l1), w12 / (l1 * l2), w22 / (l2 * l2)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from scipy.sparse.linalg import splu
 
 from tests.support.models import deformed, model
 from tests.support.specimens import circular, skewed
-from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.linear_solver.direct import (
     Analysis,
     SuperLU,
@@ -39,17 +38,8 @@ def tangent(film: Model) -> csc_matrix:
     return film.linearised(State(positions, plate, 2500.0**2)).inner
 
 
-def analysis_by(name: str, matrix: csc_matrix, order: np.ndarray | None = None) -> Analysis:
-    if name == "Pardiso":
-        return Pardiso(matrix.indices, matrix.indptr)
-    return SuperLU(matrix.indices, matrix.indptr, order)
-
-
-def order_of(film: Model) -> np.ndarray:
-    number = (np.cumsum(film.discretisation.free) - 1).reshape(film.discretisation.free.shape)
-    nodes = elimination_order(film.discretisation.connectivity,
-                              film.discretisation.reference[:, :2])
-    return number[nodes][film.discretisation.free[nodes]]
+def analysis_by(name: str, matrix: csc_matrix, ordered: bool = False) -> Analysis:
+    return Pardiso(matrix.indices, matrix.indptr) if name == "Pardiso" else SuperLU(ordered)
 
 
 def counted(matrix: csc_matrix) -> int:
@@ -66,7 +56,7 @@ def shifted(matrix: csc_matrix, quantile: float) -> csc_matrix:
 @pytest.mark.parametrize("name", SOLVERS)
 def test_solves_one_and_several_right_hand_sides(name: str, film: Model,
                                                  tangent: csc_matrix) -> None:
-    factors = factorise(tangent, analysis_by(name, tangent, order_of(film)))
+    factors = factorise(tangent, analysis_by(name, tangent, ordered=True))
     right = np.random.default_rng(0).normal(size=(tangent.shape[0], 3))
     exact = np.linalg.solve(tangent.toarray(), right)
     assert factors.solve(right) == pytest.approx(exact, rel=1e-8, abs=1e-10 * np.abs(exact).max())
@@ -80,8 +70,8 @@ def test_solves_one_and_several_right_hand_sides(name: str, film: Model,
 def test_counts_negative_eigenvalues(name: str, quantile: float, film: Model,
                                      tangent: csc_matrix) -> None:
     matrix = shifted(tangent, quantile)
-    assert factorise(matrix,
-                     analysis_by(name, matrix, order_of(film))).negative == counted(matrix) > 0
+    factors = factorise(matrix, analysis_by(name, matrix, ordered=True))
+    assert factors.negative == counted(matrix) > 0
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -98,8 +88,8 @@ def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool,
     blocks = [[zero, constraint.T], [constraint, tangent]] if first else [[tangent, constraint],
                                                                           [constraint.T, zero]]
     matrix = csc_matrix(block_array(blocks, format="csc"))
-    for order in (np.arange(size + 30), None):
-        factors = factorise(matrix, analysis_by(name, matrix, order))
+    for ordered in (True, False):
+        factors = factorise(matrix, analysis_by(name, matrix, ordered))
         right = np.ones(size + 30)
         assert matrix @ factors.solve(right) == pytest.approx(right, rel=1e-6)
         assert factors.negative == counted(matrix) == 30
@@ -108,7 +98,7 @@ def test_counts_them_where_the_diagonal_is_zero(name: str, first: bool,
 def test_counts_them_where_rows_were_exchanged(tangent: csc_matrix) -> None:
     pair = csc_matrix(np.array([[0.0, 1.0], [1.0, 0.0]]) * tangent.diagonal().max())
     matrix = csc_matrix(bmat([[pair, None], [None, shifted(tangent, 0.1)]]))
-    factors = SuperLU(matrix.indices, matrix.indptr, np.arange(matrix.shape[0])).factorise(matrix)
+    factors = SuperLU(ordered=True).factorise(matrix)
     assert (factors.factors.perm_r != factors.factors.perm_c).any()
     assert factors.negative == counted(matrix)
 
@@ -120,7 +110,7 @@ def test_counts_them_where_pivots_are_tiny(tangent: csc_matrix) -> None:
     coupling = coo_matrix(rng.normal(size=(20, tangent.shape[0])) * scale * 0.1)
     tiny = eye_array(20) * 1e-15 * scale
     matrix = csc_matrix(bmat([[tiny, coupling], [coupling.T, shifted(tangent, 0.2)]]))
-    factors = SuperLU(matrix.indices, matrix.indptr, np.arange(matrix.shape[0])).factorise(matrix)
+    factors = SuperLU(ordered=True).factorise(matrix)
     assert factors.negative == counted(matrix)
 
 
@@ -155,11 +145,12 @@ def test_small_systems_are_scipy_s() -> None:
 
 def test_order_is_a_permutation_with_less_fill_than_minimum_degree() -> None:
     film = model(circular(), symmetry=False, refine=3.0, order=2)
-    order = order_of(film)
-    assert (np.sort(order) == np.arange(film.discretisation.free_count)).all()
+    order = elimination_order(film.discretisation.connectivity,
+                              film.discretisation.reference[:, :2])
+    assert (np.sort(order) == np.arange(len(film.discretisation.reference))).all()
     positions, plate = deformed(film)
     matrix = film.linearised(State(positions, plate)).inner
-    ours = SuperLU(matrix.indices, matrix.indptr, order).factorise(matrix)
+    ours = SuperLU(ordered=True).factorise(matrix)
     theirs = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
                   options={"SymmetricMode": True})
     assert isinstance(ours, SuperLUFactors)
@@ -173,8 +164,7 @@ def test_fill_grows_little_faster_than_the_unknowns() -> None:
     for refine in (1.5, 3.0):
         film = model(circular(), symmetry=False, refine=refine, order=2)
         matrix = film.linearised(film.mounted()).inner
-        fills.append(SuperLU(matrix.indices, matrix.indptr,
-                             order_of(film)).factorise(matrix).factors.nnz)
+        fills.append(SuperLU(ordered=True).factorise(matrix).factors.nnz)
         sizes.append(matrix.shape[0])
     assert fills[1] / fills[0] < 1.5 * sizes[1] / sizes[0]
 
@@ -190,10 +180,10 @@ def test_assembly_is_the_sum_of_the_elements(symmetry: bool) -> None:
     number = (3 * film.discretisation.connectivity[:, :, None] + np.arange(3)).reshape(-1, local)
     rows, columns = np.repeat(number, local, axis=1).ravel(), np.tile(number, local).ravel()
     whole = coo_matrix((elements.ravel(), (rows, columns)),
-                       (film.discretisation.free.size, film.discretisation.free.size)).tocsc()
-    free = film.discretisation.free.ravel()
-    pattern = SparsityPattern.of(film.discretisation.connectivity, film.discretisation.free)
-    inner = pattern.assemble(elements)
+                       (film.discretisation.reference.size,) * 2).tocsc()
+    node, component = film.discretisation.free
+    free = 3 * node + component
+    inner = film.discretisation.unknowns.pattern.assemble(elements)
     inner.check_format()
     assert inner.has_sorted_indices
     assert inner.toarray() == pytest.approx(whole[free][:, free].toarray(), rel=1e-13, abs=1e-13)

@@ -43,7 +43,7 @@ def test_tangent_is_the_forces_derivative_by_the_complex_step(skewed_model: Mode
     positions, plate = deformed(skewed_model)
     part = skewed_model.linearised(State(positions, plate, VOLTAGE_SQUARED))
     direction = (np.random.default_rng(2).normal(size=positions.shape)
-                 * skewed_model.discretisation.free)
+                 * skewed_model.discretisation.unknowns.movable)
     step = 1e-30
     change = skewed_model.forces(positions + 1j * step * direction, VOLTAGE_SQUARED).imag / step
     scale = np.abs(change).max()
