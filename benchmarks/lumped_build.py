@@ -20,6 +20,7 @@ from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.files import write_text
 from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
+from tympan.studies.paper.published import MASSES
 
 _DOCS = Path(__file__).parent.parent / "docs"
 _NAMES = ("circular", "elliptical-small", "elliptical-large")
@@ -27,12 +28,16 @@ _NAMES = ("circular", "elliptical-small", "elliptical-large")
 
 def main() -> None:
     """Build them all and write the page."""
-    found = [build(specimen, Settings()) for specimen in _paper()]
+    found = [build(specimen, Settings(), PAPER_LOADS) for specimen in _paper()]
     others = [(words, build(specimen, Settings(), chosen)) for words, specimen, chosen in _others()]
     with tempfile.TemporaryDirectory() as folder:
         picture, _ = draw_built(BuildResult.of(found), Path(folder))
         shutil.copy(picture, _DOCS / "lumped-build.png")
     write_text(_DOCS / "lumped-build.md", page(found, others))
+
+
+#: The paper's masses, up to most of its voltages.
+PAPER_LOADS = BuildSettings(MASSES, tuple(500.0 * number for number in range(11)))
 
 
 def _paper() -> Iterator[Specimen]:
@@ -43,7 +48,7 @@ def _paper() -> Iterator[Specimen]:
 def _others() -> Iterator[tuple[str, Specimen, BuildSettings]]:
     """What it is, the specimen, and how it is built."""
     circle, _, ellipse = _paper()
-    two, film = BuildSettings(), circle.membrane
+    two, film = PAPER_LOADS, circle.membrane
     sectors = replace(two, radii="sectors")
     yield "superellipse 75 × 45 mm, exponent 4", replace(ellipse, frame=Superellipse((75e-3, 45e-3),
                                                                                      4.0)), two

@@ -14,6 +14,12 @@ from matplotlib.tri import Triangulation
 from tympan.geometry.errors import InputError
 from tympan.reports import look
 from tympan.reports.diagnosis.page import cause_label
+from tympan.reports.figures.curve import (
+    draw_curve,
+    draw_voltage_curves,
+    frame_curves,
+    voltage_curves,
+)
 from tympan.reports.figures.path import draw_stations
 from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
@@ -21,6 +27,7 @@ from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.files import write_atomically
 from tympan.studies.film_surface import FilmSurface
+from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
@@ -125,14 +132,17 @@ def _(result: SweepResult, axes: Axes) -> None:
 
 @draw.register
 def _(result: StudyResult, axes: Axes) -> None:
-    for number, specimen in enumerate(result.specimens):
-        curves = specimen.curves
-        for mass in np.unique(curves["mass"]):
-            at = curves["mass"] == mass
-            _curve(axes, number, curves["voltage"][at], curves["deflection"][at], specimen.name,
-                   mass)
+    curves = [(number, specimen.name, curve) for number, specimen in enumerate(result.specimens)
+              for curve in voltage_curves(specimen.curves)]
+    for number, name, curve in curves:
+        draw_curve(axes, curve, number, f"{name}, {curve.mass:g} g: {curve.end}")
     axes.set(xlabel="voltage [kV]", ylabel="deflection [mm]", title=result.name)
-    axes.legend()
+    frame_curves(axes, [curve for *_, curve in curves])
+
+
+@draw.register
+def _(result: CurveResult, axes: Axes) -> None:
+    draw_voltage_curves(axes, result)
 
 
 def _curve(axes: Axes, number: int, voltage: Any, deflection: Any, specimen: str, mass: float

@@ -11,8 +11,10 @@ from tympan.geometry.errors import InputError
 #: page where there is one; and the result stored in it, where it is drawn from that.
 KINDS = {
     "study": ("study.json", "study.page:build_study_page", ""),
+    "solve": ("*.vtu", "figures.film:draw_film", "case:CaseResult"),
     "modes": ("*-modes.json", "figures.modes:draw_modes", "modes:ModesResult"),
     "path": ("*-path.json", "figures.path:draw_path", "path:PathResult"),
+    "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
     "optimise": ("optimum.json", "figures.optimum:draw_optimum",
@@ -47,10 +49,17 @@ def draw_stored(command: str, folder: Path, specimen: str) -> list[Path]:
     return list(draw_folder(result, folder))
 
 
+def _is_solved(film: Path) -> bool:
+    """Whether a film is that of ``solve``, which has numbers of its name that no other writes."""
+    numbers = film.with_suffix(".json")
+    return numbers.is_file() and not any(numbers.match(marker) for marker, *_ in KINDS.values())
+
+
 def rebuild(folder: Path) -> list[Path]:
     """Draw the figures and pages of everything stored in a folder; answers what to look at."""
     stored = [(command, file.name.removesuffix(marker.lstrip("*")))
-              for command, (marker, *_) in KINDS.items() for file in sorted(folder.glob(marker))]
+              for command, (marker, *_) in KINDS.items() for file in sorted(folder.glob(marker))
+              if command != "solve" or _is_solved(file)]
     if not stored:
         markers = ", ".join(marker for marker, *_ in KINDS.values())
         commands = ", ".join(f"tympan {command}" for command in KINDS)

@@ -12,6 +12,7 @@ from tympan.studies.alpha import AlphaResult
 from tympan.studies.alpha.weights import Weights
 from tympan.studies.case import CaseResult
 from tympan.studies.diagnosis.result import Diagnosis
+from tympan.studies.limits import CurveResult
 from tympan.studies.lumped.build import BuildResult
 from tympan.studies.modes import ModesResult
 from tympan.studies.optimise.optimise import OptimiseResult
@@ -71,8 +72,13 @@ def _(result: SweepResult) -> Any:
 
 @table.register
 def _(result: StudyResult) -> Any:
-    return pd.concat([pd.DataFrame({"specimen": specimen.name, **specimen.curves})
+    return pd.concat([pd.DataFrame({"specimen": specimen.name, **specimen.curves.table})
                       for specimen in result.specimens], ignore_index=True)
+
+
+@table.register
+def _(result: CurveResult) -> Any:
+    return pd.DataFrame(dict(result.table))
 
 
 @table.register

@@ -183,6 +183,7 @@ class CaseResult(CaseRecord):
     """
 
     writer = "tympan solve -o"
+    kinds = ("vtu", "json", "png", "svg")
 
     status: Status
     deflection_m: float | None = None

@@ -25,7 +25,7 @@ from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface
 
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
-_STEP, _STRETCH = 0.015, 6.0
+STEP, _STRETCH = 0.015, 6.0
 
 UNFOLLOWED = "the branch could not be followed further"
 
@@ -157,7 +157,7 @@ def path(case: Case, settings: Settings, along: Along,
 
 
 def stops(case: Case, model: Model, start: State, along: Along, settings: PathSettings,
-          step: float = _STEP) -> Iterator[Stop]:
+          step: float = STEP) -> Iterator[Stop]:
     """The equilibria of a case from a state of its model on, while one quantity grows.
 
     ``step`` is the longest along the branch, relative to the frame's half extent. What happens

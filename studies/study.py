@@ -24,12 +24,13 @@ from tympan.geometry.fields import read
 from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE, Table
-from tympan.studies.alpha import AlphaResult, AlphaSettings, LoadGrid, alpha
-from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid, solved
+from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
+from tympan.studies.case import Case, CaseResult, Settings, solved
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, to_json, write_json
 from tympan.studies.film_surface import FilmSurface, film_surface
-from tympan.studies.paper.actuators import FILES, actuators
+from tympan.studies.limits.curve import CURVES, CurveResult, curve
+from tympan.studies.limits.loads import LoadGrid, usual_masses
 
 Progress = Callable[[str], None]
 
@@ -55,33 +56,26 @@ LINES: tuple[Column, ...] = (
     Column("field", "MV_per_m"),
 )
 
-#: The columns of curves/NAME.csv.
-CURVES: tuple[Column, ...] = (
-    Column("mass", "g"),
-    Column("voltage", "kV"),
-    Column.labels("status"),
-    Column("deflection", "mm", required=False),
-    Column("slack_share", required=False),
-    Column("breakdown_margin", required=False),
-)
+#: The paper's three actuators under its loads.
+PAPER = Path(__file__).with_name("paper") / "study.toml"
 
 
 @dataclass(frozen=True)
 class Study:
     """What is to be run.
 
-    ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` those of the
-    deflection–voltage curves; ``sources`` the specimens' files as text, for the report.
+    ``mass`` [kg] and ``voltage`` [V] are those of the picture; ``curves`` the masses of the
+    deflection–voltage curves, and the voltages marked on them; ``sources`` the specimens' files as
+    text, for the report. Masses that are None follow from the films.
     """
 
     name: str
     specimens: tuple[Specimen, ...]
     sources: tuple[str, ...]
-    mass: float = 17.9e-3
+    mass: float | None = None
     voltage: float = 0.0
     rig: Rig = field(default_factory=Rig)
-    curves: LoadGrid = field(default_factory=lambda: LoadGrid(
-        (17.9e-3, 22.45e-3), tuple(float(volts) for volts in range(0, 7001, 500))))
+    curves: LoadGrid | None = None
     alpha: AlphaSettings = field(default_factory=AlphaSettings)
     settings: Settings = field(default_factory=Settings)
 
@@ -90,14 +84,25 @@ class Study:
         """How many times :func:`run_study` reports progress."""
         return 4 * len(self.specimens)
 
+    def with_loads(self) -> Study:
+        """With masses that suit all its films where none are given."""
+        if self.mass is not None and self.curves is not None:
+            return self
+        mass = self.mass
+        if not mass:
+            mass = min(usual_masses(specimen, self.settings, self.rig)[0]
+                       for specimen in self.specimens)
+        return replace(self, mass=mass if self.mass is None else self.mass,
+                       curves=self.curves or LoadGrid((mass, 1.25 * mass)))
+
 
 @dataclass(frozen=True, eq=False)
 class SpecimenResult:
     """One specimen of a study: under the picture's load with its film, along lines, and curves.
 
     ``semi_axes_m`` are the frame's half extents, ``source`` its file as text. ``lines`` has the
-    columns of :data:`LINES` and ``curves`` those of :data:`CURVES`, in SI; they and the film stand
-    in files of their own.
+    columns of :data:`LINES` in SI; they, the curves' table and the film stand in files of their
+    own.
     """
 
     name: str
@@ -105,15 +110,15 @@ class SpecimenResult:
     material: str
     semi_axes_m: tuple[float, ...]
     result: CaseResult
+    curves: CurveResult
     lines: TableOfColumns = field(default_factory=dict, compare=False)
-    curves: TableOfColumns = field(default_factory=dict, compare=False)
 
     def save(self, folder: Path) -> None:
         """Write ``fields/NAME.vtu``, ``lines/NAME.csv`` and ``curves/NAME.csv``."""
         assert self.result.film is not None
         self.result.film.save(folder / "fields" / f"{self.name}.vtu")
         write_sheet(folder / "lines" / f"{self.name}.csv", LINES, self.lines)
-        write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves)
+        write_sheet(folder / "curves" / f"{self.name}.csv", CURVES, self.curves.table)
 
     def with_files(self, folder: Path, key: str) -> SpecimenResult:
         """With what :meth:`save` wrote; ``key`` is its own in study.json."""
@@ -122,15 +127,17 @@ class SpecimenResult:
             raise InputError("must be a file name", file=folder / "study.json", key=f"{key}.name",
                              given=name)
         film = FilmSurface.load(folder / "fields" / f"{name}.vtu")
+        table = read_own_sheet(folder / "curves" / f"{name}.csv", CURVES)
         return replace(self, result=replace(self.result, film=film),
                        lines=read_own_sheet(folder / "lines" / f"{name}.csv", LINES),
-                       curves=read_own_sheet(folder / "curves" / f"{name}.csv", CURVES))
+                       curves=replace(self.curves, table=table))
 
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
     """Everything a report of a study needs; ``mass_kg`` and ``voltage_V`` are the picture's.
 
+    ``from_films`` names the loads that were not given, but chosen to suit the films.
     ``rig``, ``settings`` and ``alpha_settings`` are what the study was run with, ``libraries`` and
     ``python`` the versions it was run on.
     """
@@ -145,6 +152,7 @@ class StudyResult:
     rig: dict[str, Any]
     settings: dict[str, Any]
     alpha_settings: dict[str, Any]
+    from_films: tuple[str, ...]
     specimens: tuple[SpecimenResult, ...]
     alphas: tuple[AlphaResult, ...] = field(default=(), compare=False)
 
@@ -187,14 +195,14 @@ def discard_report(folder: Path) -> None:
 
 def default_study() -> Study:
     """The paper's three actuators under 17.9 g, as in its Fig. 4."""
-    return Study("the paper's three actuators", actuators(),
-                 tuple(file.read_text(encoding="utf-8") for file in FILES.values()))
+    return read_study(PAPER)
 
 
 def read_study(file: Path) -> Study:
     """A study from STUDY.toml.
 
-    Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads.
+    Keys: ``specimens`` (files beside it) and optionally name, mass, voltage, rig and loads. Loads
+    that are left out follow from the films.
     """
     table = Table.read(file)
     names = table.value("specimens")
@@ -206,16 +214,15 @@ def read_study(file: Path) -> Study:
                 if count > 1]
     if repeated:
         raise table.error("specimens", "must have different names", sorted(repeated))
-    default = Study("", (), ())
     study = Study(
         table.text("name", file.stem), specimens,
         tuple(map(file_text, paths)),
-        mass=table.number("mass", "mass", "17.9 g", NON_NEGATIVE),
+        mass=(table.number("mass", "mass", rule=NON_NEGATIVE)
+              if table.value("mass", None) is not None else None),
         voltage=table.number("voltage", "voltage", "0 kV", NON_NEGATIVE),
         rig=Rig.from_table(table.table("rig", {})),
-        curves=_loads(table, "curves", default.curves),
-        alpha=AlphaSettings(_loads(table, "alpha_fit", default.alpha.fit),
-                            _loads(table, "alpha_held_out", default.alpha.held_out)),
+        curves=_loads(table, "curves"),
+        alpha=AlphaSettings(_loads(table, "alpha_fit"), _loads(table, "alpha_held_out")),
     )
     table.done()
     return study
@@ -232,6 +239,11 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
     """
     if folder is not None:
         discard_report(folder)
+    from_films = tuple(name for name, given in (
+        ("mass", study.mass), ("curves", study.curves),
+        ("alpha", study.alpha.fit and study.alpha.held_out)) if given is None)
+    study = study.with_loads()
+    assert study.mass is not None
     specimens = []
     for specimen, source in zip(study.specimens, study.sources, strict=True):
         specimens.append(_solved(study, specimen, source, progress))
@@ -247,7 +259,7 @@ def run_study(study: Study, progress: Progress = lambda _: None, folder: Path | 
         {name: metadata.version(name) for name in libraries}, platform.python_version(),
         time.strftime("%Y-%m-%d %H:%M:%S %z"), study.mass, study.voltage,
         to_json(study.rig.record()), to_json(study.settings), to_json(study.alpha),
-        tuple(specimens), tuple(alphas))
+        from_films, tuple(specimens), tuple(alphas))
 
 
 def line_profile(model: Model, state: State, line: str) -> tuple[NDArray[np.float64], Fields]:
@@ -268,6 +280,8 @@ def line_profile(model: Model, state: State, line: str) -> tuple[NDArray[np.floa
 
 def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -> SpecimenResult:
     progress(f"{specimen.name}: mesh and equilibrium")
+    assert study.mass is not None
+    assert study.curves is not None
     case = Case(specimen, mass=study.mass, voltage=study.voltage, rig=study.rig)
     model, outcome, result = solved(case, study.settings)
     if outcome.status != "equilibrium":
@@ -278,8 +292,9 @@ def _solved(study: Study, specimen: Specimen, source: str, progress: Progress) -
     result = replace(result, film=film_surface(model, outcome.state))
     lines = _lines(model, outcome.state)
     progress(f"{specimen.name}: curves")
+    curves = curve(specimen, study.curves.masses, study.settings, study.rig, study.curves.voltages)
     return SpecimenResult(specimen.name, source, str(specimen.membrane.material),
-                          specimen.frame.semi_axes, result, lines, _curves(study, specimen))
+                          specimen.frame.semi_axes, result, curves, lines)
 
 
 def _lines(model: Model, state: State) -> TableOfColumns:
@@ -291,22 +306,9 @@ def _lines(model: Model, state: State) -> TableOfColumns:
     return {column.name: np.concatenate([part[column.name] for part in parts]) for column in LINES}
 
 
-def _curves(study: Study, specimen: Specimen) -> TableOfColumns:
-    model = build_model(specimen, study.settings, study.rig.loading)
-    loads = study.curves
-    results = [result for result, _ in solve_grid(model, loads.masses, loads.voltages, study.rig,
-                                                  study.settings.path)]
-    attributes = ("mass_kg", "voltage_V", "status", "deflection_m", "slack_share",
-                  "breakdown_margin")
-    return {column.name: np.array([getattr(result, name) for result in results],
-                                  float if column.choices is None else str)
-            for column, name in zip(CURVES, attributes, strict=True)}
-
-
-def _loads(table: Table, key: str, default: LoadGrid) -> LoadGrid:
-    if key not in table:
-        table.asked.add(key)
-        return default
+def _loads(table: Table, key: str) -> LoadGrid | None:
+    if table.value(key, None) is None:
+        return None
     loads = read(LoadGrid, table.table(key))
     if list(loads.voltages) != sorted(loads.voltages):
         raise table.error(f"{key}.voltage", "must ascend", table.value(key)["voltage"])

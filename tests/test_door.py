@@ -20,8 +20,7 @@ from tests.support import parts_stub
 from tests.support.specimens import circular, elliptical
 from tests.support.sweeps import written
 from tympan.geometry.mesher import MeshSettings
-from tympan.studies.alpha import AlphaSettings
-from tympan.studies.alpha.circles import LoadGrid
+from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import CaseResult, Settings, solve
 from tympan.studies.diagnosis.result import Diagnosis
 from tympan.studies.optimise.optimise import OptimiseResult

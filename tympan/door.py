@@ -20,6 +20,7 @@ from tympan.studies.case import Settings as Settings
 if TYPE_CHECKING:
     from tympan.studies.alpha import AlphaResult, AlphaSettings
     from tympan.studies.diagnosis.result import Diagnosis
+    from tympan.studies.limits import CurveResult
     from tympan.studies.lumped.build import BuildResult
     from tympan.studies.modes import ModesResult
     from tympan.studies.optimise.optimise import OptimiseResult
@@ -67,14 +68,27 @@ def material(name: str) -> Material:
 
 def solve(specimen: Specimen, settings: Settings = Settings(), **loads: Unpack[Loads]
           ) -> Result[CaseResult]:
-    """The equilibrium of a specimen under a mass and a voltage, with its fields.
+    """The equilibrium of a specimen under a mass and a voltage, with its fields and limits.
 
     ``result.status`` is "equilibrium", "no_equilibrium" (past pull-in) or "not_converged"; the
     numbers of a state that does not exist are None.
     """
-    from tympan.studies.case import solve
+    from tympan.studies.limits import solve_within
 
-    return Result(solve(Case(specimen, **loads), settings, film=True))
+    return Result(solve_within(Case(specimen, **loads), settings, film=True))
+
+
+def curve(specimen: Specimen, *masses: float | str, settings: Settings = Settings(),
+          rig: Rig = Rig()) -> Result[CurveResult]:
+    """Deflection against voltage under each mass to the film's limit; by default under usual ones.
+
+    ``result.curves[0].limits.pull_in.voltage_V`` is where the first one ends.
+    """
+    from tympan.studies.limits import curve
+    from tympan.studies.limits.loads import usual_masses
+
+    given = [Case(specimen, mass=mass).mass for mass in masses]
+    return Result(curve(specimen, given or usual_masses(specimen, settings, rig), settings, rig))
 
 
 def path(specimen: Specimen, along: Literal["voltage", "charge", "mass", "pressure"] = "voltage",

@@ -149,6 +149,11 @@ def parse_quantity(text: str, dimension: str, option: str) -> float:
         raise error.located(key=option) from None
 
 
+def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:
+    """Quantities given to an option with commas between them [SI]; none of no text."""
+    return tuple(parse_quantity(part, dimension, option) for part in text.split(",") if text)
+
+
 def parse_numbers(text: str | None, option: str) -> tuple[float, ...] | None:
     """Numbers given to an option with commas between them; None where it was not given."""
     if text is None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tympan.reports import look as style
 from tympan.studies.optimise.optimise import OptimiseResult
+from tympan.studies.optimise.problem import held_words
 
 _PANEL = 52.0  #: width of the outlines' panel [mm]
 
@@ -46,7 +47,7 @@ def _outlines(axes: Axes, result: OptimiseResult, held: str) -> None:
     _curves(axes, result, "", 0, color=style.PALETTE[1], linewidth=1.0, linestyle="--")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [mm]", ylabel="y [mm]")
-    axes.set_title(f"Equal frame {held}: from light to dark;\n"
+    axes.set_title(f"Frame {held_words(held)}: from light to dark;\n"
                    f"reference {result.record['reference']['specimen']} dashed", loc="left")
 
 

@@ -15,12 +15,13 @@ from tympan.fem.membrane.loading import BIASES
 from tympan.fem.rig import Rig
 from tympan.geometry.fields import fields_of
 from tympan.geometry.units import DIMENSIONS
+from tympan.reports.figures.curve import VoltageCurve, limit_text
 from tympan.reports.study import curves, figure4
-from tympan.reports.study.view import SpecimenView, StudyView, VoltageCurve, view_study
+from tympan.reports.study.view import SpecimenView, StudyView, view_study
 from tympan.reports.template import embedded_picture, percent, sentence, template
 from tympan.studies.alpha import AlphaResult
-from tympan.studies.alpha.circles import LoadGrid
-from tympan.studies.files import write_text
+from tympan.studies.files import to_json, write_text
+from tympan.studies.limits import LoadGrid
 from tympan.studies.study import StudyResult
 
 #: SI units of settings by their names.
@@ -37,7 +38,7 @@ def build_study_page(folder: Path) -> Path:
     """
     run = view_study(StudyResult.load(folder), folder)
     figure4.draw_figure4(run, folder)
-    curves.draw_curves(run, folder)
+    curves.draw_study_curves(run, folder)
     file = folder / "report.html"
     write_text(file, render_study(run, embedded_picture(folder / "fig4.png"),
                                   embedded_picture(folder / "curves.svg")))
@@ -49,19 +50,20 @@ def render_study(run: StudyView, fig4: str, curves_: str) -> str:
     return template("reports/study/report.html").render(
         run=run, summary=study_summary(run), warnings=study_warnings(run),
         fig4=fig4, curves=curves_,
-        hollow=any(curve.loose.any() for item in run.specimens for curve in item.curves),
+        curves_of=[(item.name, curve) for item in run.specimens for curve in item.curves],
         design=figure4.lay_out(run.specimens, run.stress_range),
         alphas=[item for item in run.stored.alphas if len(item.circles) > 1],
         circles=[item for item in run.stored.alphas if len(item.circles) == 1],
-        settings=list(settings(run.stored.json())))
+        settings=list(settings(run.stored)))
 
 
-def settings(record: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+def settings(stored: StudyResult) -> Iterator[tuple[str, str, str]]:
     """What the study was run with, flat: where a setting belongs, its name, and value and unit."""
-    for where, key in (("Rig", "rig"), ("Computation", "settings"),
-                       ("Loads for α", "alpha_settings"), ("Libraries", "libraries")):
-        yield from ((where, name, value) for name, value in _flat(record[key]))
-    yield "Libraries", "Python", record["python"]
+    loads = {item.specimen: to_json(item.loads) for item in stored.alphas}
+    for where, record in (("Rig", stored.rig), ("Computation", stored.settings),
+                          ("Loads for α", loads), ("Libraries", stored.libraries)):
+        yield from ((where, name, value) for name, value in _flat(record))
+    yield "Libraries", "Python", stored.python
 
 
 def _flat(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
@@ -131,26 +133,31 @@ def _shares_of_load(ends: Sequence[dict[str, Any]], least: float) -> list[float]
 
 
 def strokes(run: StudyView) -> str:
-    """How far the voltage moves each plate, under the picture's mass or the curves' lightest."""
+    """How far the voltage moves each plate, under the picture's mass or the curves' lightest.
+
+    Over the voltages that were asked for, or as far as each film goes.
+    """
     masses = sorted({curve.mass for item in run.specimens for curve in item.curves})
     if not masses:
         return ""
     mass = run.mass if run.mass in masses else masses[0]
     pairs = [(item.name, curve) for item in run.specimens for curve in item.curves
              if curve.mass == mass]
-    low = min(float(curve.voltage[0]) for _, curve in pairs)
-    high = max(float(curve.voltage[-1]) for _, curve in pairs)
-    return _say("strokes", mass, low, high, [stroke(name, curve) for name, curve in pairs])
+    asked = [float(voltage) for _, curve in pairs for voltage in curve.asked]
+    low, high = (min(asked), max(asked)) if asked else (0.0, np.inf)
+    return _say("strokes", mass, low, high, [stroke(name, curve, low, high)
+                                             for name, curve in pairs])
 
 
-def stroke(name: str, curve: VoltageCurve) -> dict[str, Any]:
-    """Largest travel of one plate [mm] from its first equilibrium, before any pull-in [kV]."""
-    above = curve.pull_in[1] if curve.pull_in else None
-    reached = curve.deflection[curve.found & (curve.voltage < (above or np.inf))]
-    trouble = ("no equilibrium" if not curve.found.any()
-               else "" if len(reached) else "it pulls in at once")
-    return {"name": name, "trouble": trouble, "pull_in": above,
-            "stroke": float(reached.max() - reached[0]) if len(reached) else None}
+def stroke(name: str, curve: VoltageCurve, low: float, high: float) -> dict[str, Any]:
+    """Travel of one plate [mm] between two voltages [kV], or before it pulls in."""
+    end = float(curve.voltage[-1]) if len(curve.voltage) else -1.0
+    if end < low:
+        trouble = "it pulls in at once" if len(curve.voltage) else "no equilibrium"
+        return {"name": name, "trouble": trouble}
+    pull_in = curve.pull_in if curve.pull_in is not None and curve.pull_in < high else None
+    return {"name": name, "trouble": "", "pull_in": pull_in, "end": min(end, high),
+            "stroke": curve.at(min(end, high)) - curve.at(low)}
 
 
 def _mixtures(alphas: Sequence[AlphaResult]) -> str:
@@ -166,27 +173,23 @@ def study_warnings(run: StudyView) -> list[str]:
     """Every warning stored, and every point of the curves without a result, with its specimen."""
     return [*(f"{item.name}: {text}" for item in run.specimens for text in item.result.warnings),
             *(text for item in run.specimens for curve in item.curves
-              for text in _curve_warnings(item.name, curve)),
+              for text in curve_warnings(item.name, curve)),
             *(f"{item.specimen}, α: {text}" for item in run.stored.alphas for text in item.warnings
               if not text.startswith("the semi-axes are equal"))]
 
 
-def _curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
-    unsolved = [voltage for voltage, status in zip(curve.voltage, curve.status, strict=True)
-                if status not in ("equilibrium", "no_equilibrium")]
+def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
+    """Loads without result, and what happens to the film on the way to its end."""
+    unsolved = [voltage for voltage, status in zip(curve.asked, curve.status, strict=True)
+                if status == "not_converged"]
     if unsolved:
         yield _say("no_result", name, curve.mass, unsolved)
-    slack = curve.voltage[curve.loose]
-    if len(slack):
-        yield _say("slack", name, curve.mass, slack[0], float(np.nanmax(curve.slack)))
-    broken = curve.voltage[curve.margin < 1]
-    if len(broken):
-        yield _say("broken", name, curve.mass, broken[0])
-    if curve.pull_in is not None:
-        below, above = curve.pull_in
-        again = curve.voltage[curve.found & (curve.voltage > above)]
-        yield _say("pulled_in", name, curve.mass, None if np.isnan(below) else below, above,
-                   again[0] if len(again) else None)
+    for limit in (curve.limits.tension, curve.limits.breakdown, curve.limits.pull_in):
+        if limit is not None:
+            yield _say("limited", name, curve.mass, limit.kind, limit_text(limit),
+                       1e3 * limit.x_m, 1e3 * limit.y_m)
+    if curve.limits.pull_in is None:
+        yield _say("ended", name, curve.mass, curve.limits.ended)
 
 
 def _say(part: str, *values: Any) -> str:

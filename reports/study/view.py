@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.geometry.errors import InputError
+from tympan.reports.figures.curve import VoltageCurve, voltage_curves
 from tympan.studies.case import CaseResult
 from tympan.studies.film_surface import FilmSurface
 from tympan.studies.study import SpecimenResult, StudyResult
@@ -53,41 +53,6 @@ class AxisLine:
     def at_plate(self) -> float:
         """The larger of the stresses at the two points of the plate's edge [kPa]."""
         return max(float(side.stress[0]) for side in self.sides)
-
-
-@dataclass(frozen=True, eq=False)
-class VoltageCurve:
-    """Deflection [mm] against voltage [kV] under one mass [g], NaN without equilibrium.
-
-    ``slack`` is the share of the film that has lost tension, ``margin`` the smallest strength over
-    field, NaN where there is none.
-    """
-
-    mass: float
-    voltage: Array
-    status: tuple[str, ...]
-    deflection: Array
-    slack: Array
-    margin: Array
-
-    @property
-    def found(self) -> NDArray[np.bool_]:
-        """Where there is an equilibrium."""
-        return np.array([status == "equilibrium" for status in self.status])
-
-    @property
-    def loose(self) -> NDArray[np.bool_]:
-        """Where part of the film has lost tension."""
-        return self.slack > 0
-
-    @property
-    def pull_in(self) -> tuple[float, float] | None:
-        """Last voltage with an equilibrium (NaN if none) and the first without [kV], if any."""
-        if "no_equilibrium" not in self.status:
-            return None
-        first = self.status.index("no_equilibrium")
-        before = self.voltage[:first][self.found[:first]]
-        return float(before[-1]) if len(before) else np.nan, float(self.voltage[first])
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +144,7 @@ def _specimen(stored: SpecimenResult, folder: Path) -> SpecimenView:
     a, b = stored.semi_axes_m
     return SpecimenView(stored.name, (a * 1e3, b * 1e3), stored.material, stored.source, result,
                         result.deflection_m * 1e3, film, _line(stored, folder, "x"),
-                        _line(stored, folder, "y"), tuple(_curves(stored)))
+                        _line(stored, folder, "y"), tuple(voltage_curves(stored.curves)))
 
 
 def _line(stored: SpecimenResult, folder: Path, name: str) -> AxisLine:
@@ -189,13 +154,3 @@ def _line(stored: SpecimenResult, folder: Path, name: str) -> AxisLine:
         raise InputError(f"must have rows of the line {name!r} on both sides of the plate",
                          file=folder / "lines" / f"{stored.name}.csv", key="line")
     return AxisLine(distance * 1e3, stress / 1e3)
-
-
-def _curves(stored: SpecimenResult) -> Iterator[VoltageCurve]:
-    table = stored.curves
-    for mass in dict.fromkeys(table["mass"].tolist()):
-        rows = table["mass"] == mass
-        yield VoltageCurve(
-            mass * 1e3, table["voltage"][rows] / 1e3, tuple(table["status"][rows].tolist()),
-            table["deflection"][rows] * 1e3, table["slack_share"][rows],
-            table["breakdown_margin"][rows])

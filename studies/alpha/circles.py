@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +17,12 @@ from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key
 from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Plate, Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
 from tympan.studies.alpha.simplex import simplex_fit
 from tympan.studies.case import Settings, build_model, failure_reason, voltage_ramp
 from tympan.studies.circles import ConeCircle, radii_of
+from tympan.studies.limits.loads import LoadGrid
 
 Array = NDArray[np.float64]
 Radii = tuple[float, ...]
@@ -35,15 +33,6 @@ _DIRECTIONS = 7200
 #: Radii among which those of the fit are interpolated, and how far these go beyond the frame's
 #: nearest and farthest.
 _GRID, _BEYOND = 9, 1.1
-
-
-@dataclass(frozen=True)
-class LoadGrid:
-    """Masses and voltages, every combination."""
-
-    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", POSITIVE, "mass")]
-    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", NON_NEGATIVE,
-                                               "voltage")]
 
 
 @dataclass(frozen=True, eq=False)

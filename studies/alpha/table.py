@@ -17,7 +17,9 @@ from tympan.studies.alpha.weights import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Settings
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, to_json, write_csv, write_json
+from tympan.studies.limits.loads import LoadGrid
 from tympan.studies.paper.actuators import paper_film
+from tympan.studies.paper.published import MASSES
 
 #: The columns of outlines-frames.csv: points of each frame's outline.
 FRAMES: tuple[Column, ...] = (
@@ -83,7 +85,13 @@ class OutlineTable:
         return cls(rows, frames)
 
 
-def outline_table(settings: Settings, loads: AlphaSettings = AlphaSettings(),
+#: The paper's loads, and others to test at.
+PAPER_LOADS = AlphaSettings(
+    LoadGrid(MASSES, (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)),
+    LoadGrid((12e-3, 20e-3, 25e-3), (2.5e3, 4.5e3, 5.5e3)))
+
+
+def outline_table(settings: Settings, loads: AlphaSettings = PAPER_LOADS,
                   progress: Callable[[str], None] = lambda _: None) -> OutlineTable:
     """A row for every registered outline that has an example: the paper's film and plate in it."""
     rows, points = [], []

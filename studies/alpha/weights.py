@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,6 @@ from tympan.geometry.outlines import Circle
 from tympan.geometry.specimen import Specimen
 from tympan.studies.alpha.circles import (
     RADII,
-    LoadGrid,
     Samples,
     concentric,
     cone_forces,
@@ -29,6 +28,7 @@ from tympan.studies.alpha.simplex import condition, simplex_fit, weight_ranges
 from tympan.studies.case import Settings, build_model
 from tympan.studies.circles import radii_of
 from tympan.studies.files import from_json, read_json, stored_file, to_json, write_json
+from tympan.studies.limits.loads import LoadGrid, usual_masses, usual_voltages
 
 Array = NDArray[np.float64]
 Basis = Literal["membrane", "cone", "cone_scaled"]
@@ -44,6 +44,10 @@ MOST_CIRCLES = 6
 #: shape.
 REPRESENTED = 0.01
 
+#: Masses over the usual one, and voltages over the usual one, of the fit and of the test.
+_FIT, _HELD_OUT = (1.0, 1.25), (0.7, 1.1, 1.4)
+_FIT_VOLTAGES, _HELD_OUT_VOLTAGES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), (0.5, 0.9, 1.1)
+
 #: By how much the elements are finer that show what the mesh does to α.
 _FINER = 1.5
 
@@ -52,16 +56,13 @@ _FINER = 1.5
 class AlphaSettings:
     """Loads the weights are fitted and tested on, and what circles they belong to.
 
-    The defaults fit on the paper's masses at 0 to 5 kV and test at other masses, from lighter to
-    heavier, and other voltages, from between to beyond. ``radii`` is a key of
+    Loads left out follow from the film, as :meth:`loads` says. ``radii`` is a key of
     :data:`tympan.studies.alpha.circles.RADII`. ``tolerance``: force error, relative, at which two
     mixtures count as equally good.
     """
 
-    fit: LoadGrid = field(default_factory=lambda: LoadGrid((17.9e-3, 22.45e-3),
-                                                           (0.0, 1e3, 2e3, 3e3, 4e3, 5e3)))
-    held_out: LoadGrid = field(default_factory=lambda: LoadGrid((12e-3, 20e-3, 25e-3),
-                                                                (2.5e3, 4.5e3, 5.5e3)))
+    fit: LoadGrid | None = None
+    held_out: LoadGrid | None = None
     circles: int = 2
     radii: str = "semi_axes"
     tolerance: float = 1e-3
@@ -74,6 +75,31 @@ class AlphaSettings:
             raise InputError(f"must be one of {', '.join(RADII)}", key="radii", given=self.radii)
         if not 0 < self.tolerance < 1:
             raise InputError("must be between 0 and 1", key="tolerance", given=self.tolerance)
+
+    def loads(self, specimen: Specimen, settings: Settings, rig: Rig) -> AlphaLoads:
+        """The loads of a specimen.
+
+        Where none are given: fitted under two usual masses up to a usual voltage of the film;
+        tested under others, from lighter to heavier, and at voltages from between to beyond.
+        """
+        if self.fit is not None and self.held_out is not None:
+            return AlphaLoads(self.fit, self.held_out)
+        masses = usual_masses(specimen, settings, rig, (*_FIT, *_HELD_OUT))
+        fitted, tested = masses[:len(_FIT)], masses[len(_FIT):]
+        highest, = usual_voltages(specimen, max(masses), settings, rig, (1.0,))
+        fit, held_out = (
+            LoadGrid(chosen, tuple(round(share * highest, 6) for share in shares))
+            for chosen, shares in ((fitted, _FIT_VOLTAGES), (tested, _HELD_OUT_VOLTAGES)))
+        return AlphaLoads(self.fit or fit, self.held_out or held_out, from_film=True)
+
+
+@dataclass(frozen=True)
+class AlphaLoads:
+    """Loads that weights were fitted and tested on; whether the film itself chose some of them."""
+
+    fit: LoadGrid
+    held_out: LoadGrid
+    from_film: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,7 +123,8 @@ class AlphaResult:
     and against cones whose force is multiplied by ``cone_scale``, the ratio of membrane to cone on
     the first circle. ``radii`` says how the circles were chosen. Of all mixtures of membrane
     circles as good as the best, to the settings' tolerance of force, each weight lies in its pair
-    of ``ranges``; ``condition`` is that of the circles' relative differences.
+    of ``ranges``; ``condition`` is that of the circles' relative differences. ``loads`` are those
+    it was fitted and tested on.
     """
 
     specimen: str
@@ -110,6 +137,7 @@ class AlphaResult:
     radii: str = "semi_axes"
     ranges: Ranges = ()
     condition: float = 1.0
+    loads: AlphaLoads | None = None
 
     def json(self, basis: Basis = "membrane") -> dict[str, Any]:
         """The object of ``alpha --json`` for one basis."""
@@ -120,7 +148,7 @@ class AlphaResult:
             "alpha": weights["alpha"], "basis": basis, **weights,
             "from_fields": {**plain["from_fields"], "range": plain["field_range"]},
             **{name: plain[name]
-               for name in ("cone_scale", "radii", "ranges", "condition", "warnings")}}
+               for name in ("cone_scale", "radii", "ranges", "condition", "loads", "warnings")}}
 
     def record(self) -> dict[str, Any]:
         """All bases, as stored."""
@@ -179,8 +207,9 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
                   else (len(radii), alpha_settings.radii))
     warnings: list[str] = []
     progress(f"{specimen.name}: equilibria")
-    fit = equilibria(model, alpha_settings.fit, rig, settings, count, warnings)
-    test = equilibria(model, alpha_settings.held_out, rig, settings, count, warnings)
+    loads = alpha_settings.loads(specimen, settings, rig)
+    fit = equilibria(model, loads.fit, rig, settings, count, warnings)
+    test = equilibria(model, loads.held_out, rig, settings, count, warnings)
     if not len(fit):
         raise InputError("has no equilibrium at any load of the fit", key="alpha",
                          given=specimen.name)
@@ -200,7 +229,7 @@ def alpha(specimen: Specimen, settings: Settings, alpha_settings: AlphaSettings 
     best = np.abs(membrane[0] @ by_basis["membrane"].alpha / fit.force - 1).max()
     ranges = weight_ranges(membrane[0], fit.force, best + alpha_settings.tolerance)
     result = AlphaResult(specimen.name, radii, by_basis, scale, _weigh(shares, membrane, fit, test),
-                         spread, tuple(warnings), how, ranges, condition(membrane[0]))
+                         spread, tuple(warnings), how, ranges, condition(membrane[0]), loads)
     return replace(result, warnings=(*warnings, *_doubts(specimen, result, alpha_settings)))
 
 
@@ -213,7 +242,9 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
     ``loads``: each mass of the fit alone, and the lower and upper half of its voltages. None where
     nothing could be changed; a change without an equilibrium to fit is left out.
     """
-    film, fit = specimen.membrane, alpha_settings.fit
+    film, loads = specimen.membrane, nominal.loads or alpha_settings.loads(specimen, settings, rig)
+    fit = loads.fit
+    alpha_settings = replace(alpha_settings, fit=fit, held_out=loads.held_out)
     half, voltages = len(fit.voltages) // 2, tuple(sorted(fit.voltages))
     grids = {f"{mass * 1e3:g} g alone": LoadGrid((mass,), fit.voltages)
              for mass in fit.masses if len(fit.masses) > 1}
@@ -231,10 +262,10 @@ def uncertainty(specimen: Specimen, settings: Settings, alpha_settings: AlphaSet
     ranges: dict[str, Ranges | None] = {}
     for kind, cases in changes.items():
         weights = [nominal.by_basis["membrane"].alpha]
-        for name, changed, mesh, loads in cases:
+        for name, changed, mesh, chosen in cases:
             progress(f"{specimen.name}: α with {name}")
             try:
-                result = alpha(changed, mesh, loads, rig, radii=nominal.circles)
+                result = alpha(changed, mesh, chosen, rig, radii=nominal.circles)
             except InputError:
                 continue
             weights.append(result.by_basis["membrane"].alpha)

@@ -20,7 +20,7 @@ from tympan.studies.case import (
     failure_reason,
     solve,
 )
-from tympan.studies.path import UNFOLLOWED, Stop, What, stops
+from tympan.studies.path import STEP, UNFOLLOWED, Stop, What, stops
 
 _KINDS: dict[What, LimitKind] = {
     "tension lost": "tension", "breakdown": "breakdown", "limit": "pull_in"}
@@ -51,7 +51,7 @@ def limits(case: Case, settings: Settings) -> Limits:
     return rise(case, settings, _STEP).limits
 
 
-def rise(case: Case, settings: Settings, step: float) -> Rise:
+def rise(case: Case, settings: Settings, step: float = STEP) -> Rise:
     """Raise the voltage of a case from 0 until the film pulls in, or cannot be followed.
 
     ``step`` is the longest between two equilibria, relative to the frame's half extent.

@@ -22,6 +22,7 @@ from tympan.studies.case import Case, Settings, build_model, failure_reason, vol
 from tympan.studies.circles import ConeCircle
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import read_json, remove, write_json
+from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.lumped.actuator import Actuator, Viscous
 from tympan.studies.lumped.equilibria import curve, pull_in, rest
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
@@ -56,8 +57,8 @@ class BuildSettings:
     about it.
     """
 
-    masses: tuple[float, ...] = (17.9e-3, 22.45e-3)
-    voltages: tuple[float, ...] = tuple(500.0 * step for step in range(11))
+    masses: tuple[float, ...]
+    voltages: tuple[float, ...]
     circles: int = 2
     radii: str = "semi_axes"
     viscous: Viscous = field(default_factory=Viscous)
@@ -73,6 +74,19 @@ class BuildSettings:
                 raise InputError("must differ from each other", key=name, given=values)
         if tuple(sorted(self.voltages)) != self.voltages:
             raise InputError("must ascend", key="voltages", given=self.voltages)
+
+    @classmethod
+    def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
+               **given: Any) -> BuildSettings:
+        """With loads that suit all specimens where none are given."""
+        if given.get("masses") is None:
+            given["masses"] = tuple(map(min, zip(*(
+                usual_masses(specimen, settings, rig) for specimen in specimens), strict=True)))
+        if given.get("voltages") is None:
+            shares = tuple(np.linspace(0.0, 1.0, 11).tolist())
+            given["voltages"] = min(usual_voltages(specimen, max(given["masses"]), settings, rig,
+                                                   shares) for specimen in specimens)
+        return cls(**given)
 
     @cached_property
     def fit(self) -> LoadGrid:
@@ -210,16 +224,17 @@ def _largest(errors: Array) -> float | None:
     return float(np.abs(errors).max()) if errors.size and np.isfinite(errors).all() else None
 
 
-def build(specimen: Specimen, settings: Settings, chosen: BuildSettings = BuildSettings(),
+def build(specimen: Specimen, settings: Settings, chosen: BuildSettings | None = None,
           rig: Rig = Rig(), progress: Progress = lambda _: None) -> Built:
-    """A specimen's lumped model from its field model alone.
+    """A specimen's lumped model from its field model alone, by default for loads that suit it.
 
     The circles and α are those of :func:`tympan.studies.alpha.alpha` on membrane circles. Against
     the forces of the fit's loads two factors are found, one on the film's and one on the voltage's
     energy: least squares of relative force.
     """
-    Actuator.of(specimen, chosen.masses[0], rig=rig)  # refuses a rig that the model does not have
+    Actuator.of(specimen, 1.0, rig=rig)  # refuses a rig that the model does not have
     progress(f"{specimen.name}: field model")
+    chosen = chosen or BuildSettings.suited([specimen], settings, rig)
     model = build_model(specimen, settings, rig.loading)
     deflection, capacitance = _at_rest(model, settings, chosen, rig)
     weights = alpha(specimen, settings,

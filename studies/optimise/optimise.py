@@ -20,7 +20,7 @@ from tympan.studies.columns import Column, read_own_sheet, write_sheet
 from tympan.studies.files import from_json, read_json, remove, write_json, write_text
 from tympan.studies.optimise.design import Design, DesignEvaluator, check_derivatives
 from tympan.studies.optimise.limits import LIMITS
-from tympan.studies.optimise.problem import MEASURES, OptimiseProblem
+from tympan.studies.optimise.problem import MEASURES, NOTHING, OptimiseProblem, held_words
 from tympan.studies.optimise.sqp import Descent, DescentSettings, maximise
 
 #: A limit is active where its value is so near to it, relative.
@@ -59,8 +59,9 @@ class OptimiseResult:
 
     def save(self, folder: Path) -> None:
         """Write ``path.csv``, ``optimum-outlines.csv``, specimens, and last ``optimum.json``."""
+        specimens = (f"optimum-{measure}.toml" for measure in (*MEASURES, NOTHING))
         remove(folder, "optimum.json", "optimum.png", "optimum.svg", "path.csv", "optimum.toml",
-               "optimum-outlines.csv", *(f"optimum-{measure}.toml" for measure in MEASURES))
+               "optimum-outlines.csv", *specimens)
         write_sheet(folder / "path.csv", _trial_columns(self.record), self.trials)
         write_sheet(folder / "optimum-outlines.csv", OUTLINES, self.outlines)
         for name, specimen in self.specimens.items():
@@ -107,8 +108,9 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
         When a variable's shape has no derivative.
     """
     check_derivatives(problem, settings)
-    reference, given = (_alone(problem, specimen, settings)
-                        for specimen in (problem.reference, problem.specimen))
+    reference = given = _alone(problem, problem.specimen, settings)
+    if problem.reference != problem.specimen:
+        reference = _alone(problem, problem.reference, settings)
     optima: list[dict[str, Any]] = []
     ended: list[StartRun] = []
     failed: list[StartRun] = []
@@ -116,10 +118,10 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
     for measure in problem.held:
         runs: list[StartRun] = []
         for number, values in enumerate(problem.starts):
-            progress(f"equal {measure}, start {number + 1}")
+            progress(f"{held_words(measure)}, start {number + 1}")
             run = run_from(problem, measure, number, np.array(values), settings)
             (runs if run.descent.here is not None else failed).append(run)
-        progress(f"equal {measure}, finer mesh")
+        progress(f"{held_words(measure)}, finer mesh")
         if runs:
             bests.append(max(runs, key=lambda run: (run.descent.status == "optimum",
                                                     run.best.stroke)))
@@ -136,9 +138,10 @@ def optimise(problem: OptimiseProblem, settings: Settings = Settings(),
         "given": {"specimen": problem.specimen.name, **_design(problem, given)},
         "optima": optima,
         "failed": [{"held": run.held, **_run(problem, run)} for run in failed]}
-    specimens = {_specimen_file(problem, run): replace(run.best.specimen,
-                                                       name=f"{problem.name} equal {run.held}")
-                 for run in bests if run.best.specimen is not None}
+    specimens = {
+        _specimen_file(problem, run): replace(run.best.specimen,
+                                              name=f"{problem.name} {held_words(run.held)}")
+        for run in bests if run.best.specimen is not None}
     return OptimiseResult(record, _trials(problem, [*ended, *failed]), _outlines(problem, bests),
                           specimens)
 

@@ -19,14 +19,25 @@ from tympan.geometry.outlines import area, perimeter
 from tympan.geometry.paths import at, numbers, with_change
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import POSITIVE, Table
+from tympan.studies.case import Settings
+from tympan.studies.limits.loads import usual_masses, usual_voltages
 from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.paper.actuators import FILES
 
-#: The specimen to beat when a problem names none: the paper's large ellipse.
-PAPER = "elliptical-large"
-
-#: What of a frame may be held, by its name in problem files.
+#: What of a frame may be held, by its name in problem files, and the word for holding nothing.
 MEASURES = {"area": area, "perimeter": perimeter}
+NOTHING = "nothing"
+
+
+def held_words(measure: str) -> str:
+    """What is held of the frame, as words.
+
+    Examples
+    --------
+    >>> held_words("area"), held_words("nothing")
+    ('equal area', 'free')
+    """
+    return "free" if measure == NOTHING else f"equal {measure}"
 
 
 @dataclass(frozen=True)
@@ -58,8 +69,8 @@ class OptimiseProblem:
     """Largest stroke over ``variables``, under limits, the frame's area or length held.
 
     ``starts``: values of the variables to start from, one row each. ``limits``: bounds [SI] by the
-    keys of :data:`tympan.studies.optimise.limits.LIMITS`. ``held``: of :data:`MEASURES`; each gives
-    an optimum of its own.
+    keys of :data:`tympan.studies.optimise.limits.LIMITS`. ``held``: of :data:`MEASURES`, or
+    :data:`NOTHING`; each gives an optimum of its own.
     """
 
     name: str
@@ -99,8 +110,10 @@ class OptimiseProblem:
     def held_slopes(self, measure: str, values: np.ndarray) -> tuple[float, np.ndarray]:
         """A held measure of the frame over the reference's, minus one; its derivatives.
 
-        Whether or not a plate fits in the frame.
+        Whether or not a plate fits in the frame. Of nothing, 0 and its derivatives.
         """
+        if measure == NOTHING:
+            return 0.0, np.zeros(len(self.variables))
         size, whole = MEASURES[measure], float(np.real(MEASURES[measure](self.reference.frame)))
         paths = [variable.path[1:] if variable.path[0] == "frame" else None
                  for variable in self.variables]
@@ -118,25 +131,25 @@ class OptimiseProblem:
 def read_problem(file: Path) -> OptimiseProblem:
     """A problem from OPTIMISE.toml.
 
-    Specimens are files beside it, or the paper's by name without ``.toml``.
+    Specimens are files beside it, or the paper's by name without ``.toml``; the reference is the
+    specimen itself where none is named. Loads that are left out follow from the specimen.
     """
     table = Table.read(file)
     specimen = _specimen(table, "specimen", table.text("specimen"))
     variables = _variables(table.table("vary"), specimen)
     given = tuple(at(specimen, variable.path) for variable in variables)
     starts = (given, *(_start(start, variables, given) for start in table.tables("start")))
-    hold = table.value("hold", "area")
+    hold, rig = table.value("hold", "area"), Rig.from_table(table.table("rig", {}))
     measures = [hold] if isinstance(hold, str) else hold
     if (not isinstance(measures, list) or not measures
-            or not all(name in MEASURES for name in measures)):
-        raise table.error("hold", f"must be one of {', '.join(MEASURES)}, or a list of them", hold)
+            or not all(name in (*MEASURES, NOTHING) for name in measures)):
+        raise table.error("hold", f"must be one of {', '.join((*MEASURES, NOTHING))}, or a list of "
+                                  "them", hold)
     problem = OptimiseProblem(
         table.text("name", file.stem), specimen,
-        _specimen(table, "reference", table.text("reference", PAPER)),
-        table.number("mass", "mass", "17.9 g", POSITIVE),
-        table.number("voltage", "voltage", rule=POSITIVE), variables, starts,
-        _limits(table.table("limits", {}), specimen),
-        tuple(dict.fromkeys(measures)), Rig.from_table(table.table("rig", {})))
+        _specimen(table, "reference", table.text("reference", table.text("specimen"))),
+        *_loads(table, specimen, rig), variables, starts,
+        _limits(table.table("limits", {}), specimen), tuple(dict.fromkeys(measures)), rig)
     table.done()
     return problem
 
@@ -168,6 +181,17 @@ def _specimen(table: Table, key: str, name: str) -> Specimen:
         raise table.error(key, "must be a specimen file, ending in .toml, or one of "
                                f"{', '.join(FILES)}", name)
     return load_specimen(FILES[name])
+
+
+def _loads(table: Table, specimen: Specimen, rig: Rig) -> tuple[float, float]:
+    """Mass [kg] and voltage [V]; those left out suit the specimen."""
+    mass, voltage = (table.number(key, key, rule=POSITIVE) if table.value(key, None) is not None
+                     else None for key in ("mass", "voltage"))
+    if mass is None:
+        mass, = usual_masses(specimen, Settings(), rig, (1.0,))
+    if voltage is None:
+        voltage, = usual_voltages(specimen, mass, Settings(), rig, (1.0,))
+    return mass, voltage
 
 
 def _variables(table: Table, specimen: Specimen) -> tuple[Variable, ...]:

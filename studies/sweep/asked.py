@@ -152,9 +152,10 @@ def _modes(asked: SolvedCase) -> Record:
     "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
 })
 def _lumped(asked: SolvedCase) -> Record:
-    circles = asked.circles
-    built = build(asked.case.specimen, asked.settings,
-                  BuildSettings(circles=circles.circles, radii=circles.radii), asked.case.rig)
+    circles, specimen, rig = asked.circles, asked.case.specimen, asked.case.rig
+    loads = BuildSettings.suited([specimen], asked.settings, rig, circles=circles.circles,
+                                 radii=circles.radii)
+    built = build(specimen, asked.settings, loads, rig)
     model = built.model
     return {**_numbered("lumped_alpha_{n}", model.weights),
             **_numbered("lumped_circle_{n}_m", model.radii),

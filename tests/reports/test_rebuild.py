@@ -119,6 +119,8 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "study": study,
     "modes": of_specimen("modes", "--voltage", "3 kV", "--count", "3", *LOADED),
     "path": of_specimen("path", *LOADED),
+    "solve": of_specimen("solve", "--voltage", "3 kV", *LOADED),
+    "curve": of_specimen("curve", "--voltage", "1 kV", *LOADED),
     "outlines": outlines,
     "map": alpha_map_of_few,
     "optimise": optimise,

@@ -16,7 +16,8 @@ from tympan.geometry.mesher import MeshSettings
 from tympan.studies import files as store
 from tympan.studies import study
 from tympan.studies.alpha import AlphaSettings, LoadGrid
-from tympan.studies.case import Settings
+from tympan.studies.case import Case, Settings
+from tympan.studies.limits import limits
 
 SMALL = {"curves": LoadGrid((17.9e-3,), (0.0, 3000.0, 12000.0)),
          "alpha": AlphaSettings(LoadGrid((17.9e-3,), (0.0, 3000.0)), LoadGrid((20e-3,), (1000.0,))),
@@ -84,11 +85,18 @@ def test_stored_lines_end_at_plate_and_frame(finished) -> None:
 
 
 def test_curves_end_at_pull_in(finished) -> None:
-    _, folder, _ = finished
+    plan, folder, _ = finished
     rows = table(folder / "curves" / "circular.csv")
-    assert [row["status"] for row in rows] == ["equilibrium", "equilibrium", "no_equilibrium"]
-    assert float(rows[1]["deflection_mm"]) > float(rows[0]["deflection_mm"]) > 2
-    assert rows[2]["deflection_mm"] == ""
+    asked, way = ([row for row in rows if row["asked"] == number] for number in "10")
+    assert [row["status"] for row in asked] == ["equilibrium", "equilibrium", "no_equilibrium"]
+    assert float(asked[1]["deflection_mm"]) > float(asked[0]["deflection_mm"]) > 2
+    assert asked[2]["deflection_mm"] == ""
+    record = json.loads((folder / "study.json").read_text())["specimens"][0]
+    pull_in = record["curves"]["curves"][0]["limits"]["pull_in"]["voltage_V"]
+    assert 1e3 * float(way[-1]["voltage_kV"]) == pytest.approx(pull_in)
+    reached = limits(Case(plan.specimens[0], mass=17.9e-3), plan.settings)
+    assert reached.pull_in is not None
+    assert pull_in == pytest.approx(reached.pull_in.voltage_V, rel=1e-4)
 
 
 def test_a_study_that_cannot_be_saved_whole_is_seen_to_be_unfinished(finished, tmp_path) -> None:

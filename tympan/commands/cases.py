@@ -1,22 +1,33 @@
-"""Commands about one specimen under one load: ``solve``, ``path``, ``modes``, ``sensitivity``."""
+"""Commands about one specimen: ``solve``, ``limits``, ``curve``, ``path``, ``modes`` and others."""
 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
+    MESH,
+    RIG,
+    SPECIMEN,
     argument,
     case_arguments,
     command,
     finish,
     output,
+    parse_quantities,
     parse_quantity,
     print_record,
     read_case,
+    read_rig,
     read_settings,
 )
+
+if TYPE_CHECKING:
+    from tympan.fem.rig import Rig
+    from tympan.geometry.specimen import Specimen
+    from tympan.studies.case import Settings
 
 
 @command("solve", *case_arguments(),
@@ -25,22 +36,72 @@ from tympan.options import (
          argument("--direction", choices=("up", "down"), default="",
                   help="which way the voltage was reached, for a film that lags behind it or a "
                        "plate that rubs (default: not known, without either)"),
-         output("also store the fields (VTU) and the numbers"), JSON)
+         output("also store the fields (VTU), the numbers and a picture (PNG, SVG)"), JSON)
 def solve(options: argparse.Namespace) -> None:
-    """One specimen under one load and voltage.
+    """One specimen under one load and voltage, and how far the voltage can be raised.
 
     Deflection is positive downwards, along the load.
     """
     from dataclasses import replace
 
     from tympan.fem.rig import DIRECTIONS
-    from tympan.studies.case import solve
+    from tympan.studies.limits import solve_within
 
     case = replace(read_case(options),
                    elapsed=parse_quantity(options.elapsed, "time", "--elapsed"),
                    direction=DIRECTIONS[options.direction])
-    finish(options, solve(case, read_settings(options), film=options.output is not None))
+    finish(options, solve_within(case, read_settings(options), film=options.output is not None))
 
+
+@command("limits", SPECIMEN, argument("--mass", help='on the plate, such as "17.9 g" (default: one '
+                                      "that pulls the plate down a tenth of its gap)"), RIG, MESH,
+         JSON)
+def limits(options: argparse.Namespace) -> None:
+    """How far a film can go: where it first loses tension, breaks down and pulls in."""
+    from tympan.studies.case import Case
+    from tympan.studies.files import to_json
+    from tympan.studies.limits import limits
+
+    specimen, rig, settings, (mass, *_) = _loaded(options)
+    reached = limits(Case(specimen, mass=mass, rig=rig), settings)
+    print_record(options, {"specimen": specimen.name, "mass_kg": mass, **to_json(reached)},
+                 limits=reached)
+
+
+@command("curve", SPECIMEN,
+         argument("--mass", help='on the plate, one or several, such as "10 g, 20 g" (default: '
+                  "some that suit the film)"),
+         argument("--voltage", help='voltages to mark, such as "1 kV, 2 kV" (default: none)'), RIG,
+         output("also store the curves (CSV), their limits (JSON) and a picture (PNG, SVG)"), JSON,
+         MESH)
+def curve(options: argparse.Namespace) -> None:
+    """Deflection against voltage, to the film's limit."""
+    from tympan.progress import bar
+    from tympan.studies.limits import curve
+
+    specimen, rig, settings, masses = _loaded(options)
+    voltages = sorted(parse_quantities(options.voltage or "", "voltage", "--voltage"))
+    with bar(len(masses)) as progress:
+        result = curve(specimen, masses, settings, rig, voltages, progress)
+    finish(options, result)
+
+
+def _loaded(options: argparse.Namespace) -> tuple[Specimen, Rig, Settings, tuple[float, ...]]:
+    """Specimen, rig, settings, and masses that are given or suit the film."""
+    from tympan.fem.film.library import load_specimen
+    from tympan.fem.rig import checked_load
+    from tympan.studies.limits.loads import usual_masses
+
+    specimen, rig = load_specimen(options.specimen), read_rig(options.rig)
+    settings = read_settings(options)
+    if options.mass is None:
+        return specimen, rig, settings, usual_masses(specimen, settings, rig)
+    masses = parse_quantities(options.mass, "mass", "--mass")
+    for mass in masses:
+        checked_load(mass, 0.0)
+    if len(set(masses)) < len(masses):
+        raise InputError("must differ from each other", key="--mass", given=options.mass)
+    return specimen, rig, settings, masses
 
 @command("path",
          *case_arguments(mass="on the plate at the start", voltage="across the film at the start"),

@@ -17,6 +17,7 @@ from tympan.options import (
     naming_options,
     output,
     parse_numbers,
+    parse_quantities,
     parse_quantity,
     print_record,
     read_rig,
@@ -32,10 +33,12 @@ _MOST_VOLTAGES = 200
 
 
 @command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
-         argument("--mass", default="17.9 g,22.45 g", metavar="MASS,MASS",
-                  help="on the plate; the first one is fitted, the others are tested"),
-         argument("--voltages", default="0 kV..5 kV", metavar="FROM..TO",
-                  help="the lowest, the middle and the highest are fitted, the others tested"),
+         argument("--mass", metavar="MASS,MASS",
+                  help="on the plate; the first one is fitted, the others are tested (default: "
+                       "some that suit the films)"),
+         argument("--voltages", metavar="FROM..TO",
+                  help="the lowest, the middle and the highest are fitted, the others tested "
+                       "(default: up to 0.6 of the films' first limit)"),
          argument("--count", type=int, default=11, metavar="N", help="of voltages"),
          argument("--circles", type=int, default=2, metavar="N", help="how many"),
          argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
@@ -53,11 +56,14 @@ def lumped_build(options: argparse.Namespace) -> None:
 
     with naming_options(options):
         AlphaSettings(circles=options.circles)
-    masses = tuple(parse_quantity(text, "mass", "--mass") for text in options.mass.split(","))
-    chosen = BuildSettings(masses, _voltages(options), options.circles, options.radii,
-                           _viscous(options.viscous))
+    masses = (parse_quantities(options.mass, "mass", "--mass") if options.mass is not None
+              else None)
+    voltages = _voltages(options) if options.voltages is not None else None
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = read_specimens(options.specimens)
+    chosen = BuildSettings.suited(specimens, settings, rig, masses=masses, voltages=voltages,
+                                  circles=options.circles, radii=options.radii,
+                                  viscous=_viscous(options.viscous))
     with bar(4 * len(specimens)) as progress:
         models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
     finish(options, BuildResult.of(models), kinematics=KINEMATICS)

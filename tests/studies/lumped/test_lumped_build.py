@@ -32,9 +32,10 @@ from tympan.studies.lumped.equilibria import curve
 from tympan.studies.lumped.model_file import LumpedModel, read_model, write_model
 from tympan.studies.lumped.signals import step
 from tympan.studies.lumped.simulate import simulate
+from tympan.studies.paper.published import MASSES
 
 ACTUATORS = Path(__file__).parents[3] / "studies" / "paper" / "actuators"
-FEW = BuildSettings(voltages=tuple(np.linspace(0.0, 5e3, 7)))
+FEW = BuildSettings(MASSES, tuple(np.linspace(0.0, 5e3, 7)))
 TAPE = Ogden((18.4e3, 210.0), (2.0, 4.0))
 MODEL = LumpedModel(elliptical(75e-3, TAPE), (45e-3, 75e-3), (0.6, 0.4), 2.14e-9, 5e3, 1.02, 0.95,
                     Viscous(1e6, 2e6, 3e4))

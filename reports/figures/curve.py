@@ -1,0 +1,167 @@
+"""Deflection against voltage to where the film ends, with marks where they were asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from tympan.reports import look as style
+from tympan.studies.case import Limit, Limits
+from tympan.studies.limits import CurveResult
+
+Array = NDArray[np.float64]
+
+_WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
+
+#: How a limit is marked, and its words where a curve passes or ends.
+_MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
+          "pull_in": ("x", "pulls in")}
+
+
+@dataclass(frozen=True, eq=False)
+class VoltageCurve:
+    """Deflection [mm] against voltage [kV] under one mass [g], up to the limits.
+
+    ``voltage`` and ``deflection`` follow the film; ``asked`` are voltages that were asked for, with
+    their ``status`` and deflection ``there``, NaN without equilibrium.
+    """
+
+    mass: float
+    limits: Limits
+    voltage: Array
+    deflection: Array
+    asked: Array
+    status: tuple[str, ...]
+    there: Array
+
+    @property
+    def pull_in(self) -> float | None:
+        """The voltage of pull-in [kV]."""
+        limit = self.limits.pull_in
+        return None if limit is None else limit.voltage_V / 1e3
+
+    @property
+    def end(self) -> str:
+        """How the curve ends, in words with numbers."""
+        if self.limits.pull_in is not None:
+            return f"pulls in at {limit_text(self.limits.pull_in)}"
+        if not len(self.voltage):
+            return "no equilibrium"
+        return f"to {self.voltage[-1]:.4g} kV"
+
+    @cached_property
+    def line(self) -> tuple[Array, Array]:
+        """Voltages and deflections close together, between which U² is smooth in the deflection."""
+        y, squared = self.deflection, self.voltage**2
+        if len(y) < 2 or not (np.diff(y) > 0).all():
+            return self.voltage, y
+        dense = np.unique(np.concatenate([y, np.linspace(y[0], y[-1], 200)]))
+        return np.sqrt(np.maximum(PchipInterpolator(y, squared)(dense), 0.0)), dense
+
+    def at(self, voltage: float) -> float:
+        """The deflection at a voltage on the way."""
+        return float(np.interp(voltage, *self.line))
+
+
+def limit_text(limit: Limit) -> str:
+    """A limit's voltage with as many digits as are certain.
+
+    Examples
+    --------
+    >>> limit_text(Limit(kind="pull_in", voltage_V=2991.97, x_m=0.0, y_m=0.0))
+    '2.992 kV'
+    """
+    return f"{limit.voltage_V / 1e3:.4g} kV"
+
+
+def voltage_curves(result: CurveResult) -> Iterator[VoltageCurve]:
+    """The curves of a result in the units of pictures."""
+    table = result.table
+    for curve in result.curves:
+        of_mass = np.isclose(table["mass"], curve.mass_kg, rtol=1e-9)
+        asked, way = (of_mass & (table["asked"] == number) for number in (1, 0))
+        yield VoltageCurve(
+            curve.mass_kg * 1e3, curve.limits, table["voltage"][way] / 1e3,
+            table["deflection"][way] * 1e3, table["voltage"][asked] / 1e3,
+            tuple(table["status"][asked].tolist()), table["deflection"][asked] * 1e3)
+
+
+def draw_curves(result: CurveResult, folder: Path) -> list[Path]:
+    """Draw folder/NAME-curve.png and .svg; answers the files."""
+    return style.save_figure(folder, f"{result.specimen}-curve", lambda: _compose(result))
+
+
+def _compose(result: CurveResult) -> Figure:
+    figure = style.new_figure(_TOP + _HEIGHT + _BELOW, _LEFT + _WIDTH + 4.0)
+    draw_voltage_curves(style.place_axes(figure, _LEFT, _TOP, _WIDTH, _HEIGHT), result)
+    return figure
+
+
+def draw_voltage_curves(axes: Axes, result: CurveResult) -> None:
+    """All curves of one specimen, with a legend of where they end."""
+    curves = list(voltage_curves(result))
+    for number, curve in enumerate(curves):
+        draw_curve(axes, curve, number, f"{curve.mass:g} g: {curve.end}")
+    style.describe(axes, "voltage (kV)", "deflection (mm)", result.specimen, bold=True)
+    frame_curves(axes, curves)
+
+
+def frame_curves(axes: Axes, curves: list[VoltageCurve]) -> None:
+    """Limits of axes that show curves whole: from no deflection on, with room for a legend."""
+    right = max((float(part.max()) for curve in curves for part in (curve.voltage, curve.asked)
+                 if len(part)), default=0.0) or 1.0
+    top = max((float(curve.deflection.max()) for curve in curves if len(curve.deflection)),
+              default=0.0) or 1.0
+    axes.set(xlim=(-0.02 * right, 1.06 * right), ylim=(0, 1.15 * top))
+    axes.legend(loc="upper left")
+
+
+def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None:
+    """One curve in the colour of its number, with its limits and its end in a word."""
+    colour = style.colour_of(number)
+    if not len(curve.voltage):
+        axes.plot([], [], color=colour, label=label)
+        return
+    limits, (x, y) = curve.limits, curve.line
+    loose = np.full(len(x), False)
+    if limits.tension is not None:
+        loose = y >= _deflection(curve, limits.tension) - 1e-9
+    axes.plot(x, y, color=colour, label=label, zorder=2)
+    # Wide and pale: part of the film has lost tension.
+    axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
+              solid_capstyle="butt")
+    here = np.isfinite(curve.there)
+    axes.plot(curve.asked[here], curve.there[here], style.marker_of(number), markersize=3.2,
+              color=colour, zorder=3)
+    for limit in (limits.tension, limits.breakdown, limits.pull_in):
+        if limit is not None:
+            marker, word = _MARKS[limit.kind]
+            _mark(axes, curve, limit, marker, word, colour)
+    if limits.pull_in is None:
+        _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
+
+
+def _mark(axes: Axes, curve: VoltageCurve, limit: Limit, marker: str, word: str, colour: str
+          ) -> None:
+    place = limit.voltage_V / 1e3, _deflection(curve, limit)
+    axes.plot(*place, marker, color=colour, markerfacecolor="white", linestyle="none", zorder=4,
+              markersize=7 if marker == "x" else 4.5, markeredgewidth=1.4 if marker == "x" else 1.0)
+    _word(axes, place, word, colour)
+
+
+def _word(axes: Axes, place: tuple[float, float], word: str, colour: str) -> None:
+    axes.annotate(word, place, (-4, 2), textcoords="offset points", ha="right", va="bottom",
+                  color=colour, fontsize=6.5)
+
+
+def _deflection(curve: VoltageCurve, limit: Limit) -> float:
+    """Where on the curve a limit is: the curve has a point there."""
+    return float(curve.deflection[np.argmin(np.abs(curve.voltage - limit.voltage_V / 1e3))])

@@ -1,0 +1,120 @@
+"""Deflection against voltage under several masses, to the film's limit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tympan.fem.rig import Rig
+from tympan.geometry.specimen import Specimen
+from tympan.studies.case import Case, CaseResult, Limits, Settings, summaries, voltage_ramp
+from tympan.studies.columns import Column, read_own_sheet, write_sheet
+from tympan.studies.files import from_json, read_json, remove, stored_file, to_json, write_json
+from tympan.studies.limits.voltages import Rise, rise
+
+#: The columns of a curve's CSV. ``asked`` is 1 at voltages that were asked for, 0 on the way to the
+#: limit.
+CURVES: tuple[Column, ...] = (
+    Column("mass", "g"),
+    Column("voltage", "kV"),
+    Column("asked"),
+    Column.labels("status"),
+    Column("deflection", "mm", required=False),
+    Column("capacitance", "pF", required=False),
+    Column("slack_share", required=False),
+    Column("breakdown_margin", required=False),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MassCurve:
+    """Under one mass: where the curve ends, and what the film meets on the way."""
+
+    mass_kg: float
+    limits: Limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveResult:
+    """Curves of one specimen; ``table`` has the columns of :data:`CURVES`, in SI.
+
+    Rows of a mass follow the film to its limit; then come those at voltages that were asked for.
+    """
+
+    specimen: str
+    curves: tuple[MassCurve, ...]
+    dofs: int
+    wall_s: float
+    table: Mapping[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
+
+    def json(self) -> dict[str, Any]:
+        """As a JSON object, without the table."""
+        record: dict[str, Any] = to_json(self)
+        return record
+
+    def save(self, folder: Path) -> None:
+        """Write ``NAME-curve.csv`` and ``.json``."""
+        name = f"{self.specimen}-curve"
+        remove(folder, *(f"{name}.{kind}" for kind in ("csv", "json", "png", "svg")))
+        write_sheet(folder / f"{name}.csv", CURVES, self.table)
+        write_json(folder / f"{name}.json", self.json())
+
+    @classmethod
+    def load(cls, folder: Path, name: str | None = None) -> CurveResult:
+        """What was saved, of the specimen of a ``name`` or of the only one."""
+        file = stored_file(folder, "*-curve.json", name, "tympan curve")
+        result = from_json(cls, read_json(file), file)
+        return replace(result, table=read_own_sheet(file.with_suffix(".csv"), CURVES))
+
+
+def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: Rig = Rig(),
+          voltages: Sequence[float] = (), progress: Callable[[str], None] = lambda words: None
+          ) -> CurveResult:
+    """Follow a film under each mass [kg] as its voltage rises to its limit.
+
+    ``voltages`` [V] are rows of their own; those beyond the limit have none.
+    """
+    began = time.perf_counter()
+    curves: list[MassCurve] = []
+    rows: list[tuple[bool, CaseResult]] = []
+    dofs = 0
+    for mass in masses:
+        progress(f"{specimen.name}: {mass * 1e3:g} g")
+        ascent = rise(Case(specimen, mass=mass, rig=rig), settings)
+        curves.append(MassCurve(mass_kg=mass, limits=ascent.limits))
+        dofs = ascent.model.unknowns
+        way = zip(ascent.cases, ascent.outcomes, strict=True)
+        rows += [(False, result) for result, _ in summaries(ascent.model, way)]
+        rows += [(True, result) for result in _asked(ascent, mass, rig, voltages, settings)]
+    cells = [_row(*row) for row in rows]
+    table = {column.name: np.array([row[number] for row in cells],
+                                   float if column.choices is None else str)
+             for number, column in enumerate(CURVES)}
+    return CurveResult(specimen=specimen.name, curves=tuple(curves), dofs=dofs,
+                       wall_s=time.perf_counter() - began, table=table)
+
+
+def _row(asked: bool, result: CaseResult) -> tuple[Any, ...]:
+    """What :data:`CURVES` says of a result."""
+    return (result.mass_kg, result.voltage_V, asked, result.status, result.deflection_m,
+            result.capacitance_F, result.slack_share, result.breakdown_margin)
+
+
+def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], settings: Settings
+           ) -> Iterator[CaseResult]:
+    """Results at voltages; beyond pull-in none is searched for."""
+    model, pull_in = ascent.model, ascent.limits.pull_in
+    highest = np.inf if pull_in is None else pull_in.voltage_V
+    within = [voltage for voltage in voltages if voltage <= highest]
+    for result, _ in summaries(model, voltage_ramp(model, mass, within, rig, settings.path)):
+        yield result
+    for voltage in voltages[len(within):]:
+        yield CaseResult(specimen=model.specimen.name, mass_kg=mass, voltage_V=voltage,
+                         status="no_equilibrium", limit=pull_in, dofs=model.unknowns, wall_s=0.0,
+                         warnings=(ascent.limits.ended,))

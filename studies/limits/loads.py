@@ -1,0 +1,73 @@
+"""Loads that suit a film where none are given: by its gap, and by its own limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from tympan.fem.equilibrium.ramp import held
+from tympan.fem.rig import Rig
+from tympan.geometry.errors import InputError
+from tympan.geometry.fields import Key
+from tympan.geometry.specimen import Specimen
+from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
+from tympan.studies.case import Case, Settings, equilibrate
+from tympan.studies.limits.voltages import limits
+
+#: How far a usual mass pulls the plate down, of the gap between plate and frame; how much of the
+#: first limit's voltage is applied.
+_SINKS, _APPLIED = 0.1, 0.6
+
+
+@dataclass(frozen=True)
+class LoadGrid:
+    """Masses and voltages, every combination."""
+
+    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", POSITIVE, "mass")]
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", NON_NEGATIVE,
+                                               "voltage")] = ()
+
+
+def usual_masses(specimen: Specimen, settings: Settings, rig: Rig = Rig(),
+                 over: Sequence[float] = (1.0, 1.25)) -> tuple[float, ...]:
+    """Masses [kg] that suit a film, ``over`` the one that pulls its plate down a tenth of the gap.
+
+    Raises
+    ------
+    InputError
+        When the plate cannot be pulled so far.
+    """
+    model, rest = equilibrate(Case(specimen, mass=0.0, rig=rig), settings)
+    start = rest.solution if rest.status == "equilibrium" else None
+    deflection = _SINKS * specimen.gap + (start.state.plate.deflection if start else 0.0)
+    pulled = held(model, deflection, start=start, settings=settings.path)
+    mass = (pulled.state.force - rig.force(0.0, model.plate_area)) / rig.gravity
+    if pulled.status != "equilibrium" or mass <= 0:
+        raise InputError("no mass can be chosen for this film: give one", key="mass",
+                         given=specimen.name)
+    return tuple(_rounded(share * mass) for share in over)
+
+
+def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig = Rig(),
+                   over: Sequence[float] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) -> tuple[float, ...]:
+    """Voltages [V] that suit a film under a mass [kg], ``over`` 0.6 of that of its first limit.
+
+    Raises
+    ------
+    InputError
+        When nothing limits the voltage.
+    """
+    first = limits(Case(specimen, mass=mass, rig=rig), settings).first
+    if first is None or not np.isfinite(first.voltage_V) or not first.voltage_V > 0:
+        raise InputError("no voltage can be chosen for this film, since it has no limit: give one",
+                         key="voltage", given=specimen.name)
+    highest = _rounded(_APPLIED * first.voltage_V)
+    return tuple(round(share * highest, 6) for share in over)
+
+
+def _rounded(value: float) -> float:
+    """To two digits."""
+    return float(f"{value:.2g}")
