@@ -129,12 +129,12 @@ def describe(axes: Axes, across: str = "", up: str = "", title: str = "", bold: 
 
 
 def save_figure(folder: Path, name: str, compose: Callable[[], Figure],
-                formats: Sequence[str] = ("png", "svg")) -> list[Path]:
+                formats: Sequence[str] = ("png", "svg"), dpi: int = DPI) -> list[Path]:
     """Compose a figure in the one style and write folder/name in each format; answers the files."""
     with figure_style():
         figure = compose()
         files = [folder / f"{name}.{kind}" for kind in formats]
         for file in files:
             date = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix, {})
-            write_atomically(file, partial(figure.savefig, dpi=DPI, metadata=date))
+            write_atomically(file, partial(figure.savefig, dpi=dpi, metadata=date))
     return files

@@ -17,6 +17,7 @@ KINDS = {
     "curve": ("*-curve.json", "figures.curve:draw_curves", "limits.curve:CurveResult"),
     "outlines": ("outlines.json", "figures.alpha:draw_outlines", "alpha.table:OutlineTable"),
     "map": ("alpha-map.json", "figures.alpha:draw_map", "alpha.map:AlphaMap"),
+    "sweep": ("sweep.json", "sweep.page:build_sweep_page", ""),
     "optimise": ("optimum.json", "figures.optimum:draw_optimum",
                  "optimise.optimise:OptimiseResult"),
     "material fit": ("fit.json", "figures.coupon:draw_fit", "material.result:MaterialFitResult"),

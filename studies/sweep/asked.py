@@ -41,19 +41,25 @@ class SolvedCase:
     circles: AlphaSettings
 
 
+#: What a quantity asks of a case.
+Answer = Callable[[SolvedCase], Record]
+
+
 @dataclass(frozen=True)
 class AskedQuantity:
     """Something to ask: ``columns`` with what each holds, its unit at the end of its name.
 
-    ``{n}`` in a name is the number of a circle. ``loads`` are those it depends on, from the front
-    of mass and voltage; ``answer`` is asked once for each of their values.
+    ``{n}`` in a name is the number of a circle. ``shown`` are the columns that say most. ``loads``
+    are those it depends on, from the front of mass and voltage; ``answer`` is asked once for each
+    of their values.
     """
 
     name: str
     meaning: str
     columns: Mapping[str, str]
+    shown: tuple[str, ...]
     loads: tuple[str, ...]
-    answer: Callable[[SolvedCase], Record]
+    answer: Answer
 
     def names(self, circles: int) -> list[str]:
         """Its columns for so many circles at most."""
@@ -80,12 +86,12 @@ class AskedQuantity:
 QUANTITIES: Registry[AskedQuantity] = Registry("name")
 
 
-def quantity_of(meaning: str, columns: Mapping[str, str], loads: tuple[str, ...] = ()
-                ) -> Callable[[Callable[[SolvedCase], Record]], AskedQuantity]:
+def quantity_of(meaning: str, columns: Mapping[str, str], shown: tuple[str, ...],
+                loads: tuple[str, ...] = ()) -> Callable[[Answer], AskedQuantity]:
     """Make a function the quantity of its name."""
-    def registered(answer: Callable[[SolvedCase], Record]) -> AskedQuantity:
+    def registered(answer: Answer) -> AskedQuantity:
         made: AskedQuantity = QUANTITIES.register(
-            AskedQuantity(answer.__name__.strip("_"), meaning, columns, loads, answer))
+            AskedQuantity(answer.__name__.strip("_"), meaning, columns, shown, loads, answer))
         return made
 
     return registered
@@ -96,7 +102,7 @@ def quantity_of(meaning: str, columns: Mapping[str, str], loads: tuple[str, ...]
     "circle_{n}_m": "its radius",
     "alpha_fit_error": "force error of the mixture, relative, at the loads of the fit",
     "alpha_held_out_error": "the same at other loads",
-})
+}, shown=("alpha_1", "alpha_held_out_error"))
 def _alpha(asked: SolvedCase) -> Record:
     result = alpha(asked.case.specimen, asked.settings, asked.circles, asked.case.rig)
     weights = result.by_basis["membrane"]
@@ -112,7 +118,7 @@ def _alpha(asked: SolvedCase) -> Record:
     for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
                           ("y_m", "the same along y"),
                           ("spread", "how certain the voltage is, relative"))
-}, loads=("mass",))
+}, shown=("tension_V", "breakdown_V", "pull_in_V"), loads=("mass",))
 def _limits(asked: SolvedCase) -> Record:
     result = limits(asked.case, asked.settings)
     record: Record = {"warnings": [] if result.pull_in else [result.ended]}
@@ -127,7 +133,7 @@ def _limits(asked: SolvedCase) -> Record:
     "heave_Hz": "along the load",
     "tilt_1_Hz": "of the slower tilt",
     "tilt_2_Hz": "of the faster tilt",
-}, loads=("mass", "voltage"))
+}, shown=("heave_Hz", "tilt_1_Hz"), loads=("mass", "voltage"))
 def _modes(asked: SolvedCase) -> Record:
     if asked.outcome.status != "equilibrium":
         return {"warnings": ["there is no equilibrium"]}
@@ -150,7 +156,7 @@ def _modes(asked: SolvedCase) -> Record:
     "lumped_permittivity": "factor on the voltage's energy",
     "lumped_flat_capacitance_F": "of the flat film",
     "lumped_held_out_error": "largest error of the deflection, relative, at loads not fitted",
-})
+}, shown=("lumped_stiffness", "lumped_permittivity"))
 def _lumped(asked: SolvedCase) -> Record:
     circles, specimen, rig = asked.circles, asked.case.specimen, asked.case.rig
     loads = BuildSettings.suited([specimen], asked.settings, rig, circles=circles.circles,

@@ -84,6 +84,15 @@ def optimise(folder: Path) -> None:
     assert main(["optimise", problem, "-o", str(folder), "--refine", "0.5"]) == 0
 
 
+def sweep(folder: Path) -> None:
+    (folder.parent / "oval.toml").write_text(SPECIMEN, encoding="utf-8")
+    (folder.parent / "SWEEP.toml").write_text(
+        'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\nfigures = true\n'
+        '[grid]\n"plate.radius" = ["9 mm", "1 cm"]', encoding="utf-8")
+    file = str(folder.parent / "SWEEP.toml")
+    assert main(["sweep", file, "-o", str(folder), "--refine", "0.5", "--workers", "1"]) == 0
+
+
 def identify(folder: Path) -> None:
     rows = "".join(f"{name},{mass},{kilovolts},{0.12 * mass + 0.02 * kilovolts**2}\n"
                    for name in "AB" for mass in (15, 20) for kilovolts in (0, 1, 2, 3, 4))
@@ -124,6 +133,7 @@ RUNS: dict[str, Callable[[Path], None]] = {
     "outlines": outlines,
     "map": alpha_map_of_few,
     "optimise": optimise,
+    "sweep": sweep,
     "material fit": material_fit,
     "diagnose": diagnose,
     "diagnose --self-check": self_check,
@@ -148,7 +158,7 @@ def test_figures_are_drawn_again_byte_for_byte(command: str, tmp_path: Path) -> 
     RUNS[command](folder)
     vectors = {file: file.read_bytes() for file in folder.glob("*.svg")}
     drawn = [*vectors, *folder.glob("*.png"), *folder.glob("*.html")]
-    assert vectors
+    assert drawn
     for file in drawn:
         file.unlink()
     shown = rebuild(folder)

@@ -51,6 +51,8 @@ def study(options: argparse.Namespace) -> None:
 def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
     from tympan.progress import cases
+    from tympan.reports.rebuild import draw_stored
+    from tympan.reports.sweep.page import keep_page
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
@@ -70,12 +72,14 @@ def sweep(options: argparse.Namespace) -> None:
                 done = ready
                 progress(ready, kept)
 
-            result = run_sweep(planned, options.output, pool, seen)
+            result = run_sweep(planned, options.output, pool, seen, keep_page(options.output))
     except (KeyboardInterrupt, Failure) as ending:
         ending.add_note(f"{done} of {planned.cases} cases are kept, the same command goes on from "
                         "there")
         raise
-    print_record(options, {"table": str(options.output / "sweep.nc"), **result.json()})
+    page, = draw_stored(options.command, options.output, "")
+    print_record(options, {"table": str(options.output / "sweep.nc"), "page": str(page),
+                           **result.json()})
 
 
 @command("optimise",

@@ -1,0 +1,1 @@
+"""The page of a sweep: maps, films, a table, and what failed."""

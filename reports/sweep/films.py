@@ -1,0 +1,85 @@
+"""The films of a sweep as in the paper's Fig. 4: all on one scale of size and one of colours."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tympan.reports import look as style
+from tympan.reports.scales import bar_length, round_scale
+from tympan.reports.scene import View, film_picture
+from tympan.reports.study.figure4 import stress_label
+from tympan.reports.sweep.view import Column
+from tympan.reports.template import digits
+from tympan.studies.files import remove
+from tympan.studies.film_surface import FilmSurface
+from tympan.studies.sweep.run import SweepResult, fields_file
+
+_COLUMNS, _ROWS = 6, 8  #: of a sheet
+_GAP, _CAPTION, _BAR, _MARGIN = 3.0, 7.0, 14.0, 2.0  # [mm]
+_DPI = 220
+
+#: Name, what it differs in, deflection [m] and film of a specimen.
+Film = tuple[str, str, float, FilmSurface]
+
+
+def draw_films(result: SweepResult, folder: Path) -> list[Path]:
+    """Draw the first case of every specimen that has one on sheets folder/films-N.png."""
+    remove(folder, *(file.name for file in folder.glob("films-*.png")))
+    films = _films(result, folder)
+    if not films:
+        return []
+    widths = [float(np.ptp(film.mounted, axis=0).max()) * 1e3 for *_, film in films]
+    stresses = [film.values["stress_1"] / 1e3 for *_, film in films]
+    room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
+    paper = room / (1.02 * max(widths))
+    view = View(_DPI * style.MM * paper, 0.5 * _DPI / 72, style.COLOURS,
+                round_scale(min(map(np.min, stresses)), max(map(np.max, stresses))),
+                bar_length(max(widths)) / 2, style.SHORT, style.LONG)
+    files = []
+    for number, start in enumerate(range(0, len(films), _COLUMNS * _ROWS), start=1):
+        sheet = films[start:start + _COLUMNS * _ROWS]
+        files += style.save_figure(folder, f"films-{number}", partial(_sheet, sheet, view, paper),
+                                   ("png",), _DPI)
+    return files
+
+
+def _films(result: SweepResult, folder: Path) -> list[Film]:
+    """Of all specimens with an equilibrium under the first mass and voltage."""
+    first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
+                               result.table.dims})
+    grid = [Column.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
+    cases = first[["id", "status", "deflection_m"]].to_dataframe(
+        dim_order=list(first["status"].dims)).reset_index()
+    return [(row["specimen"], ", ".join(key.text(row[key.name]) for key in grid),
+             row["deflection_m"], FilmSurface.load(fields_file(folder, row["id"])))
+            for _, row in cases[cases["status"] == "equilibrium"].iterrows()]
+
+
+def _sheet(films: list[Film], view: View, paper: float) -> Figure:
+    pictures = []
+    for *_, film in films:
+        x, y, _ = np.ptp(film.mounted, axis=0)
+        pictures.append(film_picture(film, film.values["stress_1"] / 1e3, view, bool(y > x)))
+    heights = [max(extent[3] - extent[2] for _, extent in pictures[start:start + _COLUMNS]) * paper
+               for start in range(0, len(films), _COLUMNS)]
+    room = (style.WIDTH - 2 * _MARGIN - (_COLUMNS - 1) * _GAP) / _COLUMNS
+    figure = style.new_figure(_BAR + sum(heights) + len(heights) * _CAPTION)
+    style.colour_bar(figure, (style.WIDTH - 70) / 2, 2.0, (70, 2.6), view.scale, view.colours,
+                     stress_label(view.scale))
+    top = _BAR
+    for row, height in enumerate(heights):
+        for column, number in enumerate(range(row * _COLUMNS,
+                                              min((row + 1) * _COLUMNS, len(films)))):
+            name, differs, deflection, _ = films[number]
+            left, right, bottom, upper = pictures[number][1]
+            width = (right - left) * paper
+            axes = style.place_axes(figure, _MARGIN + column * (room + _GAP) + (room - width) / 2,
+                                    top + _CAPTION, width, (upper - bottom) * paper)
+            style.show_picture(axes, pictures[number], (differs or name, 3.0, "bold", 5.5),
+                               (f"{digits(1e3 * deflection)} mm", 0.5, "normal", 5.5))
+        top += height + _CAPTION
+    return figure

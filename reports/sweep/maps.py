@@ -1,0 +1,139 @@
+"""Maps over any two of the keys a sweep varies, as numbers for the page's own SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+from tympan.reports.look import COLOURS
+from tympan.reports.scales import round_scale
+from tympan.reports.sweep.view import Column, SweepView
+from tympan.reports.template import digits
+
+#: Most values of a key that get a row or column each.
+_FEW = 12
+
+#: Most maps, so that a browser can show the page: of the first keys, then.
+_MOST_PAIRS = 28
+
+#: Ticks of a map [px]: where, and what is written there.
+Ticks = list[tuple[float, str]]
+
+_LETTER = 5.4  #: width of one [px]
+WIDTH, HEIGHT = 190.0, 150.0  #: of a map without its labels [px]
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A value: where [px], how large [px], of what colour, and what is said of it."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    colour: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Map:
+    """One result over two keys; ``where``: the loads it is at; ``bar``: ticks of its colours."""
+
+    title: str
+    where: str
+    across: Ticks
+    up: Ticks
+    marks: list[Mark]
+    bar: Ticks
+    cells: bool
+
+    @property
+    def margins(self) -> tuple[float, float]:
+        """Room for what is written on the left and on the right [px]."""
+        left, right = (_LETTER * max(len(text) for _, text in ticks) for ticks in (self.up,
+                                                                                   self.bar))
+        return 12 + left, 26 + right
+
+
+@dataclass(frozen=True)
+class Maps:
+    """All maps over a pair of keys."""
+
+    across: Column
+    up: Column
+    maps: list[Map]
+
+
+def sweep_maps(view: SweepView) -> list[Maps]:
+    """Of every pair of keys over which something varies."""
+    pairs = list(combinations(view.keys, 2))[:_MOST_PAIRS]
+    drawn = (Maps(across, up, list(_maps(view, across, up))) for across, up in pairs)
+    return [maps for maps in drawn if maps.maps]
+
+
+def colours() -> list[str]:
+    """Those of a scale, from its low end to its high one."""
+    return [to_hex(colormaps[COLOURS](share)) for share in np.linspace(0, 1, 12)]
+
+
+def _maps(view: SweepView, across: Column, up: Column) -> Iterator[Map]:
+    pair = [across.name, up.name]
+    rows = view.at_first(*({"mass", "voltage"} - set(pair)))
+    for column in view.columns:
+        depends = view.table[column.name].dims
+        if any(key in view.loads and key not in depends for key in pair):
+            continue
+        fixed = [load for load in view.loads if load in depends and load not in pair]
+        grouped = rows.groupby(pair, sort=False)
+        means = grouped.agg(value=(column.name, "mean"), count=(column.name, "count"),
+                            name=("label", "first")).reset_index()
+        if means["value"].notna().any():
+            where = ", ".join(Column.of(view.table[load]).text(float(view.table[load][0]))
+                              for load in fixed)
+            yield _map(column, across, up, where, means)
+
+
+def _map(column: Column, across: Column, up: Column, where: str, means: pd.DataFrame) -> Map:
+    values = means["value"].to_numpy(float) / column.size
+    finite = values[np.isfinite(values)]
+    scale = round_scale(finite.min(), finite.max())
+    x, x_ticks, x_cell = _placed(across, means[across.name], WIDTH)
+    y, y_ticks, y_cell = _placed(up, means[up.name], HEIGHT)
+    cells = bool(x_cell and y_cell)
+    marks = []
+    for at_x, at_y, value, count, name in zip(x, y, values, means["count"], means["name"],
+                                              strict=True):
+        share = (value - scale.low) / (scale.high - scale.low)
+        colour = to_hex(colormaps[COLOURS](share)) if np.isfinite(value) else ""
+        text = (f"{digits(value)}, mean of {count}" if count > 1
+                else f"{name}: {digits(value)}")
+        marks.append(Mark(at_x, HEIGHT - at_y, x_cell, y_cell, colour, text))
+    bar = [(HEIGHT * (1 - (tick - scale.low) / (scale.high - scale.low)), scale.text(tick))
+           for tick in scale.ticks]
+    return Map(column.heading, where, x_ticks, [(HEIGHT - at, text) for at, text in y_ticks],
+               marks, bar, cells)
+
+
+def _placed(key: Column, values: pd.Series[Any], length: float
+            ) -> tuple[np.ndarray, Ticks, float]:
+    """Places of values along an axis of a length, its ticks, and the size of a cell or 0 [px]."""
+    distinct, numbers = pd.unique(values), pd.api.types.is_numeric_dtype(values)
+    if not numbers or len(distinct) <= _FEW:
+        order = sorted(distinct) if numbers else list(distinct)
+        cell = length / len(order)
+        every = -(-len(order) // 6)
+        ticks = [((number + 0.5) * cell, f"{value / key.size:.4g}" if numbers else str(value))
+                 for number, value in enumerate(order) if number % every == 0]
+        return (values.map(order.index).to_numpy(float) + 0.5) * cell, ticks, cell
+    shown = values.to_numpy(float) / key.size
+    scale = round_scale(shown.min(), shown.max(), 4)
+    low, high = min(shown.min(), scale.low), max(shown.max(), scale.high)
+    ticks = [((tick - low) / (high - low) * length, scale.text(tick)) for tick in scale.ticks]
+    return (shown - low) / (high - low) * length, ticks, 0.0

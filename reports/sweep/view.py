@@ -1,0 +1,106 @@
+"""A sweep's table as its page needs it: what varies, what was found, in the units people write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from tympan.geometry.units import DIMENSIONS, unit_factor
+from tympan.studies.sweep.asked import QUANTITIES
+from tympan.studies.sweep.run import SweepResult
+from tympan.studies.sweep.table import LOADS
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the table: its name there, its label, and its unit with SI units in one of it."""
+
+    name: str
+    label: str
+    unit: str
+    size: float
+
+    @classmethod
+    def of(cls, array: xr.DataArray) -> Column:
+        """A coordinate, or a result, whose name ends with its unit."""
+        name, si = str(array.name), array.attrs.get("units")
+        for key, dimension in DIMENSIONS.items():
+            if dimension.si == si:
+                unit = (*dimension.usual, dimension.symbol)[0]
+                size = unit_factor(unit, key) if dimension.usual else 1.0
+                label = name.removesuffix(dimension.suffix)
+                return cls(name, label if "." in name else label.replace("_", " "), unit, size)
+        return cls(name, name if "." in name else name.replace("_", " "), "", 1.0)
+
+    @property
+    def heading(self) -> str:
+        """The label with the unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    def text(self, value: object) -> str:
+        """A value with its unit."""
+        return (f"{value / self.size:.4g} {self.unit}".strip()
+                if isinstance(value, float) else str(value))
+
+
+@dataclass(frozen=True, eq=False)
+class SweepView:
+    """A sweep's result, whole or so far, with the stroke: the largest travel over the voltages."""
+
+    result: SweepResult
+
+    @cached_property
+    def table(self) -> xr.Dataset:
+        table = self.result.table
+        if "voltage" not in table.dims or table.sizes["voltage"] < 2:
+            return table
+        travel = table["deflection_m"] - table["deflection_m"].isel(voltage=0, drop=True)
+        return table.assign(stroke_m=travel.max("voltage").assign_attrs(units="m"))
+
+    @property
+    def name(self) -> str:
+        """What its specimens are made of."""
+        return ", ".join(dict.fromkeys(map(str, self.table["base"].values.tolist())))
+
+    @cached_property
+    def keys(self) -> tuple[Column, ...]:
+        """What differs between cases."""
+        table, axes = self.table, self.table["status"].dims
+        names = [name for name, values in table.coords.items() if len(values.dims) == 1
+                 and name != "specimen" and (values.dims == ("specimen",) or name in axes)]
+        return tuple(Column.of(table[name]) for name in names
+                     if len(pd.unique(table[name].values)) > 1)
+
+    @cached_property
+    def loads(self) -> tuple[str, ...]:
+        """Mass and voltage where they are the same for all specimens."""
+        return tuple(load for load in LOADS if load in self.table.dims)
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """What was found that is worth a map."""
+        names = ["deflection_m", "stroke_m", *(
+            name for quantity in QUANTITIES.values() for name in quantity.shown)]
+        return tuple(Column.of(self.table[name]) for name in names
+                     if name in self.table and bool(np.isfinite(self.table[name]).any()))
+
+    @cached_property
+    def rows(self) -> pd.DataFrame:
+        """A row per case, as in the table; ``label`` is what its specimen is called."""
+        axes = [str(axis) for axis in self.table["status"].dims]
+        rows = self.table.to_dataframe(dim_order=axes).reset_index()
+        grid = [Column.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
+        values = zip(*(rows[key.name].map(key.text) for key in grid), strict=True)
+        return rows.assign(label=[f"{name} ({', '.join(those)})" for name, those in zip(
+            rows["specimen"], values, strict=True)] if grid else rows["specimen"])
+
+    def at_first(self, *loads: str) -> pd.DataFrame:
+        """The rows under the first of these loads."""
+        rows = self.rows
+        for load in set(loads) & set(self.loads):
+            rows = rows[rows[load] == float(self.table[load][0])]
+        return rows

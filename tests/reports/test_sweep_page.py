@@ -1,0 +1,123 @@
+"""The page of a sweep, from results made up: what it shows is what the table says."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.support.sweeps import read
+from tympan.geometry.errors import InputError
+from tympan.reports.sweep import page
+from tympan.reports.sweep.maps import sweep_maps
+from tympan.reports.sweep.page import keep_page, render_sweep
+from tympan.reports.sweep.view import SweepView
+from tympan.studies.sweep.run import SweepResult
+from tympan.studies.sweep.table import dataset
+from tympan.studies.sweep.task import COLUMNS, SweepTask, TaskResult, without_result
+
+TEXT = """
+specimen = "oval.toml"
+mass = ["10 g", "20 g"]
+voltage = ["0 kV", "2 kV", "4 kV"]
+ask = ["alpha", "limits"]
+[grid]
+"plate.radius" = ["8 mm", "10 mm"]
+"frame.semi_axes" = [["6 cm", "4.5 cm"], ["7 cm", "4.5 cm"], ["1 cm", "4.5 cm"]]
+"""
+
+
+def made_up(task: SweepTask) -> TaskResult:
+    """Deflections of mass over radius and voltage; beyond 3 kV the larger plate pulls in."""
+    radius, rows = task.specimen.plate.outline.radius, []
+    for number, case_id in enumerate(task.ids):
+        mass, volts = task.masses[number // 3], task.voltages[number % 3]
+        row = dict.fromkeys(COLUMNS) | {"id": case_id, "warnings": []}
+        rows.append(row | {"status": "no_equilibrium"} if radius > 9e-3 and volts > 3e3 else row | {
+            "status": "equilibrium", "deflection_m": mass / radius * (1e-3 + 1e-7 * volts)})
+    weights = ({"warnings": ["has no <circle>"]} if radius > 9e-3
+               else {"alpha_1": 0.6, "alpha_2": 0.4, "alpha_held_out_error": 1e-3, "warnings": []})
+    limits = [{"pull_in_V": 1e4 * radius / mass, "warnings": []} for mass in task.masses]
+    return TaskResult(rows, {"alpha": [weights], "limits": limits})
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory) -> SweepView:
+    """Of a sweep with specimens that cannot be built, one that failed and one that waits."""
+    sweep = read(tmp_path_factory.mktemp("sweep"), TEXT)
+    tasks = [entry.task for entry in sweep.entries if entry.task is not None]
+    results = {task.id: made_up(task) for task in tasks[:-1]}
+    results[tasks[1].id] = without_result(tasks[1].ids, tasks[1].ask, tasks[1].loads, "it broke")
+    table = dataset(sweep, results)
+    return SweepView(SweepResult(dict(Counter(table["status"].values.ravel().tolist())), 0, 0, "us",
+                                 sweep.source, False, table))
+
+
+def test_every_pair_of_keys_has_maps_of_what_depends_on_both(view: SweepView) -> None:
+    maps = {(pair.across.name, pair.up.name): [drawn.title for drawn in pair.maps]
+            for pair in sweep_maps(view)}
+    assert maps == {
+        ("plate.radius", "frame.semi_axes"): ["deflection [mm]", "stroke [mm]", "alpha 1",
+                                              "alpha held out error", "pull in [kV]"],
+        ("plate.radius", "mass"): ["deflection [mm]", "stroke [mm]", "pull in [kV]"],
+        ("plate.radius", "voltage"): ["deflection [mm]"],
+        ("frame.semi_axes", "mass"): ["deflection [mm]", "stroke [mm]", "pull in [kV]"],
+        ("frame.semi_axes", "voltage"): ["deflection [mm]"],
+        ("mass", "voltage"): ["deflection [mm]"]}
+
+
+def test_a_map_says_what_the_table_has(view: SweepView) -> None:
+    first = sweep_maps(view)[0]
+    deflection, stroke, *_ = first.maps
+    assert (deflection.where, stroke.where) == ("10 g, 0 kV", "10 g")
+    assert [text for _, text in deflection.across] == ["8", "10"]
+    assert [text for _, text in deflection.up] == ["6 cm, 4.5 cm", "7 cm, 4.5 cm", "1 cm, 4.5 cm"]
+    assert deflection.marks[0].text == "oval (8 mm, 6 cm, 4.5 cm): 1.25"
+    assert stroke.marks[0].text == "oval (8 mm, 6 cm, 4.5 cm): 0.500"
+    assert stroke.marks[3].text == "oval (10 mm, 6 cm, 4.5 cm): 0.200"  # at 2 kV: then it pulls in
+    assert [bool(mark.colour) for mark in deflection.marks] == [True, False, True, True, False,
+                                                                False]
+    assert [pair.maps[0].marks[0].text for pair in sweep_maps(view)][-1] == (
+        "1.17, mean of 3")
+
+
+def test_the_page_stands_alone_and_says_what_failed_and_what_waits(view: SweepView) -> None:
+    text = render_sweep(view.result, ["data:image/png;base64,AAAA"])
+    assert not re.findall(r'(?:src|href)="(?!data:|#)|https?:|@import|url\((?!#)', text)
+    assert "6 cases wait" in text
+    rows = re.findall(r"<tr><td class=\"text\">(case|alpha)</td><td>(\d+)</td>"
+                      r"<td class=\"text\">(.*?)</td><td class=\"text\">(.*?)</td>", text)
+    assert [row[:2] for row in rows] == [("case", "6"), ("case", "6"), ("alpha", "1")]
+    assert rows[0][2:] == ("it broke", "oval (8 mm, 7 cm, 4.5 cm)")
+    assert "plate" in rows[1][2]
+    assert rows[2][2:] == ("has no &lt;circle&gt;", "oval (10 mm, 6 cm, 4.5 cm)")
+    body = text[text.index("<tbody>"):text.index("</tbody>")]
+    assert body.count("<tr>") == 12
+    assert '<td data-value="0.0125">12.5</td>' not in body  # SI is sorted by, the unit is shown
+    assert '<td data-value="0.00125">1.25</td>' in body
+    assert "3 of 3" in body
+    assert "2 of 3" in body
+    assert "data:image/png;base64,AAAA" in text
+
+
+def test_the_page_is_kept_while_a_sweep_runs_but_never_ends_it(view, tmp_path: Path,
+                                                               monkeypatch) -> None:
+    watch, asked = keep_page(tmp_path / "out"), []
+
+    def so_far() -> SweepResult:
+        asked.append(1)
+        return view.result
+
+    for _ in range(3):
+        watch(so_far)
+    assert (tmp_path / "out" / "sweep.html").exists()
+    assert len(asked) == 1  # not again at once
+
+    def full(*_: object) -> None:
+        raise InputError("cannot be written")
+
+    monkeypatch.setattr(page, "write_text", full)
+    keep_page(tmp_path / "out")(so_far)
+    assert len(asked) == 2
