@@ -13,6 +13,7 @@ from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
 from tympan.studies.diagnosis.reduced.growth import grown, refined, regridded
 from tympan.studies.diagnosis.reduced.simulation import (
+    FACTORS,
     SIZES,
     Cause,
     Hypothesis,
@@ -21,6 +22,7 @@ from tympan.studies.diagnosis.reduced.simulation import (
     hypotheses_of,
     limits_of,
     parameters_of,
+    sizes_of,
 )
 
 Array = NDArray[np.float64]
@@ -93,6 +95,7 @@ class Exploration:
         self._refine(_NEAR)
         if not self._explained():
             self._grow([pair for pair in pairs if pair in self.fits], _GROWTHS[1])
+            self._alone_again()
             self._refine(_NEAR)
 
     def ranked(self) -> list[Fit]:
@@ -165,6 +168,14 @@ class Exploration:
                     further = self.fits[before.hypothesis].unknowns.copy()
                     further[number] = _SHARE * bounds[0 if side < 0 else 1, number]
                     self._fit(before.hypothesis, [self.fits[before.hypothesis].unknowns, further])
+
+    def _alone_again(self) -> None:
+        """The members of the best pairs alone, from where the pair has them."""
+        for best in self.ranked()[:_MOST]:
+            for cause in best.hypothesis if len(best.hypothesis) > 1 else ():
+                sizes = best.unknowns[sizes_of(best.hypothesis, cause)]
+                start = np.concatenate([best.unknowns[FACTORS], sizes])
+                self._fit((cause,), [self.fits[cause,].unknowns, start])
 
     def _grow(self, hypotheses: Sequence[Hypothesis], most: int) -> None:
         """Grow the effects that press against the end of what is sampled, promising ones first."""

@@ -50,10 +50,10 @@ _AT_BOUND = 1e-6
 Verdict = Literal["nothing", "named", "ambiguous", "unexplained"]
 
 #: What it takes: the probability by noise alone below which something is wrong, and below which
-#: what a cause leaves is not explained by it; the probability from which a cause is named, and that
-#: of something beside the library from which nothing is named, and that from which the verdict is
-#: unexplained.
-ALARM, ADEQUATE, SURE, DOUBTED, DISCREPANCY = 0.03, 0.01, 0.9, 1 / 3, 0.5
+#: what a cause leaves is not explained by it, and below which it is out of the question where
+#: another leaves noise; the probability from which a cause is named, and that of something beside
+#: the library from which nothing is named, and that from which the verdict is unexplained.
+ALARM, ADEQUATE, HARDLY, SURE, DOUBTED, DISCREPANCY = 0.03, 0.01, 1e-3, 0.9, 1 / 3, 0.5
 
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
@@ -215,7 +215,7 @@ def _weighed(base: Judgement, exploration: Exploration, adequacy: _Adequacy) -> 
     asked = dict.fromkeys([*ranked[: _ASKED[0]], *best_fitting[: _ASKED[1]]])
     enough = {fit.hypothesis for fit in asked if adequacy.enough(fit)}
     # What leaves more than noise is no explanation while something else leaves noise alone.
-    out = {fit.hypothesis for fit in asked} - enough if enough else set()
+    out = {fit.hypothesis for fit in asked if enough and adequacy.of(fit).p_value < HARDLY}
 
     among = hypotheses_of(exploration.causes)
     kept = [fit for fit in ranked if fit.hypothesis not in out]
