@@ -253,14 +253,13 @@ stand for scales from a third to ten times the usual one; the share named wrongl
 the trials with a wrong scale show. Each rate's interval is that of its number of trials alone.
 """
 _AFTER = """Intervals are Bayesian: they cover as stated over effects drawn from the priors. Those
-of identifiable effects alone cover less: an effect that a prior thinks improbable is drawn
-towards it. A set of hypotheses
-that has 95 % of what is thought of one effect and two has nearly all effects that are alone, and
-fewer of those that are two. "Missed" judges the rate, not its interval. The calibration error of a perfect engine
-is about 0.05 with a hundred trials and falls with their root. A stranger with a smaller Δχ² from
-the library is as good as one of its effects, and may get its name: with two masses a weight with
-the wrong label is a mass left out of account. A plate that sticks and jumps
-is seen where its jumps stand out from the noise."""
+of identifiable effects alone cover less: an effect that a prior thinks improbable is drawn towards
+it. A set of hypotheses that has 95 % of what is thought of one effect and two has nearly all
+effects that are alone, and fewer of those that are two. "Missed" judges the rate, not its interval.
+The calibration error of a perfect engine is about 0.05 with a hundred trials and falls with their
+root. A stranger with a smaller Δχ² from the library is as good as one of its effects, and may get
+its name: with two masses a weight with the wrong label is a mass left out of account. A plate that
+sticks and jumps is seen where its jumps stand out from the noise."""
 _SIZES = """## Effects of any size
 
 One effect, drawn from the library, of a size with each power of ten as probable as another between
