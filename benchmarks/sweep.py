@@ -30,7 +30,7 @@ from tympan.studies.sweep.cluster import cluster
 from tympan.studies.sweep.plan import Sweep, read_sweep
 from tympan.studies.sweep.run import Pool, run_sweep
 
-AIM = 360.0  # seconds for 1000 specimens on two processors
+AIM = 100.0  # seconds for 1000 specimens on two processors
 LEAST_GAIN, MOST_OVERHEAD, AGREEMENT = 1.8, 0.15, 1e-12
 
 FILM = """

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import skfem
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import coo_matrix, csc_matrix
 
 from tympan.fem.discretisation.assembly import SparsityPattern
 from tympan.fem.discretisation.isoparametric import (
@@ -20,7 +19,7 @@ from tympan.fem.discretisation.isoparametric import (
     quadrature,
     tabulated,
 )
-from tympan.fem.linear_solver.direct import Analysis, analyse
+from tympan.fem.linear_solver.direct import Analysis, SuperLU, SuperLUFactors, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
 from tympan.geometry.mesh import CurvedTriangles
 
@@ -213,7 +212,10 @@ class Discretisation:
     @cached_property
     def electrode_edge_nodes(self) -> Array:
         """Nodes between what is covered and what is bare."""
-        around = self.mesh.facets_around(np.flatnonzero(self.covered[:, 0] == 0))
+        bare = np.flatnonzero(self.covered[:, 0] == 0)
+        if not len(bare):
+            return bare
+        around = self.mesh.facets_around(bare)
         facets = np.setdiff1d(around, self.mesh.boundary_facets())
         return np.asarray(self.mesh.dofs.get_facet_dofs(facets).flatten())
 
@@ -223,31 +225,41 @@ class Discretisation:
         Of the motion ``given``, shape (nodes, 2), only values on those edges count. On a mirror
         plane the component across it vanishes.
         """
-        result = given.copy()
-        for axis, (factors, coupling, free, fixed) in enumerate(self._laplacians):
-            result[free, axis] = factors.solve(-(coupling @ given[fixed, axis]))
+        result = np.empty_like(given)
+        for axis, (factors, held) in enumerate(self._laplacians):
+            edges = np.where(held, given[:, axis], 0.0)
+            result[:, axis] = factors.solve(np.where(held, edges, -(self._laplacian @ edges)))
         return result
 
     @cached_property
-    def _laplacians(self) -> list[tuple[Any, Any, Array, Array]]:
-        """For x and y: factorised Laplacian, coupling to given nodes, free and given nodes."""
+    def _laplacian(self) -> csc_matrix:
+        """Of the scalar shape functions, shape (nodes, nodes)."""
         elements, points, local, _ = self.gradients.shape
         flat = self.gradients.transpose(0, 2, 1, 3).reshape(elements, local, 2 * points)
         weighted = flat * np.repeat(self.weights, 2, axis=1)[:, None]
-        laplacian = self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1)))
+        return self.nodal_matrix(np.matmul(weighted, flat.transpose(0, 2, 1))).tocsc()
+
+    @cached_property
+    def _laplacians(self) -> list[tuple[SuperLUFactors, Array]]:
+        """For x and y: the Laplacian factorised with held nodes as they are, and which these are.
+
+        On no mirror plane both are the same.
+        """
         edges = [self.boundary_nodes("frame"), self.plate_nodes, self.electrode_edge_nodes]
-        result: list[tuple[Any, Any, Array, Array]] = []
+        matrix = self._laplacian
+        column = np.repeat(np.arange(len(self.reference)), np.diff(matrix.indptr))
+        result: list[tuple[SuperLUFactors, Array]] = []
         for axis, across in ("x", "axis_y"), ("y", "axis_x"):
-            plane = [self.boundary_nodes(across)] if axis in self.planes else []
             if result and not self.planes:
                 return [*result, result[0]]
-            given = np.zeros(len(self.reference), dtype=bool)
-            given[np.concatenate([*edges, *plane])] = True
-            free, fixed = np.flatnonzero(~given), np.flatnonzero(given)
-            rows = laplacian[free]
-            factors = splu(rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                           options={"SymmetricMode": True})
-            result.append((factors, rows[:, fixed], free, fixed))
+            held = np.zeros(len(self.reference), dtype=bool)
+            held[np.concatenate(edges)] = True
+            if axis in self.planes:
+                held[self.boundary_nodes(across)] = True
+            either = held[matrix.indices] | held[column]
+            entries = np.where(either, matrix.indices == column, matrix.data)
+            kept = csc_matrix((entries, matrix.indices, matrix.indptr), matrix.shape)
+            result.append((SuperLU().factorise(kept), held))
         return result
 
     def nodal_matrix(self, elements: Array) -> Any:

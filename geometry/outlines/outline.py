@@ -46,7 +46,7 @@ class Outline(ABC):
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
-        """The curve counterclockwise, wherever it lies [m], in pieces that CAD draws exactly."""
+        """The curve counterclockwise about the origin [m], in pieces that CAD draws exactly."""
 
     @property
     def simple(self) -> bool:
@@ -61,7 +61,7 @@ class Outline(ABC):
     @cached_property
     def curve(self) -> Curve:
         """The pieces, centred on their bounding box."""
-        return Curve(self.pieces()).centred()
+        return Curve(self.pieces())
 
     def level(self, x: Array, y: Array) -> Array:
         """Negative inside, positive outside; near the curve, about the distance [m]."""
@@ -73,11 +73,18 @@ class Outline(ABC):
 
 
 class Boxed(Outline):
-    """Shapes not given by half extents along axes that mirror them; they may cross themselves."""
+    """Shapes not given by half extents along axes that mirror them; they may cross themselves.
+
+    Their pieces may lie anywhere.
+    """
 
     @property
     def simple(self) -> bool:
         return False
+
+    @cached_property
+    def curve(self) -> Curve:
+        return Curve(self.pieces()).centred()
 
     @property
     def semi_axes(self) -> tuple[float, float]:
