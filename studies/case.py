@@ -154,13 +154,20 @@ class Limits:
     """The voltages at which a film under a mass first loses tension, breaks down and pulls in.
 
     None where that does not happen as far as the voltage was raised, of which ``ended`` says why it
-    was not raised further.
+    was not raised further. ``thins``: the film ends where it loses tension, since wrinkled it would
+    thin without bound; the others are then those of a film kept from wrinkling.
     """
 
     tension: Limit | None = None
     breakdown: Limit | None = None
     pull_in: Limit | None = None
     ended: str
+    thins: bool = False
+
+    @property
+    def end(self) -> Limit | None:
+        """The one beyond which the film has no equilibrium."""
+        return self.tension if self.thins else self.pull_in
 
     @property
     def first(self) -> Limit | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal, Self, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.arc_length import Branch, PathPoint
 from tympan.fem.equilibrium.newton import moved
@@ -23,6 +24,8 @@ from tympan.geometry.outlines import area
 from tympan.studies.case import Case, CaseRecord, Settings, equilibrate, failure_reason, node_fields
 from tympan.studies.files import remove, write_csv
 from tympan.studies.film_surface import FilmSurface, film_surface
+
+Array = NDArray[np.float64]
 
 #: Longest step along a branch, relative to the frame's half extent; largest stretch at its end.
 STEP, _STRETCH = 0.015, 6.0
@@ -74,6 +77,8 @@ class Event:
     """Something that happens at one point of a branch; ``value`` of what grows along it.
 
     ``x_m`` and ``y_m`` are where in the mounted film: at a limit, where the film thins fastest.
+    ``spread``: how far the value may be off for the mesh, relative, by the jumps of what is
+    watched between elements.
     """
 
     what: What
@@ -81,6 +86,7 @@ class Event:
     unit: str
     x_m: float
     y_m: float
+    spread: float
     station: Station
 
     @property
@@ -152,7 +158,7 @@ def path(case: Case, settings: Settings, along: Along,
         events=tuple(stop.event for stop in passed if stop.event is not None),
         dofs=model.unknowns, wall_s=time.perf_counter() - began,
         warnings=(passed[-1].ended if passed else UNFOLLOWED,),
-        limits=tuple(_critical_film(model, stop.point) for stop in passed
+        limits=tuple(_critical_film(stop.model, stop.point) for stop in passed
                      if stop.event is not None and stop.event.what == "limit"))
 
 
@@ -167,7 +173,7 @@ def stops(case: Case, model: Model, start: State, along: Along, settings: PathSe
     load = _GROWING[along][0]
     before: Stop | None = None
     for branch, point in follow_branch(model, start, load, stepping):
-        here = Stop(model, point)
+        here = Stop(branch.model, point)
         if before is not None:
             yield from _passed(case, branch, before, here, along)
         ended = _ended(here, along, settings)
@@ -242,6 +248,33 @@ class Stop:
         x, y, _ = fields.position[number]
         return float(x), float(y)
 
+    def jump(self, what: What) -> float:
+        """By how much elements differ that meet where something happens, as :meth:`before` has it.
+
+        At a limit, which depends on the film's energy: mean square of the jumps of its stress, over
+        that of the stress about its mean.
+        """
+        nodes, fields = self.model.discretisation.connectivity, self.fields
+        if what == "limit":
+            stresses = (fields.stress_1, fields.stress_2)
+            return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)
+                             for stress in stresses))
+        values = fields.stress_2 if what == "tension lost" else -fields.breakdown_share
+        element = int(np.argmin(values)) // nodes.shape[1]
+        return float(_jumps(nodes, values)[nodes[element]].max())
+
+
+def _jumps(nodes: NDArray[np.int64], values: Array) -> Array:
+    """Largest less smallest value at each node, of the elements that meet there.
+
+    ``nodes`` of the elements, shape (elements, local); ``values`` element-major.
+    """
+    count = int(nodes.max()) + 1
+    high, low = np.full(count, -np.inf), np.full(count, np.inf)
+    np.maximum.at(high, nodes.ravel(), values)
+    np.minimum.at(low, nodes.ravel(), values)
+    return np.where(np.isfinite(high), high - low, 0.0)
+
 
 def _ended(stop: Stop, along: Along, settings: PathSettings) -> str:
     """Why a branch is not followed further; "" where it is."""
@@ -271,13 +304,22 @@ def _passed(case: Case, branch: Branch, before: Stop, after: Stop, along: Along)
 
         point = branch.where(before.point, after.point, value)
         if point is not None:
-            stop = Stop(branch.model, point)
-            x, y = stop.place(what)
-            passed.append(replace(stop, event=Event(
-                what=what, value=_measured(case, stop.station, along), unit=_GROWING[along][1],
-                x_m=x, y_m=y, station=stop.station)))
+            passed.append(_happening(case, Stop(branch.model, point), what, along,
+                                     (before, after)))
     start = before.station.deflection_m
     return sorted(passed, key=lambda stop: abs(stop.station.deflection_m - start))
+
+
+def _happening(case: Case, stop: Stop, what: What, along: Along, around: tuple[Stop, Stop]) -> Stop:
+    """The stop where something happens, with the event; between two others."""
+    value, *ends = (_measured(case, other.station, along) for other in (stop, *around))
+    spread = stop.jump(what)
+    if what != "limit":
+        change = abs(around[0].before(what, along) - around[1].before(what, along))
+        spread *= abs(ends[1] - ends[0]) / (change * abs(value)) if value else 0.0
+    x, y = stop.place(what)
+    return replace(stop, event=Event(what=what, value=value, unit=_GROWING[along][1], x_m=x, y_m=y,
+                                     spread=spread, station=stop.station))
 
 
 def _critical_film(model: Model, point: PathPoint) -> FilmSurface:

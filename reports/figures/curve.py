@@ -24,6 +24,7 @@ _WIDTH, _HEIGHT, _LEFT, _TOP, _BELOW = 110.0, 70.0, 14.0, 8.0, 12.0  # [mm]
 #: How a limit is marked, and its words where a curve passes or ends.
 _MARKS = {"tension": ("s", "loses tension"), "breakdown": ("X", "breaks down"),
           "pull_in": ("x", "pulls in")}
+_THINS, _KEPT = "loses tension, thins without bound", "if kept from wrinkling"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +52,9 @@ class VoltageCurve:
     @property
     def end(self) -> str:
         """How the curve ends, in words with numbers."""
-        if self.limits.pull_in is not None:
-            return f"pulls in at {limit_text(self.limits.pull_in)}"
+        if self.limits.end is not None:
+            word = "thins without bound at" if self.limits.thins else "pulls in at"
+            return f"{word} {limit_text(self.limits.end)}"
         if not len(self.voltage):
             return "no equilibrium"
         return f"to {self.voltage[-1]:.4g} kV"
@@ -134,7 +136,10 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
     loose = np.full(len(x), False)
     if limits.tension is not None:
         loose = y >= _deflection(curve, limits.tension) - 1e-9
-    axes.plot(x, y, color=colour, label=label, zorder=2)
+    real = ~loose | (not limits.thins)
+    axes.plot(x[real], y[real], color=colour, label=label, zorder=2)
+    if limits.thins:  # what follows is a film kept from wrinkling
+        axes.plot(x[loose], y[loose], color=colour, linestyle=":", zorder=2)
     # Wide and pale: part of the film has lost tension.
     axes.plot(x[loose], y[loose], color=colour, alpha=0.25, linewidth=5.0, zorder=1,
               solid_capstyle="butt")
@@ -144,8 +149,10 @@ def draw_curve(axes: Axes, curve: VoltageCurve, number: int, label: str) -> None
     for limit in (limits.tension, limits.breakdown, limits.pull_in):
         if limit is not None:
             marker, word = _MARKS[limit.kind]
+            if limits.thins and limit.kind != "breakdown":
+                word = _THINS if limit.kind == "tension" else _KEPT
             _mark(axes, curve, limit, marker, word, colour)
-    if limits.pull_in is None:
+    if limits.pull_in is None and not limits.thins:
         _word(axes, (float(x[-1]), float(y[-1])), "not followed further", colour)
 
 

@@ -188,7 +188,7 @@ def curve_warnings(name: str, curve: VoltageCurve) -> Iterator[str]:
         if limit is not None:
             yield _say("limited", name, curve.mass, limit.kind, limit_text(limit),
                        1e3 * limit.x_m, 1e3 * limit.y_m)
-    if curve.limits.pull_in is None:
+    if curve.limits.thins or curve.limits.pull_in is None:
         yield _say("ended", name, curve.mass, curve.limits.ended)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tympan.fem.equilibrium.ramp import Outcome
 from tympan.fem.rig import Rig
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Limits, Settings, summaries, voltage_ramp
@@ -89,8 +91,11 @@ def curve(specimen: Specimen, masses: Sequence[float], settings: Settings, rig: 
         ascent = rise(Case(specimen, mass=mass, rig=rig), settings)
         curves.append(MassCurve(mass_kg=mass, limits=ascent.limits))
         dofs = ascent.model.unknowns
-        way = zip(ascent.cases, ascent.outcomes, strict=True)
-        rows += [(False, result) for result, _ in summaries(ascent.model, way)]
+        # The film's model changes where it is followed on as one kept from wrinkling.
+        for model, way in groupby(zip(ascent.cases, ascent.stops, strict=True),
+                                  lambda pair: pair[1].model):
+            solved = ((case, Outcome("equilibrium", stop.point.solution)) for case, stop in way)
+            rows += [(False, result) for result, _ in summaries(model, solved)]
         rows += [(True, result) for result in _asked(ascent, mass, rig, voltages, settings)]
     cells = [_row(*row) for row in rows]
     table = {column.name: np.array([row[number] for row in cells],
@@ -108,13 +113,13 @@ def _row(asked: bool, result: CaseResult) -> tuple[Any, ...]:
 
 def _asked(ascent: Rise, mass: float, rig: Rig, voltages: Sequence[float], settings: Settings
            ) -> Iterator[CaseResult]:
-    """Results at voltages; beyond pull-in none is searched for."""
-    model, pull_in = ascent.model, ascent.limits.pull_in
-    highest = np.inf if pull_in is None else pull_in.voltage_V
+    """Results at voltages; beyond the film's end none is searched for."""
+    model, end = ascent.model, ascent.limits.end
+    highest = np.inf if end is None else end.voltage_V
     within = [voltage for voltage in voltages if voltage <= highest]
     for result, _ in summaries(model, voltage_ramp(model, mass, within, rig, settings.path)):
         yield result
     for voltage in voltages[len(within):]:
         yield CaseResult(specimen=model.specimen.name, mass_kg=mass, voltage_V=voltage,
-                         status="no_equilibrium", limit=pull_in, dofs=model.unknowns, wall_s=0.0,
+                         status="no_equilibrium", limit=end, dofs=model.unknowns, wall_s=0.0,
                          warnings=(ascent.limits.ended,))

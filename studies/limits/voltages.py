@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from tympan.fem.equilibrium.ramp import Outcome
+from tympan.fem.equilibrium.ramp import Outcome, equilibrium
 from tympan.fem.membrane.model import Model
 from tympan.studies.case import (
     Case,
@@ -28,18 +28,21 @@ _KINDS: dict[What, LimitKind] = {
 #: Longest step towards the limits, relative to the frame's half extent.
 _STEP = 0.05
 
+#: How far beyond the last point that could be followed a limit is searched for, relative.
+_BEYOND = 1.5
+
 
 @dataclass(frozen=True, eq=False)
 class Rise:
     """The equilibria of a case as its voltage rises from 0 until the film pulls in; its limits.
 
-    ``cases`` are those of ``outcomes``, at nominal voltages; none where there is no equilibrium
+    ``cases`` are those of the ``stops``, at nominal voltages; none where there is no equilibrium
     without voltage.
     """
 
     model: Model
     cases: tuple[Case, ...]
-    outcomes: tuple[Outcome, ...]
+    stops: tuple[Stop, ...]
     limits: Limits
 
 
@@ -61,10 +64,11 @@ def rise(case: Case, settings: Settings, step: float = STEP) -> Rise:
     if start.status != "equilibrium":
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
     passed = list(_to_pull_in(case, model, start, settings, step))
+    reached = _limits(case, passed)
+    if reached.end is None and passed:
+        reached = _searched(case, passed[-1], reached, settings)
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
-    return Rise(model, cases,
-                tuple(Outcome("equilibrium", stop.point.solution) for stop in passed),
-                _limits(case, passed))
+    return Rise(model, cases, tuple(passed), reached)
 
 
 def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResult:
@@ -74,16 +78,16 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
     """
     began = time.perf_counter()
     reached = limits(case, settings)
-    beyond = [limit for limit in (reached.pull_in, reached.breakdown, reached.tension)
+    beyond = [limit for limit in (reached.pull_in, reached.end, reached.breakdown, reached.tension)
               if limit is not None and case.voltage > limit.voltage_V]
     limit = beyond[0] if beyond else None
-    if limit is not None and limit.kind == "pull_in":
+    if limit is not None and limit in (reached.pull_in, reached.end):
         return CaseResult(
             specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
             status="no_equilibrium", limits=reached, limit=limit,
             dofs=build_model(case.specimen, settings, case.rig.loading).unknowns,
             wall_s=time.perf_counter() - began,
-            warnings=(f"the film pulls in at {limit.voltage_V / 1e3:.4g} kV",))
+            warnings=(reached.ended,))
     return replace(solve(case, settings, film), limits=reached, limit=limit,
                    wall_s=time.perf_counter() - began)
 
@@ -94,6 +98,19 @@ def _to_pull_in(case: Case, model: Model, start: Outcome, settings: Settings, st
         yield stop
         if stop.event is not None and stop.event.what == "limit":
             return
+
+
+def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Limits:
+    """With the limit beyond the last point that could be followed, where a ramp meets one."""
+    voltage, state = last.station.voltage_V, last.point.state
+    outcome = equilibrium(last.model, state.force, _BEYOND * voltage, state.pressure,
+                          last.point.solution, settings.path)
+    if outcome.critical is None or outcome.limited != "voltage":
+        return reached
+    stop = Stop(last.model, outcome.critical)
+    x, y = stop.place("limit")
+    return replace(reached, ended=failure_reason(outcome), pull_in=Limit(
+        kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y, spread=stop.jump("limit")))
 
 
 def _nominal(case: Case, stop: Stop) -> float:
@@ -110,7 +127,15 @@ def _limits(case: Case, passed: list[Stop]) -> Limits:
         if stop.event is not None:
             kind = _KINDS[stop.event.what]
             reached.setdefault(kind, Limit(kind=kind, voltage_V=_nominal(case, stop),
-                                           x_m=stop.event.x_m, y_m=stop.event.y_m))
+                                           x_m=stop.event.x_m, y_m=stop.event.y_m,
+                                           spread=stop.event.spread))
     ended = passed[-1].ended if passed else UNFOLLOWED
-    return Limits(tension=reached.get("tension"), breakdown=reached.get("breakdown"),
-                  pull_in=reached.get("pull_in"), ended=ended or "the film pulls in")
+    tension, pull_in = reached.get("tension"), reached.get("pull_in")
+    thins = tension is not None and passed[0].model.wrinkles and not passed[-1].model.wrinkles
+    if thins and tension is not None:
+        ended = (f"the film loses tension at {tension.voltage_V / 1e3:.4g} kV and, wrinkled, thins "
+                 "without bound")
+    elif pull_in is not None:
+        ended = f"the film pulls in at {pull_in.voltage_V / 1e3:.4g} kV"
+    return Limits(tension=tension, breakdown=reached.get("breakdown"), pull_in=pull_in, ended=ended,
+                  thins=thins)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import slack_voltage
 from tests.support.specimens import ROOT5, circular
 from tympan.fem.film.laws import NeoHooke
+from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
-from tympan.studies.case import Case, Settings
-from tympan.studies.limits import Limits, limits
+from tympan.geometry.mesher import MeshSettings
+from tympan.geometry.outlines import Ellipse, RoundedRectangle
+from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.case import Case, CaseResult, Settings, solve
+from tympan.studies.files import from_json
+from tympan.studies.limits import Limits, curve, limits, solve_within
+from tympan.studies.limits.loads import usual_masses, usual_voltages
 
 SOFT = circular(NeoHooke(15e3))
 ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
@@ -29,7 +36,81 @@ def test_a_round_film_loses_tension_and_pulls_in_where_the_equations_have_it(sof
                                                    rel=2e-5)
     # Stress at the rim is less exact than force: 2e-4 of it.
     assert soft.tension.voltage_V == pytest.approx(slack_voltage(ORACLE, FORCE, 6800.0), rel=5e-4)
-    assert soft.ended == "the film pulls in"
+    assert soft.end is not None
+    assert f"at {soft.end.voltage_V / 1e3:.4g} kV" in soft.ended
+
+
+def test_a_limit_is_as_certain_as_it_says(soft: Limits) -> None:
+    """Against the equations: not much further off than the spread, which is small itself."""
+    exact = {"tension": slack_voltage(ORACLE, FORCE, 6800.0),
+             "pull_in": axisymmetric.pull_in_voltage(ORACLE, FORCE)}
+    for limit in (soft.tension, soft.pull_in):
+        assert limit is not None
+        assert abs(limit.voltage_V / exact[limit.kind] - 1) < 2 * limit.spread < 4e-3
+
+
+def test_the_first_loss_of_tension_is_where_the_rim_is(soft: Limits) -> None:
+    assert soft.tension is not None
+    assert np.hypot(soft.tension.x_m, soft.tension.y_m) == pytest.approx(10e-3)
+
+
+@pytest.fixture(scope="module")
+def film() -> Specimen:
+    """A rounded rectangle of 80 by 50 mm with an elliptical plate of 24 by 16 mm."""
+    membrane = Film(thickness=0.5e-3, prestretch=(3.0, 3.0), relative_permittivity=4.7,
+                    material=MATERIALS["vhb-4910"].material)
+    return Specimen("film", RoundedRectangle((40e-3, 25e-3), 8e-3), Plate(Ellipse((12e-3, 8e-3))),
+                    membrane)
+
+
+def test_limits_of_a_film_hold_on_another_mesh(film: Specimen) -> None:
+    """The other one has a third of the unknowns; both spreads cover what they differ by."""
+    fine, coarse = (limits(Case(film, mass=20e-3), Settings(MeshSettings().refined(refine)))
+                    for refine in (1.0, 0.6))
+    assert fine.tension is not None
+    assert fine.tension.voltage_V == pytest.approx(2730, rel=1e-3)
+    assert coarse.tension is not None
+    assert fine.tension.voltage_V == pytest.approx(
+        coarse.tension.voltage_V, rel=fine.tension.spread + coarse.tension.spread)
+
+
+def test_solve_knows_its_film_s_limits(film: Specimen) -> None:
+    beyond = solve_within(Case(film, mass=20e-3, voltage=3000.0), Settings())
+    assert beyond.status == "no_equilibrium"
+    assert beyond.limits is not None
+    assert beyond.limit in (beyond.limits.pull_in, beyond.limits.end)
+    assert beyond.limit.voltage_V == pytest.approx(2992, rel=1e-3)
+    assert beyond.limits.tension is not None
+    assert beyond.limits.tension.voltage_V == pytest.approx(2730, rel=1e-3)
+    assert beyond.warnings == (beyond.limits.ended,)
+    below = solve_within(Case(film, mass=20e-3, voltage=2000.0), Settings())
+    assert (below.status, below.limit, below.limits) == ("equilibrium", None, beyond.limits)
+    assert CaseResult.__eq__(from_json(CaseResult, below.json()), below)
+
+
+def test_curves_pass_through_what_solve_finds_and_end_at_the_limit(film: Specimen) -> None:
+    result = curve(film, (20e-3,), Settings(), voltages=(1000.0, 2000.0, 4000.0))
+    table, reached = result.table, limits(Case(film, mass=20e-3), Settings())
+    asked = table["asked"] == 1
+    assert table["status"][asked].tolist() == ["equilibrium"] * 2 + ["no_equilibrium"]
+    voltage, deflection = table["voltage"][~asked], table["deflection"][~asked]
+    between = np.interp([1e6, 4e6], voltage**2, deflection)
+    assert table["deflection"][asked][:2] == pytest.approx(between, rel=5e-3)
+    pull_in = result.curves[0].limits.pull_in
+    assert pull_in is not None
+    assert reached.pull_in is not None
+    assert voltage[-1] == pytest.approx(pull_in.voltage_V)
+    assert pull_in.voltage_V == pytest.approx(reached.pull_in.voltage_V, rel=1e-4)
+
+
+def test_usual_loads_follow_from_the_film(film: Specimen) -> None:
+    mass, = usual_masses(film, Settings(), over=(1.0,))
+    deflection = solve(Case(film, mass=mass), Settings()).deflection_m
+    assert deflection == pytest.approx(0.1 * film.gap, rel=0.06)  # a mass has two digits
+    highest = max(usual_voltages(film, mass, Settings()))
+    first = limits(Case(film, mass=mass), Settings()).first
+    assert first is not None
+    assert highest == pytest.approx(0.6 * first.voltage_V, rel=0.05)
 
 
 def test_limits_are_nominal_voltages(soft: Limits) -> None:
