@@ -20,6 +20,11 @@ _ENDING = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated", signal.SI
 _RETRY = 0.01  # [s]: how soon a signal that came during an import is looked at again
 _PATIENCE = 1.0  # [s]: how long for; another signal after it is a second wish, not the same twice
 
+#: Letters that no alphabet and no number stands for, by others.
+_PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
+                        "×": "x", "±": "+-", "°": "deg", "√": "sqrt ", "≤": "<=", "≥": ">=",
+                        "∞": "inf", "’": "'", "‘": "'", "“": '"', "”": '"'})
+
 
 class _Signals:
     """Ends the command on a signal by a KeyboardInterrupt, as soon as Python can take one.
@@ -95,7 +100,7 @@ def spelled(error: UnicodeError) -> tuple[str, int]:
     --------
     >>> codecs.register_error("spelled", spelled)
     >>> "α₁ of 3 µm², ½ – größer".encode("ascii", "spelled")
-    b'alpha1 of 3 um2, 1/2 - gr\xf6\xdfer'
+    b'alpha1 of 3 um2, 1/2 - gr\\xf6\\xdfer'
     """
     import unicodedata
 
@@ -110,11 +115,6 @@ def spelled(error: UnicodeError) -> tuple[str, int]:
     return text, error.end
 
 
-_PLAIN = str.maketrans({"µ": "u", "μ": "u", "–": "-", "—": "-", "−": "-", "⁄": "/", "·": "*",
-                        "×": "x", "±": "+-", "°": "deg", "√": "sqrt ", "≤": "<=", "≥": ">=",
-                        "∞": "inf", "’": "'", "‘": "'", "“": '"', "”": '"'})
-
-
 def _streams() -> None:
     codecs.register_error("spelled", spelled)
     if isinstance(sys.stderr, io.TextIOWrapper):
@@ -125,7 +125,7 @@ def _streams() -> None:
                                       line_buffering=sys.stdout.line_buffering)
 
 
-def main() -> NoReturn:
+def run_command() -> NoReturn:
     """Run a command and end the process, whatever happens on the way."""
     signals = _Signals()
     status: Any = 1
@@ -163,4 +163,4 @@ def _leave(status: int) -> NoReturn:
 
 
 if __name__ == "__main__":
-    main()
+    run_command()

@@ -1,4 +1,4 @@
-"""A progress bar on standard error."""
+"""A progress bar, and words, on standard error."""
 
 from __future__ import annotations
 
@@ -68,6 +68,13 @@ def cases(total: int) -> Iterator[Callable[[int, int], None]]:
             progress.update(done - progress.n)
 
         yield ready
+
+
+def say(words: str) -> None:
+    """A line on standard error, above the bar where there is one."""
+    from tqdm import tqdm
+
+    tqdm.write(f"tympan: {words}", file=sys.stderr)
 
 
 def _lines(total: int) -> Callable[[int, int], None]:

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
 import ctypes
 import os
+import pickle
+import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Any
 
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import Failure, InputError
 from tympan.studies.parallel import Item, NoValue, Value, value_or_reason
+from tympan.studies.sweep.task import solver
 
-_PATIENCE = "10s"
+_PATIENCE = 10.0  # [s]: how long a scheduler may take to answer
+_LOADING = 20.0  # [s]: how long a worker may take to load tympan
+_GLANCE = 1.0  # [s]: how often it is looked whether there are workers
+
+#: What solves on a worker; a text, since what lacks tympan can do nothing with its functions.
+_SOLVER = "__import__('tympan.studies.sweep.task', fromlist=['solver']).solver()"
 
 #: glibc's numbers of its thresholds for trimming and for mapping, from malloc.h, with its own
 #: limits for both [bytes].
@@ -18,35 +29,143 @@ _TRIM, _MAP = (-1, 64 << 20), (-3, 32 << 20)
 _TRIM_SET, _MAP_DEFAULT = "MALLOC_TRIM_THRESHOLD_", 128 << 10
 
 
-def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str
+def cluster(function: Callable[[Item], Value], items: Mapping[str, Item], address: str,
+            wait: float = 60.0, say: Callable[[str], None] = lambda words: None
             ) -> Iterator[tuple[str, Value | NoValue]]:
     """Values by key as they come back from a scheduler, such as at ``tcp://10.0.0.5:8786``.
 
-    Dask tries an item again when its worker dies; one over which several died is given up, as Dask
-    is set up to.
+    Where there is no worker it waits for one, ``wait`` seconds, and says so once. Dask tries an
+    item again when its worker dies; one over which several died is given up, as Dask is set up to.
+
+    Raises
+    ------
+    InputError
+        When no scheduler answers at the address.
+    Failure
+        When there is no worker any more, or one has no tympan, or another; it is named.
     """
     try:
-        from distributed import Client, as_completed
+        from distributed import Client
     except ImportError:
         raise InputError("wants Dask: pip install 'tympan[cluster]'", key="--scheduler",
                          given=address) from None
+    _reach(address)
+    client = Client(address, timeout=_PATIENCE, set_as_default=False)
+    workers = _Workers(client, address, wait, say)
+    ready: SimpleQueue[Any] = SimpleQueue()
     try:
-        client = Client(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler answers there within {_PATIENCE}: "
-                         f"{str(error) or type(error).__name__}", key="--scheduler",
-                         given=address) from None
-    try:
-        futures = client.map(partial(_hoarded, function), list(items.values()),
-                             key=[f"tympan-{key}" for key in items], pure=False)
-        keys = dict(zip((future.key for future in futures), items, strict=True))
-        done = as_completed(futures, loop=client.loop)
+        while not workers.present():
+            time.sleep(_GLANCE)
+        workers.check()
+        # In a worker without tympan it is the call that fails, not the connection it came by.
+        calls = [pickle.dumps(_Call(function, item)) for item in items.values()]
+        futures = client.map(pickle.loads, calls, key=[f"tympan-{key}" for key in items],
+                             pure=False)
+        waiting = dict(zip((future.key for future in futures), items, strict=True))
+        for future in futures:
+            future.add_done_callback(ready.put)
         futures.clear()
-        for future in done:
-            yield keys[future.key], value_or_reason(future)
+        while waiting:
+            try:
+                future = ready.get(timeout=_GLANCE)
+            except Empty:
+                workers.present()
+                continue
+            if future.cancelled():
+                raise workers.scheduler_lost()
+            if future.status == "error":
+                workers.check()
+            yield waiting.pop(future.key), value_or_reason(future)
             future.release()
     finally:
         client.close(timeout=2)
+
+
+def _reach(address: str) -> None:
+    """Refuse what is no scheduler; Dask's client itself may try to connect without an end."""
+    from distributed import rpc
+    from distributed.security import Security
+
+    async def kind() -> str:
+        options = Security().get_connection_args("client")
+        async with rpc(address, connection_args=options) as there:
+            return str((await there.identity())["type"])
+
+    try:
+        answer = asyncio.run(asyncio.wait_for(kind(), _PATIENCE))
+    except Exception as error:  # whatever speaks another language there makes Dask raise
+        reason = f": {error}" if str(error) else ""
+        raise InputError(f"no Dask scheduler answers there within {_PATIENCE:g} s{reason}",
+                         key="--scheduler", given=address) from None
+    if answer != "Scheduler":
+        raise InputError(f"must be a scheduler: a Dask {answer.lower()} answers there",
+                         key="--scheduler", given=address)
+
+
+@dataclass
+class _Workers:
+    """Those of a scheduler: whether there are any, and whether they can do the work."""
+
+    client: Any
+    address: str
+    wait: float
+    say: Callable[[str], None]
+    checked: set[str] = field(default_factory=set)
+    missed: float | None = None  # since when
+
+    def present(self) -> bool:
+        """Whether there is one; a Failure where there has been none for too long."""
+        if self._addresses():
+            self.missed = None
+            return True
+        if self.missed is None:
+            self.missed = time.monotonic()
+            self.say(f"no worker at {self.address}: waiting {self.wait:g} s for one, "
+                     f"`dask worker {self.address}`")
+        elif time.monotonic() - self.missed > self.wait:
+            raise Failure(f"no worker came to {self.address} within {self.wait:g} s")
+        return False
+
+    def check(self) -> None:
+        """Refuse those that solve otherwise than this process, or not at all, of the new ones."""
+        new = self._addresses() - self.checked
+        if not new:
+            return
+        self.checked |= new
+        try:
+            answers = self.client.run(eval, _SOLVER, workers=list(new), on_error="return",
+                                      callback_timeout=_LOADING)
+        except TimeoutError:
+            raise Failure(f"of these workers not all answer within {_LOADING:g} s: "
+                          f"{', '.join(sorted(new))}") from None
+        for worker, answer in answers.items():
+            if isinstance(answer, str) and answer != solver():
+                raise Failure(f"the worker at {worker} has another version: {answer}, here "
+                              f"{solver()}")
+            if isinstance(answer, Exception) and not isinstance(answer, OSError):  # it has gone
+                raise Failure(f"the worker at {worker} cannot load tympan: "
+                              f"{type(answer).__name__}: {answer}")
+
+    def scheduler_lost(self) -> Failure:
+        """What to raise when it has gone."""
+        return Failure(f"the scheduler at {self.address} does not answer any more")
+
+    def _addresses(self) -> set[str]:
+        try:
+            return set(self.client.nthreads(callback_timeout=_LOADING))
+        except Exception:  # of any kind, by the moment in which it went
+            raise self.scheduler_lost() from None
+
+
+@dataclass(frozen=True)
+class _Call:
+    """A call that happens where it is unpickled, and is its value there."""
+
+    function: Callable[[Any], Any]
+    item: Any
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _hoarded, (self.function, self.item)
 
 
 def _hoarded(function: Callable[[Item], Value], item: Item) -> Value:

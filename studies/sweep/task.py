@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tympan.fem.rig import Rig
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import Failure, InputError
 from tympan.geometry.fields import write
 from tympan.geometry.specimen import Specimen
 from tympan.studies.case import Case, CaseResult, Settings, build_model, solve_grid
@@ -115,8 +115,7 @@ class SweepTask:
     def run(self) -> TaskResult:
         """Solve all cases; what cannot be built or meshed is a failed row each, not an error."""
         if self.solver != solver():
-            raise InputError(f"workers must have the same version: there {solver()}, here "
-                             f"{self.solver}", key="--scheduler")
+            raise Failure(f"a worker has another version: {solver()}, here {self.solver}")
         began = time.perf_counter()
         with _TURN:
             try:

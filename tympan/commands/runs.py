@@ -16,6 +16,7 @@ from tympan.options import (
     either,
     finish,
     output,
+    parse_quantity,
     print_record,
     read_settings,
     save_and_draw,
@@ -47,10 +48,12 @@ def study(options: argparse.Namespace) -> None:
          either(argument("--workers", type=int, metavar="N",
                          help="processes on this machine (default: its processors)"),
                 argument("--scheduler", metavar="ADDRESS",
-                         help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')), JSON, MESH)
+                         help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')),
+         argument("--wait", metavar="TIME", default="60 s",
+                  help="for a worker of the cluster where there is none"), JSON, MESH)
 def sweep(options: argparse.Namespace) -> None:
     """Solve grids, lists or samples of specimens; goes on where it was ended."""
-    from tympan.progress import cases
+    from tympan.progress import cases, say
     from tympan.reports.rebuild import draw_stored
     from tympan.reports.sweep.page import keep_page
     from tympan.studies.parallel import processes
@@ -61,9 +64,10 @@ def sweep(options: argparse.Namespace) -> None:
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     if not 1 <= workers <= 1024:
         raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
+    wait = parse_quantity(options.wait, "time", "--wait")
     planned = read_sweep(options.file, read_settings(options))
-    pool = (partial(cluster, address=options.scheduler) if options.scheduler
-            else partial(processes, workers=workers))
+    pool = (partial(processes, workers=workers) if options.scheduler is None
+            else partial(cluster, address=options.scheduler, wait=wait, say=say))
     done = 0
     try:
         with cases(planned.cases) as progress:

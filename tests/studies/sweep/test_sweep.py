@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from tests.support.sweeps import CHEAP, Lethal, finished, read, written
-from tympan.geometry.errors import InputError
+from tympan.geometry.errors import Failure, InputError
 from tympan.studies.alpha import alpha
 from tympan.studies.case import Case, solve
 from tympan.studies.limits import limits
@@ -252,7 +252,7 @@ def test_an_error_in_one_specimen_is_a_row_with_its_words(whole, tmp_path, monke
 def test_another_version_on_a_worker_is_refused(whole) -> None:
     sweep, _ = whole
     foreign = replace(sweep.entries[0].task, solver="tympan 9 revision 9")
-    with pytest.raises(InputError, match="same version"):
+    with pytest.raises(Failure, match="a worker has another version"):
         foreign.run()
 
 
