@@ -17,6 +17,10 @@ from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE, Rule, Table
 _GAIN: Rule = (lambda x: -1 < x < 10, "must be above -1 and below 10")
 _SAG: Rule = (lambda x: x >= 1, "must be at least 1 V; inf for none")
 
+#: Loads that such a film could bear; others are slips of a unit.
+MASSES: Rule = (lambda x: 0 <= x <= 100, "must be from 0 to 100 kg")
+VOLTAGES: Rule = (lambda x: 0 <= x <= 1e6, "must be from 0 to 1000 kV")
+
 #: Ways the voltage got to where it is, as datasets name them; none where it is not known.
 DIRECTIONS = {"up": 1.0, "down": -1.0, "": 0.0}
 
@@ -136,8 +140,8 @@ def _not_turned(before: Any, after: Any) -> Any:
 
 
 def checked_load(mass: float, voltage: float) -> None:
-    """Refuse negative loads and those no such film could bear: they are slips of a unit."""
-    if not 0 <= mass <= 100:
-        raise InputError("must be from 0 to 100 kg", key="--mass", given=f"{mass:g} kg")
-    if not 0 <= voltage <= 1e6:
-        raise InputError("must be from 0 to 1000 kV", key="--voltage", given=f"{voltage:g} V")
+    """Refuse what is not of :data:`MASSES` and :data:`VOLTAGES`."""
+    for option, load, unit, (holds, words) in (("--mass", mass, "kg", MASSES),
+                                               ("--voltage", voltage, "V", VOLTAGES)):
+        if not holds(load):
+            raise InputError(words, key=option, given=f"{load:g} {unit}")

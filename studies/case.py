@@ -29,7 +29,7 @@ from tympan.fem.results.fields import (
 )
 from tympan.fem.rig import DIRECTIONS, Rig, checked_load
 from tympan.geometry.errors import InputError
-from tympan.geometry.fields import Key, takes_units
+from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.mesh import ELEMENTS, from_meshio, unfold
 from tympan.geometry.mesher import MeshSettings, mesh_film
 from tympan.geometry.specimen import Material, Specimen
@@ -78,6 +78,7 @@ class Case:
 
     def __post_init__(self) -> None:
         checked_load(self.mass, self.voltage)
+        require(self)
         if self.direction not in DIRECTIONS.values():
             raise InputError("must be 1 (up), -1 (down) or 0 (not known)", key="direction",
                              given=self.direction)

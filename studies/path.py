@@ -142,6 +142,9 @@ def path(case: Case, settings: Settings, along: Along,
 
     The case's mass and voltage are where the path starts; InputError if there is no equilibrium.
     """
+    if along == "mass" and case.rig.guide == "fixed":
+        raise InputError("must let the plate move: it holds any mass", key="guide",
+                         given=case.rig.guide)
     began = time.perf_counter()
     model, start = equilibrate(case, settings)
     if start.status != "equilibrium":

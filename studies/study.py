@@ -18,12 +18,12 @@ from tympan.fem.film.library import load_specimen
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
 from tympan.fem.results.fields import Fields, edge_fields
-from tympan.fem.rig import Rig
+from tympan.fem.rig import MASSES, VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import read
 from tympan.geometry.read_file import file_text
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, Table
+from tympan.geometry.toml_reader import Table
 from tympan.studies.alpha import AlphaResult, AlphaSettings, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solved
 from tympan.studies.columns import Column, read_own_sheet, write_sheet
@@ -217,9 +217,9 @@ def read_study(file: Path) -> Study:
     study = Study(
         table.text("name", file.stem), specimens,
         tuple(map(file_text, paths)),
-        mass=(table.number("mass", "mass", rule=NON_NEGATIVE)
+        mass=(table.number("mass", "mass", rule=MASSES)
               if table.value("mass", None) is not None else None),
-        voltage=table.number("voltage", "voltage", "0 kV", NON_NEGATIVE),
+        voltage=table.number("voltage", "voltage", "0 kV", VOLTAGES),
         rig=Rig.from_table(table.table("rig", {})),
         curves=_loads(table, "curves"),
         alpha=AlphaSettings(_loads(table, "alpha_fit"), _loads(table, "alpha_held_out")),

@@ -13,8 +13,8 @@ from tympan.geometry.errors import Failure, InputError
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; exit status 0 done, 1 failed with a message, 2 the input is wrong."""
-    options = _parser().parse_args(arguments)
     try:
+        options = _parser().parse_args(arguments)
         options.run(options)
     except (InputError, Failure) as error:
         print("; ".join([f"tympan: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -47,12 +48,30 @@ def command(name: str, *arguments: Argument) -> Callable[[Callable[[argparse.Nam
     return lambda run: Command(name, run, arguments)
 
 
-def argument(*names: str, **settings: Any) -> Argument:
-    """An argument as of ``ArgumentParser.add_argument``; its help says its default."""
+def argument(*names: str, within: tuple[float, float] | None = None, **settings: Any) -> Argument:
+    """An argument as of ``ArgumentParser.add_argument``; its help says its default.
+
+    A number ``within`` its least and largest value, or an InputError that names the option.
+    """
+    if within is not None:
+        settings |= {"action": _Within, "limits": within}
     words = settings.get("help") or ""
     if settings.get("default") not in (None, "", []) and "%(" not in words:
         settings["help"] = f"{words} (default: %(default)s)".strip()
     return lambda parser: parser.add_argument(*names, **settings)
+
+
+class _Within(argparse.Action):
+    def __init__(self, *names: Any, limits: tuple[float, float], **settings: Any) -> None:
+        super().__init__(*names, **settings)
+        self.limits = limits
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
+                 value: Any, option: str | None = None) -> None:
+        low, high = self.limits
+        if not low <= value <= high:
+            raise InputError(f"must be from {low} to {high}", key=option, given=value)
+        setattr(namespace, self.dest, value)
 
 
 def either(*arguments: Argument) -> Argument:
@@ -74,9 +93,13 @@ JSON = argument("--json", action="store_true", help="print one JSON object")
 SPECIMEN = argument("specimen", type=Path, metavar="SPECIMEN.toml")
 RIG = argument("--rig", type=Path, metavar="RIG.toml",
                help="gravity, springs, pressure, amplifier, sensor and what else acts")
-MESH = argument("--refine", type=float, default=1.0, metavar="X",
+MESH = argument("--refine", type=float, default=1.0, metavar="X", within=(0.5, 20),
                 help="divide every element size by X")
-WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes")
+#: More processes than any machine has would end it.
+PROCESSES = (1, 1024)
+WORKERS = argument("--workers", type=int, default=2, metavar="N", help="processes",
+                   within=PROCESSES)
+SEEDS = (0, 2**63 - 1)
 
 
 def case_arguments(*, mass: str = "on the plate",
@@ -91,8 +114,6 @@ def read_settings(options: argparse.Namespace) -> Settings:
     from tympan.geometry.mesher import MeshSettings
     from tympan.studies.case import Settings
 
-    if not 0.5 <= options.refine <= 20:
-        raise InputError("must be from 0.5 to 20", key="--refine", given=options.refine)
     return Settings(mesh=MeshSettings().refined(options.refine))
 
 
@@ -144,9 +165,12 @@ def naming_options(options: argparse.Namespace) -> Iterator[None]:
 def parse_quantity(text: str, dimension: str, option: str) -> float:
     """A quantity given to an option [SI]."""
     try:
-        return quantity(text, dimension)
+        value = quantity(text, dimension)
     except InputError as error:
         raise error.located(key=option) from None
+    if not isfinite(value):
+        raise InputError("must be finite", key=option, given=text)
+    return value
 
 
 def parse_quantities(text: str, dimension: str, option: str) -> tuple[float, ...]:

@@ -9,11 +9,11 @@ from typing import Annotated
 import numpy as np
 
 from tympan.fem.equilibrium.ramp import held
-from tympan.fem.rig import Rig
+from tympan.fem.rig import VOLTAGES, Rig
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
-from tympan.geometry.toml_reader import NON_NEGATIVE, POSITIVE
+from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
 from tympan.studies.limits.voltages import limits
 
@@ -21,13 +21,15 @@ from tympan.studies.limits.voltages import limits
 #: first limit's voltage is applied.
 _SINKS, _APPLIED = 0.1, 0.6
 
+_BORNE: Rule = (lambda x: 0 < x <= 100, "must be above 0, at most 100 kg")
+
 
 @dataclass(frozen=True)
 class LoadGrid:
     """Masses and voltages, every combination."""
 
-    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", POSITIVE, "mass")]
-    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", NON_NEGATIVE,
+    masses: Annotated[tuple[float, ...], Key("nominal loads", "mass", _BORNE, "mass")]
+    voltages: Annotated[tuple[float, ...], Key("nominal voltages", "voltage", VOLTAGES,
                                                "voltage")] = ()
 
 

@@ -125,7 +125,8 @@ class CollocationSolver:
 
     Newton's method runs over all steps at once, begun from the last motion and its derivatives;
     where it does not converge, over half of them. Derivatives are the same linear equations with
-    other right sides. The mesh moves until its quintics are within ``precision`` [m].
+    other right sides. The mesh moves until its quintics are within ``precision`` [m]. What takes
+    more than so many evaluations of the rates is an InputError.
     """
 
     signal: Signal
@@ -133,6 +134,7 @@ class CollocationSolver:
     last: Motion | None = None
     constants: Array | None = None
     evaluations: int = 0
+    most: float = np.inf
 
     def solve(self, actuator: Actuator, start: Array, mesh: Array | None = None,
               constants: Array | None = None, by_constants: Slopes | None = None) -> Motion:
@@ -186,6 +188,10 @@ class CollocationSolver:
         before = np.inf
         for _ in range(_NEWTON):
             self.evaluations += stages.shape[0] * stages.shape[1]
+            if self.evaluations > self.most:
+                raise InputError("takes too many steps: make it shorter or with fewer bends",
+                                 key="signal", given=f"{len(self.signal.breaks)} bends in "
+                                                     f"{self.signal.end:g} s")
             nodes, new = _passed(mesh, stages, start[:, None], np.zeros((*stages.shape, 0)))
             change = float(np.abs(new[..., 0, 0] - stages[..., 0]).max())
             if not np.isfinite(new).all() or change > max(10 * before, mesh.actuator.reach):

@@ -36,6 +36,8 @@ _SETTLED = 0.05
 _SAMPLES = 400  # of a period
 _SHORTEST = 1e-9  # [s]: a film that cannot be followed for so long is gone
 _MOST = 2_000_000
+_WORK = 10_000_000  # evaluations of the rates: the better part of a minute
+_LIGHTEST = 1e-6  # [kg]
 #: A loop that drifts by less than this share of its range counts as closed.
 _CLOSED = 0.01
 _COLUMNS = (Column.labels("specimen"), Column("mass", "g"), Column.labels("run"),
@@ -92,14 +94,17 @@ def simulate(actuator: Actuator, signal: Signal, start: Array | None = None,
 
     By collocation over many steps at once. A motion that leaves the model's reach ends there:
     ``Response.drawn_in``. A signal beyond pull-in or the model's reach is refused: no rest holds
-    the film there.
+    the film there. So is a mass next to nothing, and what would take minutes.
     """
+    if actuator.moved < _LIGHTEST:
+        raise InputError("must move at least 1 mg: the model has no mass but this, not the film's",
+                         key=actuator.label)
     peak = abs(float(actuator.rig.film_voltage(signal.peak)))
     if peak > highest(actuator):
         raise InputError(f"the signal goes too high: {limit_words(actuator)}", key=actuator.label,
                          given=f"{peak / 1e3:.5g} kV")
     state = actuator.rest(rest(actuator, signal.first)) if start is None else start
-    solver = CollocationSolver(signal, precision)
+    solver = CollocationSolver(signal, precision, most=_WORK)
     mesh = first_mesh(actuator, state, signal)
     ends, motions = [0.0], list[Motion]()
     steps, drawn_in = _WINDOW, None
@@ -195,6 +200,14 @@ class SampledResponse:
     loop: pd.DataFrame | None = None
 
 
+def sample_count(end: float, interval: float) -> int:
+    """How many samples a response up to ``end`` gives with an interval [s], at most two million."""
+    if end / interval > _MOST:
+        raise InputError(f"would give more than {_MOST} samples", key="--interval",
+                         given=f"{interval:g} s")
+    return max(2, round(end / interval) + 1)
+
+
 def sample(response: Response, interval: float, period: float | None = None,
            step: bool = False, equal_weights: bool = False) -> SampledResponse:
     """A response with an interval [s], and what it tells.
@@ -202,12 +215,9 @@ def sample(response: Response, interval: float, period: float | None = None,
     ``period`` is its signal's [s] if it has one; ``step`` says that the signal is a step, after
     which an oscillation settles; ``equal_weights`` that nobody gave any.
     """
-    if response.end / interval > _MOST:
-        raise InputError(f"would give more than {_MOST} samples", key="--interval",
-                         given=f"{interval:g} s")
     actuator, drawn_in = response.actuator, response.drawn_in
     name, limit, warnings = actuator.specimen.name, pull_in(actuator), []
-    time = np.linspace(0.0, response.end, max(2, round(response.end / interval) + 1))
+    time = np.linspace(0.0, response.end, sample_count(response.end, interval))
     voltage, deflection = response.voltage(time), response.deflection(time)
     if equal_weights and actuator.count > 1:
         warnings.append("equal weights were taken: the paper's are lost; `tympan alpha` finds "

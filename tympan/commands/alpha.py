@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,
@@ -71,8 +70,6 @@ def alpha_map(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.alpha.map import MapSettings, alpha_map
 
-    if options.workers < 1:
-        raise InputError("must be at least 1", key="--workers", given=options.workers)
     settings = MapSettings()
     with bar(sum(map(len, settings.places().values()))) as progress:
         result = alpha_map(settings, options.workers, progress)

@@ -125,14 +125,12 @@ def path(options: argparse.Namespace) -> None:
          argument("--point-mass", default="0 g", metavar="MASS",
                   help="part of the mass that sits in the plate's centre; the rest is spread "
                        "evenly over the plate"),
-         argument("--count", type=int, default=6, metavar="N", help="how many"),
+         argument("--count", type=int, default=6, metavar="N", within=(1, 100), help="how many"),
          output("also store shapes (VTU), a picture (PNG, SVG) and the numbers"), JSON)
 def modes(options: argparse.Namespace) -> None:
     """Natural frequencies and shapes under one load and voltage."""
     from tympan.studies.modes import modes
 
-    if not 1 <= options.count <= 100:
-        raise InputError("must be from 1 to 100", key="--count", given=options.count)
     point_mass = parse_quantity(options.point_mass, "mass", "--point-mass")
     finish(options, modes(read_case(options), read_settings(options), options.count, point_mass))
 

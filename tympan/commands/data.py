@@ -7,7 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tympan.options import JSON, WORKERS, argument, command, either, finish, output, print_record
+from tympan.options import (
+    JSON,
+    SEEDS,
+    WORKERS,
+    argument,
+    command,
+    either,
+    finish,
+    output,
+    print_record,
+)
 from tympan.progress import shares
 
 if TYPE_CHECKING:
@@ -30,11 +40,11 @@ def data(options: argparse.Namespace) -> None:
          argument("dataset", type=Path, metavar="DATASET",
                   help="folder with dataset.toml and static.csv or range.csv"),
          output("folder for the report and the extended model"), WORKERS,
-         argument("--seed", type=int, default=0, help="of random draws"),
+         argument("--seed", type=int, default=0, within=SEEDS, help="of random draws"),
          argument("--plan", action="store_true",
                   help="say what such readings can tell; what is read may be missing from the "
                        "files"),
-         argument("--self-check", type=int, default=0, metavar="N",
+         argument("--self-check", type=int, default=0, metavar="N", within=(0, 100_000),
                   help="hide errors in N synthetic sets of such readings and count what is said"),
          JSON)
 def diagnose(options: argparse.Namespace) -> None:

@@ -11,6 +11,7 @@ from tympan.options import (
     JSON,
     MESH,
     RIG,
+    SEEDS,
     argument,
     command,
     finish,
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from tympan.studies.lumped.actuator import Viscous
     from tympan.studies.lumped.signals import Signal
 
-_MOST_VOLTAGES = 200
-
 
 @command("lumped build", argument("specimens", type=Path, nargs="+", metavar="SPECIMEN.toml"),
          argument("--mass", metavar="MASS,MASS",
@@ -39,7 +38,8 @@ _MOST_VOLTAGES = 200
          argument("--voltages", metavar="FROM..TO",
                   help="the lowest, the middle and the highest are fitted, the others tested "
                        "(default: up to 0.6 of the films' first limit)"),
-         argument("--count", type=int, default=11, metavar="N", help="of voltages"),
+         argument("--count", type=int, default=11, metavar="N", within=(2, 200),
+                  help="of voltages"),
          argument("--circles", type=int, default=2, metavar="N", help="how many"),
          argument("--radii", choices=("semi_axes", "sectors", "fit"), default="semi_axes",
                   help="of the circles, as for `tympan alpha`"),
@@ -75,8 +75,6 @@ def _voltages(options: argparse.Namespace) -> tuple[float, ...]:
         raise InputError("must be two voltages with two dots between them, such as 0 kV..5 kV",
                          key="--voltages", given=options.voltages)
     low, high = (parse_quantity(end, "voltage", "--voltages") for end in ends)
-    if not 2 <= options.count <= _MOST_VOLTAGES:
-        raise InputError(f"must be from 2 to {_MOST_VOLTAGES}", key="--count", given=options.count)
     if not 0 <= low < high:
         raise InputError("must ascend, from 0 kV on", key="--voltages", given=options.voltages)
     return tuple(low + (high - low) * number / (options.count - 1)
@@ -111,9 +109,9 @@ def _viscous(text: str | None) -> Viscous:
          argument("--high", default="3.5 kV", help="after the step; upper end"),
          argument("--duration", default="30 s",
                   help="of step and ramp; of each random level; period of a sine"),
-         argument("--count", type=int, metavar="N",
+         argument("--count", type=int, metavar="N", within=(1, 10_000),
                   help="random levels (default: 20); cycles of a sine (3)"),
-         argument("--seed", type=int, default=0, help="of the random levels"),
+         argument("--seed", type=int, default=0, within=SEEDS, help="of the random levels"),
          argument("--interval", default="1 ms", help="between samples written"),
          argument("--mass", default="17.9 g", help="on the plate"),
          argument("--alpha", metavar="A,B",
@@ -128,12 +126,19 @@ def lumped_simulate(options: argparse.Namespace) -> None:
     from tympan.progress import bar
     from tympan.studies.lumped.actuator import Actuator
     from tympan.studies.lumped.model_file import read_model
-    from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, sample, simulate
+    from tympan.studies.lumped.simulate import (
+        SampledResponse,
+        SimulationResult,
+        sample,
+        sample_count,
+        simulate,
+    )
     from tympan.studies.paper.table1 import eq8
 
     mass = parse_quantity(options.mass, "mass", "--mass")
     interval = _duration(options.interval, "--interval")
     signal, period = _signal(options)
+    sample_count(signal.end, interval)
     rig, weights = read_rig(options.rig), parse_numbers(options.alpha, "--alpha")
     models = [read_model(file) for file in options.model]
     for model in models:
@@ -166,8 +171,6 @@ def _signal(options: argparse.Namespace) -> tuple[Signal, float | None]:
     low = parse_quantity(options.low, "voltage", "--low")
     high = parse_quantity(options.high, "voltage", "--high")
     duration = _duration(options.duration, "--duration")
-    if options.count is not None and not 1 <= options.count <= 10_000:
-        raise InputError("must be from 1 to 10000", key="--count", given=options.count)
     if options.signal == "step":
         return signals.step(low, high, 0.0, duration), None
     if options.signal == "ramp":
@@ -255,9 +258,9 @@ def lumped_identify(options: argparse.Namespace) -> None:
 @command("lumped paper",
          output("paper.html, paper.json, figures (PNG, SVG), tables and curves (CSV)",
                 required=True),
-         argument("--levels", type=int, default=20, metavar="N",
+         argument("--levels", type=int, default=20, metavar="N", within=(2, 1000),
                   help="of figure 14, which the paper does not give"),
-         argument("--seed", type=int,
+         argument("--seed", type=int, within=SEEDS,
                   help="of these levels (default: the first one whose levels come within 100 V of "
                        "0 and of 7 kV)"),
          argument("--reading", choices=("rest", "levels"),

@@ -51,7 +51,7 @@ def material_fit(options: argparse.Namespace) -> None:
     from tympan.studies.material.result import fit_coupons
 
     noise = None if options.noise is None else parse_quantity(options.noise, "stress", "--noise")
-    if noise is not None and not 0 < noise < float("inf"):
-        raise InputError("must be positive", key="--noise", given=options.noise)
+    if noise is not None and not 1e-6 <= noise <= 1e9:
+        raise InputError("must be from 1e-6 Pa to 1 GPa", key="--noise", given=options.noise)
     names = None if not options.law or "all" in options.law else options.law
     finish(options, fit_coupons(options.coupons, names, noise))

@@ -7,10 +7,11 @@ import os
 from functools import partial
 from pathlib import Path
 
-from tympan.geometry.errors import Failure, InputError
+from tympan.geometry.errors import Failure
 from tympan.options import (
     JSON,
     MESH,
+    PROCESSES,
     argument,
     command,
     either,
@@ -45,7 +46,7 @@ def study(options: argparse.Namespace) -> None:
                   help="which specimens, masses and voltages"),
          output("tables as netCDF, Parquet and CSV; finished cases, which are not solved again",
                 required=True),
-         either(argument("--workers", type=int, metavar="N",
+         either(argument("--workers", type=int, metavar="N", within=PROCESSES,
                          help="processes on this machine (default: its processors)"),
                 argument("--scheduler", metavar="ADDRESS",
                          help='of a Dask cluster, such as "tcp://10.0.0.5:8786"')),
@@ -62,8 +63,6 @@ def sweep(options: argparse.Namespace) -> None:
     from tympan.studies.sweep.run import run_sweep
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
-    if not 1 <= workers <= 1024:
-        raise InputError("must be from 1 to 1024", key="--workers", given=options.workers)
     wait = parse_quantity(options.wait, "time", "--wait")
     planned = read_sweep(options.file, read_settings(options))
     pool = (partial(processes, workers=workers) if options.scheduler is None

@@ -1,0 +1,62 @@
+"""Options that nobody means: one message that names the option, or the file and its key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.specimens import ROUND, SOFT, specimen_toml
+from tympan.cli import main
+from tympan.studies.paper.actuators import FILES as ACTUATORS
+
+OVAL = str(next(iter(ACTUATORS.values())))
+SIMULATE = ["lumped", "simulate", OVAL]
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["solve", OVAL, "--mass", "1 g", "--elapsed", "inf s"], "--elapsed: given 'inf s': must be "),
+    (["solve", OVAL, "--mass", "inf g"], "--mass: given 'inf g': must be finite"),
+    (["solve", OVAL, "--mass", "1 g", "--refine", "nan"], "--refine: given nan: must be from 0.5 "),
+    (["path", OVAL, "--mass", "1 g", "--along", "mass", "--rig", "fixed.toml"],
+     "guide: given 'fixed': must let the plate move"),
+    (["diagnose", "nowhere", "-o", "x", "--seed", "-1"], "--seed: given -1: must be from 0 to "),
+    ([*SIMULATE, "--signal", "random", "--seed", "-1"], "--seed: given -1: must be from 0 to "),
+    (["lumped", "paper", "-o", "x", "--seed", "-1"], "--seed: given -1: must be from 0 to "),
+    (["map", "-o", "x", "--workers", "999999"], "--workers: given 999999: must be from 1 to 1024"),
+    (["diagnose", "nowhere", "--workers", "0"], "--workers: given 0: must be from 1 to 1024"),
+    (["sweep", "nowhere", "-o", "x", "--workers", "-1"], "--workers: given -1: must be from 1 to "),
+    (["material", "fit", "nowhere", "--noise", "1e-300 Pa"], "--noise: given '1e-300 Pa': must be"),
+    (["material", "fit", "nowhere", "--noise", "1e300 Pa"], "--noise: given"),
+    ([*SIMULATE, "--mass", "1e-12 g"], "1e-12 g: must move at least 1 mg"),
+    ([*SIMULATE, "--interval", "1e-300 s"], "--interval: given '1e-300 s': would give more than "),
+    (["study", "high.toml"], "high.toml: voltage: given '1e20 V': must be from 0 to 1000 kV"),
+])
+def test_what_nobody_means_is_one_message(arguments: list[str], words: str, tmp_path, monkeypatch,
+                                          capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("fixed.toml").write_text('guide = "fixed"\n')
+    Path("oval.toml").write_text(specimen_toml())
+    Path("high.toml").write_text('specimens = ["oval.toml"]\nvoltage = "1e20 V"\n')
+    assert main(arguments) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("tympan: ")
+    assert words in said
+    assert said.count("\n") == 1
+    assert {file.name for file in tmp_path.iterdir()} == {"fixed.toml", "oval.toml", "high.toml"}
+
+
+def test_a_signal_that_takes_too_long_is_one_message(tmp_path, monkeypatch, capsys) -> None:
+    """Before, where the samples are too many, or when so much has been computed."""
+    (tmp_path / "soft.toml").write_text(specimen_toml("soft", ROUND, SOFT, 2.2360679775))
+    volts = np.random.default_rng(1).uniform(0.0, 2.0, 3000)
+    for step in (1.0, 1e3):
+        rows = "".join(f"{step * row},{kV:.4f}\n" for row, kV in enumerate(volts))
+        (tmp_path / "rough.csv").write_text(f"t_s,voltage_kV\n{rows}")
+        monkeypatch.setattr("tympan.studies.lumped.simulate._WORK", 100_000)
+        assert main(["lumped", "simulate", str(tmp_path / "soft.toml"), "--signal",
+                     str(tmp_path / "rough.csv"), "--interval", "2 ms"]) == 2
+        said = capsys.readouterr().err
+        assert ("signal: given '3000 bends in 2999 s': takes too many steps" if step == 1
+                else "--interval: given '0.002 s': would give more than 2000000 samples") in said
