@@ -86,4 +86,9 @@ def test_cases_summarised_together_are_those_solved_alone_also_past_pull_in() ->
     solved = [(case, equilibrate(case, Settings())[1]) for case in cases]
     together = [result for result, _ in summaries(made, solved)]
     assert [result.status for result in together] == ["equilibrium"] * 2 + ["no_equilibrium"] * 2
-    assert together == [replace(solve(case, Settings()), wall_s=0.0) for case in cases]
+    for result, case in zip(together, cases, strict=True):
+        alone = vars(replace(solve(case, Settings()), wall_s=0.0))
+        numbers = {name: value for name, value in alone.items() if isinstance(value, float)}
+        # Sums of several states at once round differently.
+        assert {name: vars(result)[name] for name in numbers} == pytest.approx(numbers, rel=1e-12)
+        assert vars(result) | numbers == alone
