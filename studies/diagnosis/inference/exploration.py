@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
 from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import grown, refined, regridded
+from tympan.studies.diagnosis.reduced.growth import grown, joined, refined, regridded
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     SIZES,
     Cause,
     Hypothesis,
+    Prediction,
     Simulation,
     bounds_of,
     hypotheses_of,
@@ -42,15 +44,18 @@ _NEAR, _MOST, _ACTIVE, _ROUNDS = 6.0, 4, 0.2, 3
 #: By what factor more than its derivatives tell a second effect may help.
 _HELP = 1.5
 
-#: Effects alone that are tried far beyond their best fit where none explains the readings, and how
-#: often each is grown for that.
-_VENTURES, _STEPS = 3, 4
+#: Effects alone that are tried far beyond their best fit where none explains the readings, how
+#: often each is grown for that, and by how much χ² those may be behind that could rival one.
+_VENTURES, _STEPS, _RIVAL = 3, 4, 30.0
 
 #: Logarithm of how much less probable a hypothesis is beforehand for each of its effects.
 _COUNT = 3.0
 
 #: By what factor heaves and U² reach further at once.
 _FURTHER = 1.4
+
+#: The size at which effects are tried together, over the usual one.
+_FIRST = 1.3
 
 #: How often effects alone and in pairs may be grown; share of a limit at which a fit lies on it.
 _GROWTHS, _AT = (40, 12), 1e-3
@@ -84,7 +89,7 @@ class Exploration:
         # Before pairs, since a second effect may make up for what a force law is off.
         self._refine(_BEHIND)
         if not self._explained():
-            self._venture()
+            self._venture(self.ranked()[:_VENTURES])
             self._refine(_BEHIND)
         for pair in pairs:
             members = [self.fits[cause,] for cause in pair]
@@ -96,6 +101,13 @@ class Exploration:
         if not self._explained():
             self._grow([pair for pair in pairs if pair in self.fits], _GROWTHS[1])
             self._alone_again()
+            self._refine(_NEAR)
+        if not self._explained():
+            self._join(pairs)
+            self._grow([pair for pair in pairs if pair in self.fits], _GROWTHS[1])
+            self._refine(_NEAR)
+        if self._explained():
+            self._venture(self._contenders())
             self._refine(_NEAR)
 
     def ranked(self) -> list[Fit]:
@@ -141,6 +153,30 @@ class Exploration:
                 for start in starts]
         self.fits[hypothesis] = best_of(fits)
 
+    def _join(self, pairs: Sequence[Hypothesis]) -> None:
+        """Fit pairs of which each effect hides or turns what the other does."""
+        usual = [_usual(self.nominal, pair) for pair in pairs]
+        self.simulation = joined(self.simulation, pairs, usual, self.workers)
+        taken, promises = taken_by(self.nominal.jacobian), []
+        for pair, corner in zip(pairs, usual, strict=True):
+            bounds = bounds_of(self.simulation, pair)
+            corners = [np.clip(corner * np.r_[1, 1, signs], *bounds)
+                       for signs in product((1, -1), repeat=len(corner) - SIZES.start)]
+            shown = np.array([self._shown(pair, unknowns) for unknowns in corners])
+            shown -= self._shown((), self.nominal.unknowns)
+            more = beside(taken, shown.T)
+            left = self.nominal.cost - 0.5 * float(np.sum((more.T @ self.nominal.residual) ** 2))
+            promises.append((left, pair, corners))
+        for left, pair, corners in sorted(promises, key=lambda promise: promise[0]):
+            if left < self._least + _BEHIND:
+                before = self.fits.get(pair)
+                self._fit(pair, [*corners, *([before.unknowns] if before else [])])
+
+    def _shown(self, hypothesis: Hypothesis, unknowns: Array) -> Array:
+        """What readings show, over their noise."""
+        return Prediction(self.simulation, hypothesis, unknowns,
+                          self.table).extended / self.table.sigma
+
     def _reach(self) -> None:
         """Force laws of further heaves and voltages, where an effect alone may ask for them."""
         short = [fit.hypothesis for fit in self.fits.values()
@@ -153,9 +189,16 @@ class Exploration:
     def _explained(self) -> bool:
         return any(map(self.adequate, self.ranked()[:_MOST]))
 
-    def _venture(self) -> None:
-        """Look for another minimum of the best effects alone, far beyond the one found."""
-        for before in self.ranked()[:_VENTURES]:
+    def _contenders(self) -> list[Fit]:
+        """Other effects alone that may come as near the readings as the most probable fit."""
+        best = self.ranked()[0]
+        return [fit for fit in self.ranked()
+                if len(fit.hypothesis) == 1 and fit.hypothesis[0] not in best.hypothesis
+                and fit.chi_squared < best.chi_squared + _RIVAL]
+
+    def _venture(self, fits: Sequence[Fit]) -> None:
+        """Look for other minima of effects alone, far beyond those found, and make these exact."""
+        for before in fits:
             for number in range(SIZES.start, len(before.unknowns)):
                 side = 1 if before.unknowns[number] > 0 else -1
                 cause, index = _parameter(before.hypothesis, number)
@@ -168,6 +211,7 @@ class Exploration:
                     further = self.fits[before.hypothesis].unknowns.copy()
                     further[number] = _SHARE * bounds[0 if side < 0 else 1, number]
                     self._fit(before.hypothesis, [self.fits[before.hypothesis].unknowns, further])
+            self._solve_at(before.hypothesis)
 
     def _alone_again(self) -> None:
         """The members of the best pairs alone, from where the pair has them."""
@@ -239,6 +283,12 @@ class Exploration:
     def _log(self, fit: Fit) -> float:
         """Logarithm of evidence and prior, but for how many there are of the hypothesis' kind."""
         return fit.evidence - _COUNT * len(fit.hypothesis)
+
+
+def _usual(nominal: Fit, hypothesis: Hypothesis) -> Array:
+    """Unknowns with effects of about their usual sizes."""
+    sizes = [_FIRST * parameter.deviation for parameter in parameters_of(hypothesis)]
+    return np.concatenate([nominal.unknowns, sizes])
 
 
 def reached_further(simulation: Simulation, workers: int) -> Simulation:

@@ -58,8 +58,10 @@ ALARM, ADEQUATE, HARDLY, SURE, DOUBTED, DISCREPANCY = 0.03, 0.01, 1e-3, 0.9, 1 /
 #: Factors on the usual sizes for each of which a cause must stand out to be named.
 SCALES = (1 / 3, 1.0, 3.0, 10.0)
 
-#: χ² by which a rival must miss the readings more than what is named, whatever its size may be.
-EXCLUDED = 6.0
+#: χ² by which a rival must miss the readings more than what is named, whatever its size may be: a
+#: cause that is expected to be ahead by t is behind by this with z = (EXCLUDED + t) / (2 √t) or
+#: more, 3 at least.
+EXCLUDED = 9.0
 
 #: How much more two causes must explain than a smooth misfit of no cause, to be named: logarithm of
 #: the odds.

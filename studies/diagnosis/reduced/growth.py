@@ -292,6 +292,26 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
     return _with_answers(simulation, solve_chains(chains, workers))
 
 
+def joined(simulation: Simulation, hypotheses: Sequence[Hypothesis],
+           unknowns: Sequence[Array], workers: int = 1) -> Simulation:
+    """With a film of every two parameters at once, where none tells what they add to each other.
+
+    At the sizes of the hypotheses' unknowns. The same object where there are, or can be, none.
+    """
+    chains = []
+    for law_number, law in enumerate(simulation.laws):
+        base = _chain_of(simulation, law_number)
+        groups = {tuple(number for number, _ in sample) for sample in law.samples}
+        for hypothesis, values in zip(hypotheses, unknowns, strict=True):
+            sizes = sizes_on(simulation, law_number, hypothesis, values)
+            for group in combinations(np.flatnonzero(sizes).tolist(), 2):
+                if group not in groups:
+                    groups.add(group)
+                    sample = tuple((number, float(sizes[number])) for number in group)
+                    chains.append(replace(base, samples=(sample,)))
+    return _with_answers(simulation, solve_chains(chains, workers))
+
+
 def _single(base: Chain, law: ForceLaw, number: int, size: float) -> list[Chain]:
     """A place at a size; where there is one near, that, if not all nodes were solved there."""
     axis, sense = law.axes[number], 1 if size > 0 else -1

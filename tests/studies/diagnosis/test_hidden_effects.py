@@ -157,6 +157,33 @@ def test_two_effects_are_both_named(lab: Lab) -> None:
     assert set(judge(simulation, table, design.causes).named) == set(hypothesis)
 
 
+def test_two_effects_that_hide_each_other_are_found(lab: Lab) -> None:
+    """Each alone changes the readings little from where the other is: their sum foretells neither.
+
+    A film that stiffens by 3 usual sizes and slipped by 1 in the large ellipse (study: large pair).
+    """
+    design, simulation = lab.paper
+    hypothesis = (Cause("strain_stiffening"), Cause("prestretch_loss", "elliptical-large"))
+    values = readings(design, Truth(1.218, 0.943, hypothesis, (0.629, 0.0202)))
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    found = judge(simulation, table, design.causes)
+    assert found.verdict in ("named", "ambiguous")
+    assert set(found.suspects) >= set(hypothesis)
+    assert found.posterior is not None
+    assert found.posterior.fits[0].hypothesis == hypothesis
+
+
+def test_a_rival_beyond_what_is_sampled_first_is_looked_for(lab: Lab) -> None:
+    """Stiffening of 5.4 usual sizes, which a stiff electrode mimics within 1 in χ²."""
+    design, simulation = lab.paper
+    cause = Cause("strain_stiffening")
+    values = readings(design, Truth(1.0, 1.0, (cause,), (1.09,), "another law"))
+    table = measured(design, values, np.random.default_rng(SEED), 0)
+    found = judge(*fitted_to(simulation, table), design.causes)
+    assert found.named in ((), (cause,))
+    assert cause in found.suspects
+
+
 #: Effects larger than usual, which a bench makes first of all, and by which means their readings
 #: are made. Sizes as an effect's parameter has them.
 LARGE: tuple[tuple[str, float, Means], ...] = (
