@@ -123,6 +123,8 @@ class FilmDensity:
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches, wrinkles included, and in how many directions it is tense."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        if not self.wrinkles:
+            return *seen, np.array(2)
         natural = self.material.natural(*seen)
         tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, natural, strict=True)),
                     np.array(0))
