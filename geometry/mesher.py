@@ -152,7 +152,12 @@ def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Gro
     for name, members in faces.items():
         if members:
             write_step(members, folder / f"{name}.step")
-            surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
+            try:
+                surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
+            except Exception as error:  # gmsh raises nothing more specific
+                raise InputError("cannot be meshed: there is no room for temporary files in "
+                                 f"{folder.parent} (TMPDIR names another place): {error}",
+                                 key="frame, plate, electrode") from None
             names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]
     if len(surfaces) > 1:

@@ -62,11 +62,7 @@ class Outline(ABC):
     @cached_property
     def curve(self) -> Curve:
         """The pieces, centred on their bounding box."""
-        pieces = self.pieces()
-        if len(pieces) > MOST_PIECES:
-            raise InputError(f"has {len(pieces)} lines, arcs and splines: at most {MOST_PIECES} "
-                             "make an outline", given=self.shape)
-        return Curve(pieces)
+        return Curve(self.pieces())
 
     def level(self, x: Array, y: Array) -> Array:
         """Negative inside, positive outside; near the curve, about the distance [m]."""
@@ -89,7 +85,11 @@ class Boxed(Outline):
 
     @cached_property
     def curve(self) -> Curve:
-        return Curve(self.pieces()).centred()
+        pieces = self.pieces()
+        if len(pieces) > MOST_PIECES:
+            raise InputError(f"has {len(pieces)} lines, arcs and splines: at most {MOST_PIECES} "
+                             "make an outline", given=self.shape)
+        return Curve(pieces).centred()
 
     @property
     def semi_axes(self) -> tuple[float, float]:
