@@ -82,9 +82,9 @@ def remove(folder: Path, *names: str) -> None:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
 
 
-def write_text(file: Path, text: str) -> None:
+def write_text(file: Path, text: str, hashed: bool = False) -> None:
     """Write a text file atomically."""
-    write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"))
+    write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"), hashed)
 
 
 def write_json(file: Path, value: Any) -> None:

@@ -20,6 +20,7 @@ from tympan.studies.files import (
     remove,
     write_atomically,
     write_json,
+    write_text,
 )
 from tympan.studies.parallel import NoValue
 from tympan.studies.sweep.plan import Sweep
@@ -123,8 +124,7 @@ class Checkpoint:
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
                            "fields": sorted(result.fields), "rows": result.rows,
                            "answers": result.answers}, ensure_ascii=False)
-        write_atomically(self._file(task), methodcaller(
-            "write_bytes", f"{_digest(body)}\n{body}\n".encode()), hashed=True)
+        write_text(self._file(task), f"{_digest(body)}\n{body}\n", hashed=True)
 
     def get(self, task: SweepTask) -> TaskResult | None:
         """What was kept of a finished task; None if it is missing, damaged or lacks fields."""

@@ -266,11 +266,11 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path,
     with monkeypatch.context() as patch:
         original, written_files = shelf.write_text, []
 
-        def full(file: Path, text: str) -> None:
+        def full(file: Path, text: str, hashed: bool) -> None:
             written_files.append(file)
             if len(written_files) > 3:
                 text = shelf.write_atomically(file, _no_space)
-            original(file, text)
+            original(file, text, hashed)
 
         patch.setattr(shelf, "write_text", full)
         with pytest.raises(InputError, match="cannot be written: No space left on device"):
