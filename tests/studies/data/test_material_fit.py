@@ -343,7 +343,7 @@ def test_unreadable_files_and_options(tmp_path, capsys) -> None:
             ([good, "--law", "rubber"], "--law: given 'rubber': must be all or one of neo_hooke"),
             ([good, "--law", "yeoh"], "needs at least 6 readings, there are 4"),
             ([good, "--noise", "2 mm"], "--noise"),
-            ([good, "--noise", "0 kPa"], "must be positive")):
+            ([good, "--noise", "0 kPa"], "must be from 1e-6 Pa to 1 GPa")):
         assert main(["material", "fit", *map(str, arguments)]) == 2
         assert message in capsys.readouterr().err
 
