@@ -28,7 +28,8 @@ build_meta.build_wheel("straight")
 archive = build_meta.build_sdist("source")
 with tarfile.open(f"source/{archive}") as source:
     assert not any(member.issym() or member.islnk() for member in source)
-    source.extractall("source", filter="data")
+    safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+    source.extractall("source", **safe)
 wheels = os.path.abspath("by_source")
 os.chdir("source/" + archive.removesuffix(".tar.gz"))
 build_meta.build_wheel(wheels)

@@ -201,7 +201,7 @@ class Discretisation:
         padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
         local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
         product = np.matmul(elements[touching], local)
-        corner = local.reshape(-1, freedoms).T @ product.reshape(-1, freedoms)
+        corner = np.tensordot(local, product, axes=((0, 1), (0, 1)))
         border = self.scatter(product.reshape(*rows.shape, 3 * freedoms),
                               self.connectivity[touching])
         return border.reshape(*self.reference.shape, freedoms)[self.free], corner
@@ -232,9 +232,9 @@ class Discretisation:
         plane the component across it vanishes.
         """
         result = np.empty_like(given)
-        for axis, (factors, held) in enumerate(self._laplacians):
-            edges = np.where(held, given[:, axis], 0.0)
-            result[:, axis] = factors.solve(np.where(held, edges, -(self._laplacian @ edges)))
+        for axis, (factors, fixed) in enumerate(self._laplacians):
+            edges = np.where(fixed, given[:, axis], 0.0)
+            result[:, axis] = factors.solve(np.where(fixed, edges, -(self._laplacian @ edges)))
         return result
 
     @cached_property
@@ -258,14 +258,14 @@ class Discretisation:
         for axis, across in ("x", "axis_y"), ("y", "axis_x"):
             if result and not self.planes:
                 return [*result, result[0]]
-            held = np.zeros(len(self.reference), dtype=bool)
-            held[np.concatenate(edges)] = True
+            fixed = np.zeros(len(self.reference), dtype=bool)
+            fixed[np.concatenate(edges)] = True
             if axis in self.planes:
-                held[self.boundary_nodes(across)] = True
-            either = held[matrix.indices] | held[column]
+                fixed[self.boundary_nodes(across)] = True
+            either = fixed[matrix.indices] | fixed[column]
             entries = np.where(either, matrix.indices == column, matrix.data)
             kept = csc_matrix((entries, matrix.indices, matrix.indptr), matrix.shape)
-            result.append((SuperLU().factorise(kept), held))
+            result.append((SuperLU().factorise(kept), fixed))
         return result
 
     def nodal_matrix(self, elements: Array) -> Any:

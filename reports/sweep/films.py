@@ -12,7 +12,7 @@ from tympan.reports import look as style
 from tympan.reports.scales import bar_length, round_scale
 from tympan.reports.scene import View, film_picture
 from tympan.reports.study.figure4 import stress_label
-from tympan.reports.sweep.view import Column
+from tympan.reports.sweep.view import Measure
 from tympan.reports.template import digits
 from tympan.studies.files import remove
 from tympan.studies.film_surface import FilmSurface
@@ -51,7 +51,7 @@ def _films(result: SweepResult, folder: Path) -> list[Film]:
     """Of all specimens with an equilibrium under the first mass and voltage."""
     first = result.table.isel({load: 0 for load in ("mass", "voltage") if load in
                                result.table.dims})
-    grid = [Column.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
+    grid = [Measure.of(first[axis]) for axis in first["status"].dims if axis != "specimen"]
     cases = first[["id", "status", "deflection_m"]].to_dataframe(
         dim_order=list(first["status"].dims)).reset_index()
     return [(row["specimen"], ", ".join(key.text(row[key.name]) for key in grid),
@@ -75,8 +75,8 @@ def _sheet(films: list[Film], view: View, paper: float) -> Figure:
         for column, number in enumerate(range(row * _COLUMNS,
                                               min((row + 1) * _COLUMNS, len(films)))):
             name, differs, deflection, _ = films[number]
-            left, right, bottom, upper = pictures[number][1]
-            width = (right - left) * paper
+            low_x, high_x, bottom, upper = pictures[number][1]
+            width = (high_x - low_x) * paper
             axes = style.place_axes(figure, _MARGIN + column * (room + _GAP) + (room - width) / 2,
                                     top + _CAPTION, width, (upper - bottom) * paper)
             style.show_picture(axes, pictures[number], (differs or name, 3.0, "bold", 5.5),

@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 
 from tympan.reports.look import COLOURS
 from tympan.reports.scales import round_scale
-from tympan.reports.sweep.view import Column, SweepView
+from tympan.reports.sweep.view import Measure, SweepView
 from tympan.reports.template import digits
 
 #: Most values of a key that get a row or column each.
@@ -57,17 +57,17 @@ class Map:
     @property
     def margins(self) -> tuple[float, float]:
         """Room for what is written on the left and on the right [px]."""
-        left, right = (_LETTER * max(len(text) for _, text in ticks) for ticks in (self.up,
+        first, second = (_LETTER * max(len(text) for _, text in ticks) for ticks in (self.up,
                                                                                    self.bar))
-        return 12 + left, 26 + right
+        return 12 + first, 26 + second
 
 
 @dataclass(frozen=True)
 class Maps:
     """All maps over a pair of keys."""
 
-    across: Column
-    up: Column
+    across: Measure
+    up: Measure
     maps: list[Map]
 
 
@@ -83,7 +83,7 @@ def colours() -> list[str]:
     return [to_hex(colormaps[COLOURS](share)) for share in np.linspace(0, 1, 12)]
 
 
-def _maps(view: SweepView, across: Column, up: Column) -> Iterator[Map]:
+def _maps(view: SweepView, across: Measure, up: Measure) -> Iterator[Map]:
     pair = [across.name, up.name]
     rows = view.at_first(*({"mass", "voltage"} - set(pair)))
     for column in view.columns:
@@ -95,12 +95,12 @@ def _maps(view: SweepView, across: Column, up: Column) -> Iterator[Map]:
         means = grouped.agg(value=(column.name, "mean"), count=(column.name, "count"),
                             name=("label", "first")).reset_index()
         if means["value"].notna().any():
-            where = ", ".join(Column.of(view.table[load]).text(float(view.table[load][0]))
+            where = ", ".join(Measure.of(view.table[load]).text(float(view.table[load][0]))
                               for load in fixed)
             yield _map(column, across, up, where, means)
 
 
-def _map(column: Column, across: Column, up: Column, where: str, means: pd.DataFrame) -> Map:
+def _map(column: Measure, across: Measure, up: Measure, where: str, means: pd.DataFrame) -> Map:
     values = means["value"].to_numpy(float) / column.size
     finite = values[np.isfinite(values)]
     scale = round_scale(finite.min(), finite.max())
@@ -121,7 +121,7 @@ def _map(column: Column, across: Column, up: Column, where: str, means: pd.DataF
                marks, bar, cells)
 
 
-def _placed(key: Column, values: pd.Series[Any], length: float
+def _placed(key: Measure, values: pd.Series[Any], length: float
             ) -> tuple[np.ndarray, Ticks, float]:
     """Places of values along an axis of a length, its ticks, and the size of a cell or 0 [px]."""
     distinct, numbers = pd.unique(values), pd.api.types.is_numeric_dtype(values)

@@ -16,7 +16,7 @@ from tympan.studies.sweep.table import LOADS
 
 
 @dataclass(frozen=True)
-class Column:
+class Measure:
     """A column of the table: its name there, its label, and its unit with SI units in one of it."""
 
     name: str
@@ -25,7 +25,7 @@ class Column:
     size: float
 
     @classmethod
-    def of(cls, array: xr.DataArray) -> Column:
+    def of(cls, array: xr.DataArray) -> Measure:
         """A coordinate, or a result, whose name ends with its unit."""
         name, si = str(array.name), array.attrs.get("units")
         for key, dimension in DIMENSIONS.items():
@@ -67,12 +67,12 @@ class SweepView:
         return ", ".join(dict.fromkeys(map(str, self.table["base"].values.tolist())))
 
     @cached_property
-    def keys(self) -> tuple[Column, ...]:
+    def keys(self) -> tuple[Measure, ...]:
         """What differs between cases."""
         table, axes = self.table, self.table["status"].dims
         names = [name for name, values in table.coords.items() if len(values.dims) == 1
                  and name != "specimen" and (values.dims == ("specimen",) or name in axes)]
-        return tuple(Column.of(table[name]) for name in names
+        return tuple(Measure.of(table[name]) for name in names
                      if len(pd.unique(table[name].values)) > 1)
 
     @cached_property
@@ -81,11 +81,11 @@ class SweepView:
         return tuple(load for load in LOADS if load in self.table.dims)
 
     @cached_property
-    def columns(self) -> tuple[Column, ...]:
+    def columns(self) -> tuple[Measure, ...]:
         """What was found that is worth a map."""
         names = ["deflection_m", "stroke_m", *(
             name for quantity in QUANTITIES.values() for name in quantity.shown)]
-        return tuple(Column.of(self.table[name]) for name in names
+        return tuple(Measure.of(self.table[name]) for name in names
                      if name in self.table and bool(np.isfinite(self.table[name]).any()))
 
     @cached_property
@@ -93,7 +93,7 @@ class SweepView:
         """A row per case, as in the table; ``label`` is what its specimen is called."""
         axes = [str(axis) for axis in self.table["status"].dims]
         rows = self.table.to_dataframe(dim_order=axes).reset_index()
-        grid = [Column.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
+        grid = [Measure.of(self.table[axis]) for axis in axes if axis not in ("specimen", *LOADS)]
         values = zip(*(rows[key.name].map(key.text) for key in grid), strict=True)
         return rows.assign(label=[f"{name} ({', '.join(those)})" for name, those in zip(
             rows["specimen"], values, strict=True)] if grid else rows["specimen"])

@@ -114,7 +114,7 @@ def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Li
 
 
 def _nominal(case: Case, stop: Stop) -> float:
-    return case.rig.nominal_voltage(stop.station.voltage_V, case.direction)
+    return max(case.rig.nominal_voltage(stop.station.voltage_V, case.direction), 0.0)
 
 
 def _limits(case: Case, passed: list[Stop]) -> Limits:

@@ -29,6 +29,7 @@ COARSE = Settings()
 AXES = (Variable("frame.semi_axes.0", 40e-3, 80e-3), Variable("frame.semi_axes.1", 30e-3, 80e-3))
 PROBLEM = """
 specimen = "elliptical-large"
+mass = "17.9 g"
 voltage = "6.5 kV"
 [vary]
 "frame.semi_axes.0" = ["40 mm", "11 cm"]
@@ -277,7 +278,6 @@ def test_length_and_area_of_an_ellipse() -> None:
     ("breakdown_margin = 2.23", "pull_in_margin = 0.5", "limits.pull_in_margin.*from 1 to 10"),
     ("breakdown_margin = 2.23", "pull_in = 1.22", "unknown limit: known are"),
     ('"plate.radius" = "18 mm"', '"plate.radius" = "30 mm"', "start.0.plate.radius.*bounds"),
-    ('voltage = "6.5 kV"', "", "voltage: is missing"),
     ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhold = "volume"', "hold.*area, perimeter"),
     ('specimen = "elliptical-large"', 'specimen = "round"',
      "specimen.*one of circular, elliptical-small"),

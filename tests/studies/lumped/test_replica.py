@@ -249,7 +249,7 @@ def test_paper_command(tmp_path: Path, capsys: pytest.CaptureFixture[str],
 
 @pytest.mark.parametrize(("options", "words"), [
     (["--levels", "1"], "--levels: given 1: must be from 2"),
-    (["--seed", "-1"], "must not be negative"),
+    (["--seed", "-1"], "must be from 0 to"),
     (["--period", "1 kV"], "--period"), (["--period", "1 ms"], "10 ms"),
 ])
 def test_bad_options_are_one_message(options: list[str], words: str, tmp_path: Path,
