@@ -77,7 +77,7 @@ def extras(repeat: int) -> list[Row]:
 
 def _structured(repeat: int) -> Iterator[Row]:
     sizes = {2: ((4, 14), (6, 20), (16, 48)), 3: ((3, 12), (4, 16), (6, 24)),
-             4: ((1, 4), (2, 6), (2, 8), (2, 12), (3, 16))}
+             4: ((1, 4), (2, 5), (2, 6), (2, 8), (2, 12), (3, 16))}
     for order, meshes in sizes.items():
         peer = _peer(f"P{order} curved triangles, log-polar")
         yield from measure(peer, len(meshes), repeat,

@@ -268,7 +268,7 @@ def _read(field: Field, table: Table, special: Special | None) -> Any:
     if item is bool:
         return table.truth(key)
     if get_origin(item) is tuple:
-        return table.places(key, says.least, field.count)
+        return table.places(key, says.least, field.count, says.rule)
     rule = WHOLE if item is int and says.rule is FINITE else says.rule
     numbers = (table.numbers(key, says.dimension, rule=rule, count=field.count) if field.several
                else (table.number(key, says.dimension, rule=rule),))

@@ -29,6 +29,9 @@ Groups = dict[str, list[tuple[int, int]]]
 #: Points along a curve at which elements are given a size by its curvature.
 _SIZES = 65
 
+#: So many times smaller may an edge's elements be than those around it, lest these fold.
+_STEEP = 6
+
 _CELLS = {1: ("line", "triangle"), 2: ("line3", "triangle6"), 3: ("line4", "triangle10"),
           4: ("line5", "triangle15")}
 
@@ -149,7 +152,12 @@ def _surface_groups(gmsh: Any, faces: dict[str, list[Any]], folder: Path) -> Gro
     for name, members in faces.items():
         if members:
             write_step(members, folder / f"{name}.step")
-            surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
+            try:
+                surfaces += gmsh.model.occ.importShapes(str(folder / f"{name}.step"))
+            except Exception as error:  # gmsh raises nothing more specific
+                raise InputError("cannot be meshed: there is no room for temporary files in "
+                                 f"{folder.parent} (TMPDIR names another place): {error}",
+                                 key="frame, plate, electrode") from None
             names += [name] * (len(surfaces) - len(names))
     pieces = [[surface] for surface in surfaces]
     if len(surfaces) > 1:
@@ -188,7 +196,7 @@ def _size_field(gmsh: Any, specimen: Specimen, settings: MeshSettings, groups: G
         widths = {"bare": min(margins), "covered": specimen.gap - sum(margins)}
         fields += [_field(gmsh, "Constant", VIn=3 * width * METRE, SurfacesList=_tags(groups[name]))
                    for name, width in widths.items()]
-    fields += _fillet_fields(gmsh, settings, plain, groups)
+    fields += _fillet_fields(gmsh, specimen, settings, plain, groups)
     fields.append(_curvature_field(gmsh, settings.around_plate))
     gmsh.model.mesh.field.setAsBackgroundMesh(_field(gmsh, "Min", FieldsList=fields))
 
@@ -237,13 +245,15 @@ def _curvature(gmsh: Any, curve: tuple[int, int], count: int) -> np.ndarray:
     return np.asarray(np.abs(gmsh.model.getCurvature(*curve, _parameters(gmsh, curve, count))))
 
 
-def _fillet_fields(gmsh: Any, settings: MeshSettings, plain: float, groups: Groups) -> list[int]:
-    """Fields by which elements grow from edges whose own are less than half of ``plain``."""
+def _fillet_fields(gmsh: Any, specimen: Specimen, settings: MeshSettings, plain: float,
+                   groups: Groups) -> list[int]:
+    """Fields by which elements grow from edges whose own are much smaller than those around."""
     sizes: dict[int, list[int]] = {}
     for curve in (*groups["plate"], *groups["frame"]):
         curvature = float(_curvature(gmsh, curve, 33).max())
         size = 2 * np.pi / (max(curvature, 1e-12) * settings.around_plate)
-        if size < plain / 2:
+        away = METRE * float(specimen.plate.level(*_along(gmsh, curve, 3).T / METRE).min())
+        if size < max(plain / 2, (plain + settings.growth * away) / _STEEP):
             # Edges of about the same curvature share a field.
             sizes.setdefault(int(np.floor(4 * np.log2(size))), []).append(curve[1])
     return [_field(gmsh, "MathEval", F=f"{2 ** ((level + 0.5) / 4)!r} + "

@@ -127,8 +127,8 @@ class Table:
         items = self._list(key, self.value(key, default), count, what)
         return tuple(self._number(key, item, dimension, rule) for item in items)
 
-    def places(self, key: str, least: int = 1,
-               count: int | None = None) -> tuple[tuple[float, float], ...]:
+    def places(self, key: str, least: int = 1, count: int | None = None,
+               rule: Rule = FINITE) -> tuple[tuple[float, float], ...]:
         """At least, or just, so many points, each a pair of lengths."""
         key = self.spelled(key, "length")
         items = self._list(key, self.value(key), count, "points, each a pair of lengths")
@@ -138,7 +138,8 @@ class Table:
         for number, item in enumerate(items):
             where = f"{key}.{number}"
             x, y = self._list(where, item, 2, "quantities (length)")
-            points.append((self._number(where, x, "length"), self._number(where, y, "length")))
+            points.append((self._number(where, x, "length", rule),
+                           self._number(where, y, "length", rule)))
         return tuple(points)
 
     def tables(self, key: str) -> tuple[Table, ...]:

@@ -381,13 +381,13 @@ def failure_reason(outcome: Outcome) -> str:
     """Why there is no result: the limit that was found, or the solver's advice."""
     if outcome.limit is None:
         return outcome.advice
-    limit, spread = outcome.limit, outcome.spread
-    if outcome.limited == "voltage":  # the limit and its spread are those of U²
-        load, spread = f"{np.sqrt(limit) / 1e3:.4g} kV across it", spread / 2
+    limit = outcome.limit
+    if outcome.limited == "voltage":
+        load = f"{np.sqrt(limit) / 1e3:.4g} kV across it"
     elif outcome.limited == "pressure":
         load = f"{limit:.4g} Pa of gas pressure"
     else:
         load = f"{limit:.4g} N on the plate"
-    unsure = (f" (to {spread:.1%}: it loses tension before, and ways to keep it from wrinkling "
-              "differ)")
-    return f"the film pulls in at {load}{unsure if spread else ''}"
+    if outcome.kind == "thinning":
+        return f"the film loses tension at {load} and, wrinkled, thins without bound"
+    return f"the film pulls in at {load}"

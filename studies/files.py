@@ -27,10 +27,15 @@ from tympan.geometry.read_file import file_text
 T = TypeVar("T")
 
 
-def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
+#: In each folder, the names of the files that were written there, one a line.
+MANIFEST = ".tympan"
+
+
+def write_atomically(file: Path, write: Callable[[Path], object], hashed: bool = False) -> None:
     """Let ``write`` fill a temporary file beside ``file`` and rename it.
 
-    A failure leaves the old file, or none.
+    A failure leaves the old file, or none. A file that nothing here wrote is never replaced;
+    that is not asked where the name is ``hashed``, which nobody else gives.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -42,6 +47,9 @@ def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
         raise InputError(f"cannot be written: {error.strerror}", file=file) from None
     temporary = Path(name)
     try:
+        if not hashed and not _is_own(file):
+            with (file.parent / MANIFEST).open("a", encoding="utf-8") as names:
+                names.write(f"{file.name}\n")
         write(temporary)
         temporary.chmod(0o644)
         temporary.replace(file)
@@ -51,18 +59,32 @@ def write_atomically(file: Path, write: Callable[[Path], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def _is_own(file: Path) -> bool:
+    """Whether it was written here; False where there is none.
+
+    An :class:`InputError` where it is somebody else's.
+    """
+    manifest = file.parent / MANIFEST
+    if manifest.exists() and file.name in manifest.read_text(encoding="utf-8").splitlines():
+        return True
+    if os.path.lexists(file):
+        raise InputError("is there already, and no earlier result: move it away, or choose "
+                         "another folder", file=file)
+    return False
+
+
 def remove(folder: Path, *names: str) -> None:
     """Remove files of an earlier run, so that none stands beside results it does not belong to."""
     try:
-        for name in names:
-            folder.joinpath(name).unlink(missing_ok=True)
+        for name in filter(_is_own, map(folder.joinpath, names)):
+            name.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", file=folder) from None
 
 
-def write_text(file: Path, text: str) -> None:
+def write_text(file: Path, text: str, hashed: bool = False) -> None:
     """Write a text file atomically."""
-    write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"))
+    write_atomically(file, lambda path: path.write_text(text, encoding="utf-8"), hashed)
 
 
 def write_json(file: Path, value: Any) -> None:

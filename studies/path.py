@@ -204,6 +204,11 @@ class Stop:
         return node_fields(self.model, self.point.state)
 
     @cached_property
+    def pressed(self) -> Fields:
+        """The same of a film that would not wrinkle."""
+        return node_fields(replace(self.model, wrinkles=False), self.point.state)
+
+    @cached_property
     def station(self) -> Station:
         """The equilibrium's numbers."""
         model, state, tangent = self.model, self.point.state, self.point.solution.tangent
@@ -214,7 +219,7 @@ class Stop:
             deflection_m=state.plate.deflection, force_N=state.force, voltage_V=voltage,
             pressure_Pa=state.pressure, charge_C=capacitance * voltage, capacitance_F=capacitance,
             max_stretch=float(self.fields.stretch_1.max()),
-            least_stress_Pa=float(self.fields.stress_2.min()),
+            least_stress_Pa=float(self.pressed.stress_2.min()),
             breakdown_share=float(self.fields.breakdown_share.max()),
             stable=tangent.negative == 0,
             tense=bool((self.fields.tension == Tension.TAUT).all()),
@@ -242,7 +247,7 @@ class Stop:
         """Where in the mounted film something happens [m]; a limit, where it thins fastest."""
         fields = self.fields
         if what == "tension lost":
-            number = np.argmin(fields.stress_2)
+            number = np.argmin(self.pressed.stress_2)
         elif what == "breakdown":
             number = np.argmax(fields.breakdown_share)
         else:

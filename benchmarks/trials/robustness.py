@@ -49,7 +49,7 @@ class Record:
 
     ``status`` is the outcome's, or "refused" (by the mesher: input that is wrong), "raised" or
     "hung"; ``words`` its advice or the error. ``again``: solved on the default mesh, since on the
-    coarse one something was wrong. ``spread``: of limits that the mesh does not resolve.
+    coarse one something was wrong. ``kind``: of a limit.
     """
 
     number: int
@@ -62,7 +62,7 @@ class Record:
     verdicts: tuple[Verdict, ...] = ()
     case: str = ""
     again: bool = False
-    spread: float = 0.0
+    kind: str | None = None
 
     @property
     def balanced(self) -> bool:
@@ -90,7 +90,7 @@ def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     model, found = equilibrate(drawn.case, Settings(mesh))
     seconds = time.process_time() - began
     record = Record(drawn.number, drawn.refused, found.status, found.advice, seconds,
-                    drawn.case.rig.gas_pressure != 0, case=str(drawn), spread=found.spread)
+                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=found.kind)
     if found.status == "equilibrium":
         record = replace(record, balance=balance(model, found.state))
     record = replace(record, verdicts=tuple(_verdicts(model, drawn, found, sample)))
@@ -204,11 +204,9 @@ def table(records: Sequence[Record]) -> str:
               f"{sum(not r.balance.plate_stable for r in found)}",
               "  film pressed, with negative eigenvalues of its own: "
               f"{sum(r.balance.film_modes > 0 for r in found)}"]
-    spreads = sorted(record.spread for record in records if record.spread)
-    lines += ["",
-              "limits that the mesh does not resolve, on which two kinds of smooth motions agree: "
-              + (f"{len(spreads)}; all kinds tried differ by {spreads[len(spreads) // 2]:.1%} "
-                 f"of the load or U² in the median, {spreads[-1]:.1%} at most" if spreads else "0")]
+    kinds = Counter(record.kind for record in records)
+    lines += ["", f"of those without equilibrium {kinds['pull_in']} pull in, "
+              f"{kinds['thinning']} lose tension and thin without bound"]
     lines += ["",
               f"solved again on the default mesh, since on the coarse one a direction differed: "
               f"{sum(record.again for record in records)}"]
@@ -284,10 +282,9 @@ solver's, relative to the largest nodal force. "heave by heave": the load that k
 given heaves, its maximum against the reported limit. "silent": that direction could not be
 followed, or has no answer.
 
-A film that loses tension before it pulls in is followed by smooth motions. Where the limit they
-find leaves more than 1 % of the largest nodal force unbalanced, it counts only if two kinds of
-them, differing in waves or degree, agree on it to 2 % of the load or U², if it is short of what
-is asked for by more than that, and if no kind has reached that.
+A film that loses tension wrinkles: from there its energy is the relaxed one of tension-field
+theory. Under voltage a wrinkled film may have no stable width, or lose it as the wrinkles grow; it
+then thins without bound, and that is its limit.
 """
 
 if __name__ == "__main__":

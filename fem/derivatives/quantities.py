@@ -54,14 +54,6 @@ def _reaction_slope(model: Model, state: State) -> Parts:
         lambda positions: model.forces(positions, state.voltage_squared), state.positions, lift))
 
 
-
-def _capacitance(model: Model, state: State) -> Any:
-    if model.wrinkles:
-        raise InputError("has derivatives only for films that do not wrinkle", key="quantity",
-                         given="capacitance")
-    return model.capacitance(state)
-
-
 def _capacitance_slope(model: Model, state: State) -> Parts:
     """−2 ∂forces/∂U²."""
     factor, (inner, plate) = -2 * model.discretisation.mirrored, model.by_load(state, "voltage")
@@ -139,7 +131,7 @@ QUANTITIES: dict[str, Quantity] = {
                       lambda model, state: _of_plate(model, {HEAVE: 1.0})),
     "tilt": Quantity(lambda model, state: state.plate.tilt, _tilt_slope),
     "reaction": Quantity(Model.reaction, _reaction_slope),
-    "capacitance": Quantity(_capacitance, _capacitance_slope),
+    "capacitance": Quantity(Model.capacitance, _capacitance_slope),
     "energy": Quantity(
         lambda model, state: (model.energy(state.positions, state.voltage_squared)
                               * model.discretisation.mirrored),

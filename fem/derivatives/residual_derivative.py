@@ -12,7 +12,7 @@ film does not depend on what the virgin film was.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -79,6 +79,11 @@ class Stiffness:
         return cauchy_green(self.deformation)
 
     @cached_property
+    def taut(self) -> bool:
+        """Whether the film has no wrinkles."""
+        return self.model.in_tension(self.state)
+
+    @cached_property
     def weighted(self) -> tuple[Array, Array]:
         """Stress and its tangent by strains, times virgin volumes."""
         density = self.model.density(self.state.voltage_squared)(self.c)
@@ -142,7 +147,7 @@ class ResidualDerivative:
         if model.specimen is self.at.model.specimen and not np.imag(state.voltage_squared):
             return result
         thickness = film.thickness / film.area_prestretch
-        for part in model.density(state.voltage_squared).parts:
+        for part in self._parts_of(model, state):
             if part not in self._parts:
                 result = result + np.imag(thickness * self._virtual_work(*part))
             elif np.imag(thickness):
@@ -195,7 +200,12 @@ class ResidualDerivative:
 
     @cached_property
     def _parts(self) -> list[Part]:
-        return self.at.model.density(self.at.state.voltage_squared).parts
+        return self._parts_of(self.at.model, self.at.state)
+
+    def _parts_of(self, model: Model, state: State) -> list[Part]:
+        """Without wrinkles each material stands for itself."""
+        density = model.density(state.voltage_squared)
+        return replace(density, wrinkles=model.wrinkles and not self.at.taut).parts
 
     @cached_property
     def _strains(self) -> Array:

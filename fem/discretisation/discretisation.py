@@ -21,7 +21,7 @@ from tympan.fem.discretisation.isoparametric import (
 )
 from tympan.fem.linear_solver.direct import Analysis, SuperLU, SuperLUFactors, analyse
 from tympan.fem.linear_solver.dissection import elimination_order
-from tympan.geometry.mesh import CurvedTriangles
+from tympan.geometry.mesh import ELEMENTS, CurvedTriangles
 
 Array = NDArray[Any]
 
@@ -127,6 +127,12 @@ class Discretisation:
         gradients, areas = isoparametric(self.mesh.order, points,
                                          self.reference[self.connectivity, :2])
         return gradients, areas * weights
+
+    @cached_property
+    def nodal_gradients(self) -> Array:
+        """∂φ/∂X at the nodes of every element [1/m], shape (elements, local, local, 2)."""
+        return isoparametric(self.mesh.order, ELEMENTS[self.mesh.order].doflocs.T,
+                             self.reference[self.connectivity, :2])[0]
 
     @property
     def mirrored(self) -> int:

@@ -8,11 +8,13 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
 
 from tympan.fem.equilibrium.arc_length import ArcSettings, Branch, PathPoint
 from tympan.fem.equilibrium.constraints import difference, held_plate, length
 from tympan.fem.equilibrium.newton import STRAINED, NewtonSettings, Solution, moved, newton
-from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace, Subspace
+from tympan.fem.equilibrium.subspace import FULL, SmoothSubspace
+from tympan.fem.film.density import small_strain_modulus
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import HEAVE, Load, State
 
@@ -27,10 +29,20 @@ _PUSHED = 0.2
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
-_WRINKLED = ("the film has lost tension: it would wrinkle before the load is reached, and what it "
-             "does then depends on the mesh")
-_UNFOLLOWED = ("the path could not be followed: the film has lost tension and would wrinkle, or "
-               "strains without bound")
+#: How a film ends: its load passes a maximum, or wrinkled it has no stable width.
+LimitKind = Literal["pull_in", "thinning"]
+
+_ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without bound"}
+_UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"
+
+#: Relative accuracy of the load at which a film begins to thin without bound, and of a guess.
+_SHARP, _NEAR = 1e-6, 1e-3
+
+#: Shortest step, relative to the frame, of a film whose wrinkles may end in one spot.
+_LOCAL = 1e-6
+
+#: Stiffness of the wrinkled film, in moduli, below which a branch that ends does so by thinning.
+_SOFT = 0.2
 
 
 @dataclass(frozen=True)
@@ -41,11 +53,9 @@ class PathSettings:
     reached, below which the ramp is followed by its arc length instead; ``shortest``: step of a
     held plate at which to give up; ``reach``: deflection, relative to the frame's half extent, at
     which a search for equilibrium ends; ``smooth``: numbers of waves around the plate, and degrees
-    between plate and frame, of smooth motions tried in turn where the film has lost tension,
-    ``annular`` those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may
-    leave at a limit point, relative to the largest, if the mesh is to resolve it; ``agreement``:
-    load, or U², relative to itself, by which limits that it does not resolve may differ between two
-    kinds of smooth motions, and must be exceeded.
+    between plate and frame, of the smooth motions of a film that bears compression, ``annular``
+    those degrees where it is axisymmetric; ``unbalanced``: nodal force that these may leave,
+    relative to the largest, if the mesh is to resolve them.
     """
 
     newton: NewtonSettings = field(default_factory=NewtonSettings)
@@ -57,7 +67,6 @@ class PathSettings:
     smooth: tuple[tuple[int, int], ...] = ((4, 14), (6, 6), (4, 10), (2, 14))
     annular: tuple[int, ...] = (14, 10, 20)
     unbalanced: float = 1e-2
-    agreement: float = 2e-2
 
     def subspaces(self, model: Model) -> Iterator[SmoothSubspace]:
         """Smooth motions of a model: without waves where it is axisymmetric."""
@@ -70,10 +79,9 @@ class Outcome:
     """How a search for an equilibrium ended.
 
     ``solution`` is the equilibrium, or the last one before the ramp ended. With status
-    "no_equilibrium" the film pulled in: ``limit`` is the largest U² [V²], force [N] or pressure
-    [Pa], as ``limited`` says, that has an equilibrium on this path, and ``critical`` the point of
-    the branch where it has it. ``spread``: where the mesh does not resolve that, how far the limits
-    found with other smooth motions are from it, relative.
+    "no_equilibrium" the film reached its end: ``limit`` is the largest U² [V²], force [N] or
+    pressure [Pa], as ``limited`` says, that has an equilibrium on this path, ``critical`` the point
+    of the branch where it has it, and ``kind`` what happens there.
     """
 
     status: Status
@@ -82,7 +90,7 @@ class Outcome:
     limit: float | None = None
     limited: Load | None = None
     critical: PathPoint | None = None
-    spread: float = 0.0
+    kind: LimitKind | None = None
 
     @property
     def state(self) -> State:
@@ -198,25 +206,78 @@ class Ramp:
         origin = start.state.load(self.load)
         if self.target == origin:
             return Outcome("equilibrium", start)
-        solution, in_tension, done, step = start, start, 0.0, self.settings.first
+        if self.model.thinning_margin(start.state) < 0:
+            return self._ended("thinning", start, self._point(start))
+        solution, done, step = start, 0.0, self.settings.first
         before = abs(origin / (self.target - origin))
         while done < 1:
-            share = min(1.0, done + step)
-            guess = solution.predicted(self.model, self.load,
-                                       origin + share * (self.target - origin))
-            solution.release()
-            trial = newton(self.model, guess, settings=self.settings.newton)
+            value = self._short_of_thinning(
+                solution, origin + min(1.0, done + step) * (self.target - origin))
+            share = (value - origin) / (self.target - origin)
+            trial, guess = self._at(solution, value)
             if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
-                solution, done, step = trial, share, 2 * step
-                in_tension = trial if self.model.in_tension(trial.state) else in_tension
-                continue
+                if self.model.thinning_margin(trial.state) >= 0:
+                    solution, done, step = trial, share, 2 * step
+                    continue
+                if (outcome := self._thinned(solution, trial)) is not None:
+                    return outcome
             trial.release()
-            if (step := step / 2) < max(self.settings.handover * (before + done), 1e-12):
-                outcome = self._by_arc_length(solution, in_tension)
+            if (step := (share - done) / 2) < max(self.settings.handover * (before + done), 1e-12):
+                outcome = self._by_arc_length(solution)
                 if outcome.status == "not_converged" and trial.advice.startswith(STRAINED):
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
+
+    def _short_of_thinning(self, start: Solution, value: float) -> float:
+        """The load, no further than a value, up to which a film is predicted not to thin."""
+        def margin(load: float) -> float:
+            return min(self.model.thinning_margin(start.predicted(self.model, self.load, load)),
+                       1.0)
+
+        origin = start.state.load(self.load)
+        with np.errstate(all="ignore"):
+            if not margin(value) < 0:
+                return value
+            reached = brentq(lambda load: np.arctan(margin(load)), origin, value,
+                             xtol=_NEAR * abs(value - origin))
+        return float(reached + 2 * _NEAR * (value - origin))
+
+    def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
+        """The equilibrium near another one at another value of the load; what was predicted."""
+        guess = start.predicted(self.model, self.load, value)
+        start.release()
+        return newton(self.model, guess, settings=self.settings.newton), guess
+
+    def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
+        """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
+        near = {solution.state.load(self.load): solution for solution in (before, after)}
+        low, high = near
+        scale = abs(self.model.thinning_margin(after.state))
+
+        def margin(value: float) -> float:
+            if value not in near:
+                closest = min(near, key=lambda other: abs(other - value))
+                solution = self._at(near[closest], value)[0]
+                if not solution.converged:
+                    raise LookupError
+                near[value] = solution
+            return min(self.model.thinning_margin(near[value].state), scale)
+
+        try:
+            limit = float(brentq(margin, low, high, xtol=_SHARP * abs(high - low), rtol=_SHARP))
+        except LookupError:
+            return None
+        last = min((value for value in near if margin(value) >= 0),
+                   key=lambda value: abs(value - limit))
+        return self._ended("thinning", near[last], self._point(near[limit]))
+
+    def _point(self, solution: Solution) -> PathPoint | None:
+        """The equilibrium as a point of its branch."""
+        state = solution.state
+        sense = 1 if self.target >= state.load(self.load) else -1
+        branch = Branch(self.model, self.load, newton=self.settings.newton)
+        return next(branch.points(state, sense), None)
 
     def _foreseen(self, last: Solution, guess: State, trial: Solution) -> bool:
         """Whether a step ended so near its prediction that it passed no limit points.
@@ -231,51 +292,28 @@ class Ramp:
         return (missed <= _SURPRISE * gone + _UNNOTICED
                 and explained >= _EXPLAINED * gone - _UNNOTICED)
 
-    def _by_arc_length(self, start: Solution, in_tension: Solution) -> Outcome:
-        """With all motions while the film resists them, then with smooth ones that cannot wrinkle.
-
-        ``in_tension``: the last solution up to ``start`` whose film is in tension everywhere.
-        """
-        outcome = Outcome("not_converged", start)
-        wrinkles = start.wrinkling > 0
-        start.release()
-        if not wrinkles:
-            outcome = self._along_branch(start, FULL)
-            in_tension = outcome.solution
-        if outcome.status != "not_converged":
-            return outcome
-        pull_ins: list[Outcome] = []
-        advice, reached = "", False
-        for subspace in self.settings.subspaces(self.model):
-            # From a state with wrinkles, however few, the smooth motions would go on along a branch
-            # that has them.
-            trial = self._along_branch(in_tension, subspace)
-            if trial.status == "no_equilibrium":
-                pull_ins.append(trial)
-                trial = self._confirmed(pull_ins, reached)
-            if trial.status != "not_converged":
-                return trial
-            reached |= trial.advice == _WRINKLED
-            advice = trial.advice if not advice or advice == _UNFOLLOWED else advice
-        return replace(outcome, advice=advice)
-
-    def _along_branch(self, start: Solution, subspace: Subspace) -> Outcome:
-        """To where the branch reaches the target, turns back (pull-in), or cannot be followed."""
-        load, target = self.load, self.target
-        settings = self.settings
-        branch = Branch(self.model, load, subspace=subspace, newton=settings.newton,
-                        arc=settings.arc)
+    def _by_arc_length(self, start: Solution) -> Outcome:
+        """To where the branch reaches the target, turns back (pull-in), thins, or ends."""
+        load, target, settings = self.load, self.target, self.settings
         sense = 1 if target >= start.state.load(load) else -1
-        stable = start
-        for before, after in pairwise(branch.points(start.state, sense)):
-            if subspace is FULL and after.solution.wrinkling:
-                break
+        stable, last = start, None
+        start.release()
+        points = follow_branch(self.model, start.state, load, settings, sense)
+        for (_, before), (branch, after) in pairwise(points):
+            if self._margin(after) < 0:
+                # Near its end a film softens so fast that only points on both sides may be had.
+                thin = branch.where(before, after, self._margin) or before
+                if sense * thin.rate < 0:
+                    break
+                if sense * thin.state.load(load) < sense * target:
+                    return self._ended("thinning", stable, thin)
+                after = thin
             if sense * after.rate < 0:
                 critical = branch.where(before, after, lambda point: point.rate)
                 if critical is None:
                     break
                 if sense * critical.state.load(load) < sense * target:
-                    return self._pulled_in(stable, critical)
+                    return self._ended("pull_in", stable, critical)
                 after = critical  # the target is before it, if not before the point after it
             if sense * after.state.load(load) >= sense * target:
                 return self._landed(stable, branch.where(
@@ -283,15 +321,21 @@ class Ramp:
             # Where the film by itself resists no more, the plate's stiffness passes a pole: its
             # sign tells nothing.
             if not after.solution.stable and after.solution.wrinkling == 0:
-                return self._pulled_in(stable, after, "loses its stability")
+                return self._ended("pull_in", stable, after, "loses its stability")
             if after.state.plate.deflection > settings.reach * self.model.size:
                 break
-            if subspace is FULL:
-                stable = after.solution
+            if branch.subspace is FULL:
+                stable, last = after.solution, after
+        if last is not None and self._margin(last) < _SOFT * small_strain_modulus(
+                self.model.specimen.membrane.material):
+            return self._ended("thinning", stable, last)
         return Outcome("not_converged", stable, _UNFOLLOWED)
 
+    def _margin(self, point: PathPoint) -> float:
+        return min(self.model.thinning_margin(point.state), 1e12)
+
     def _landed(self, stable: Solution, reached: PathPoint | None) -> Outcome:
-        """The equilibrium at the target, of all motions, from the branch's point there."""
+        """The equilibrium at the target from the branch's point there."""
         if reached is not None:
             reached.solution.release()
             solution = newton(self.model, reached.state.under(**{self.load: self.target}),
@@ -299,59 +343,44 @@ class Ramp:
             if solution.converged and solution.stable:
                 return Outcome("equilibrium", solution)
             stable = replace(stable, advice=solution.advice)
-        return Outcome("not_converged", stable, _WRINKLED)
+        return Outcome("not_converged", stable, _UNFOLLOWED)
 
-    def _pulled_in(self, last: Solution, critical: PathPoint, verb: str = "pulls in") -> Outcome:
+    def _ended(self, kind: LimitKind, last: Solution, critical: PathPoint | None, verb: str = ""
+               ) -> Outcome:
+        state = last.state if critical is None else critical.state
         return Outcome("no_equilibrium", last,
-                       f"the film {verb} before the {self._word} is reached",
-                       critical.state.load(self.load), self.load, critical)
-
-    def _confirmed(self, pull_ins: list[Outcome], reached: bool) -> Outcome:
-        """The last of the pull-ins in different subspaces: if the mesh or another one confirms it.
-
-        Where it does not, the limit is the subspace's as much as the film's: two must find the
-        same, short of the target by more than they may differ, and none before may have ``reached``
-        it.
-        """
-        settings, last = self.settings, pull_ins[-1]
-        unbalanced = [self.model.unbalanced(pull_in.critical.state)
-                      for pull_in in pull_ins if pull_in.critical is not None]
-        if unbalanced[-1] < settings.unbalanced:
-            return last
-        limits = np.array([pull_in.limit for pull_in in pull_ins], dtype=float)
-        for other in range(len(pull_ins) - 1):
-            pair = limits[[other, -1]]
-            alike = np.ptp(pair) < settings.agreement * np.abs(pair).max()
-            short = np.abs(self.target - pair) > settings.agreement * np.abs(pair)
-            if alike and not reached and short.all():
-                best = other if unbalanced[other] <= unbalanced[-1] else -1
-                spread = float(np.abs(limits / limits[best] - 1).max())
-                return replace(pull_ins[best], spread=spread)
-        return Outcome("not_converged", last.solution,
-                       f"the film has lost tension: short of the {self._word} it pulls in or "
-                       "wrinkles, and which depends on the mesh; a finer one may tell")
+                       f"the film {verb or _ENDS[kind]} before the {self._word} is reached",
+                       state.load(self.load), self.load, critical, kind)
 
     @property
     def _word(self) -> str:
         return "load" if self.load == "force" else self.load
 
 
-def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings()
-                  ) -> Iterator[tuple[Branch, PathPoint]]:
-    """Points from an equilibrium on, one load growing at first, each with the branch it is on.
+def follow_branch(model: Model, start: State, load: Load, settings: PathSettings = PathSettings(),
+                  sense: int = 1) -> Iterator[tuple[Branch, PathPoint]]:
+    """Points from an equilibrium on, each with the branch it is on.
 
-    With all motions until the film, its plate held, has a direction without stiffness, which in a
-    membrane means that it wrinkles; from there with smooth motions.
+    One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
+    equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
+    one that bears compression, with smooth motions.
     """
-    last, sense = start, 1
-    branch = Branch(model, load, newton=settings.newton, arc=settings.arc)
-    for point in branch.points(start):
-        if point.solution.wrinkling:
+    last = start
+    fine = min(settings.arc.shortest, _LOCAL) if model.wrinkles else settings.arc.shortest
+    branch = Branch(model, load, newton=settings.newton,
+                    arc=replace(settings.arc, shortest=fine))
+    for point in branch.points(start, sense):
+        pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
+        loose = model.wrinkles and not model.in_tension(last)
+        if pressed and (loose or point.solution.wrinkling):
             break
         yield branch, point
-        last, sense = point.state, 1 if point.rate >= 0 else -1
+        last, sense = point.state, sense if point.rate * sense >= 0 else -sense
+    if model.wrinkles and not model.in_tension(last) and model.thinning_margin(last) >= 0:
+        return
+    model = replace(model, wrinkles=False)
     for subspace in settings.subspaces(model):
-        smooth = replace(branch, subspace=subspace)
+        smooth = replace(branch, model=model, subspace=subspace, arc=settings.arc)
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:

@@ -41,7 +41,11 @@ def hill_margin(material: Material, l1: Any, l2: Any) -> Array:
     logarithms of the stretches (Ogden, *Non-Linear Elastic Deformations*, §6.2.7), so that true
     stress grows with stretch in every direction.
     """
-    l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
+    return _hill(*_derivatives(material, l1, l2))
+
+
+def _hill(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
+    _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
         h11, h22, h12 = l1**2 * w11 + l1 * w1, l2**2 * w22 + l2 * w2, l1 * l2 * w12
         mean, radius = (h11 + h22) / 2, np.hypot((h11 - h22) / 2, h12)
@@ -59,7 +63,11 @@ def ellipticity_margin(material: Material, l1: Any, l2: Any) -> Array:
     plane a film is elliptic where it is in tension, which
     :func:`tympan.studies.case.field_warnings` reports on its own.
     """
-    l1, l2, (_, w1, w2, w11, w12, w22) = _derivatives(material, l1, l2)
+    return _ellipticity(*_derivatives(material, l1, l2))
+
+
+def _ellipticity(l1: Array, l2: Array, derivatives: tuple[Array, ...]) -> Array:
+    _, w1, w2, w11, w12, w22 = derivatives
     with np.errstate(all="ignore"):
         gap, near = l1 - l2, np.abs(l1 - l2) < 1e-6 * (l1 + l2)
         safe = np.where(near, 1.0, gap)
@@ -104,8 +112,8 @@ def checked(material: Material, lowest: float = STRETCH_RANGE[0],
 
 #: What may fail, in the words of a warning, and its margin [Pa], positive where it holds.
 CRITERIA = {
-    "Hill's inequality (true stress must grow with stretch)": hill_margin,
-    "strong ellipticity within the film": ellipticity_margin,
+    "Hill's inequality (true stress must grow with stretch)": _hill,
+    "strong ellipticity within the film": _ellipticity,
 }
 
 
@@ -115,9 +123,9 @@ def failures(material: Material, position: Array, l1: Array, l2: Array) -> list[
     ``position`` of the points in the mounted film [m], shape (n, 2 or 3); ``l1``, ``l2`` principal
     stretches from the virgin film there, shape (n,).
     """
-    result = []
+    result, derivatives = [], _derivatives(material, l1, l2)
     for criterion, margin in CRITERIA.items():
-        margins = margin(material, l1, l2)
+        margins = margin(*derivatives)
         fails = ~(margins > 0)
         if fails.any():
             worst = np.argmin(np.where(fails, np.nan_to_num(margins, nan=-np.inf), np.inf))

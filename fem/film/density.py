@@ -95,8 +95,7 @@ class FilmDensity:
         film, (joined, _) = self.specimen.membrane, self._joined_and_apart
         if not self.wrinkles:
             return TensionField(joined, -np.inf)
-        modulus = film.material.derivatives(np.ones(()), np.ones(()))[3] / 4
-        return TensionField(joined, _RESIDUAL * modulus)
+        return TensionField(joined, _RESIDUAL * small_strain_modulus(film.material))
 
     @cached_property
     def _joined_and_apart(self) -> tuple[tuple[Any, ...], list[Part]]:
@@ -123,10 +122,17 @@ class FilmDensity:
     def stretches(self, c: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Principal stretches, wrinkles included, and in how many directions it is tense."""
         seen = principal_stretches(c, self.specimen.membrane.prestretch)
+        if not self.wrinkles:
+            return *seen, np.array(2)
         natural = self.material.natural(*seen)
         tense = sum((np.asarray(b == a).astype(int) for a, b in zip(seen, natural, strict=True)),
                     np.array(0))
         return *natural, tense
+
+
+def small_strain_modulus(material: Any) -> Any:
+    """The shear modulus of a law at small strains [Pa]."""
+    return material.derivatives(np.ones(()), np.ones(()))[3] / 4
 
 
 def maxwell(specimen: Specimen, voltage_squared: Any, covered: Any = 1.0) -> Maxwell:

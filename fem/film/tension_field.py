@@ -13,6 +13,9 @@ Array = NDArray[Any]
 
 _HALVINGS = 60
 _EXACT = 1e-14
+#: Least stiffness along the tension lines of a film that wrinkles, in residual tensions: one a
+#: little below zero brackets the loads at which it vanishes.
+_SOFT = 100.0
 _OUTWARDS = (3.0, 2.0, 1.5, 1.25, 1.1, 1.03)
 
 
@@ -78,8 +81,10 @@ class TensionField:
             return plain
         kind = np.result_type(*plain, l1, l2, self.residual, float)
         values = [np.array(np.broadcast_to(value, loose.shape), dtype=kind) for value in plain]
-        for value, relaxed in zip(values, self._relaxed(l1, l2, loose), strict=True):
-            value[loose] = relaxed
+        wrinkled = self._wrinkled(l1, l2, loose)
+        loose[loose] = wrinkled.sound
+        for value, relaxed in zip(values, wrinkled.relaxed(self.residual), strict=True):
+            value[loose] = relaxed[wrinkled.sound]
         return tuple(value[()] for value in values)
 
     def natural(self, l1: Any, l2: Any) -> tuple[Any, Any]:
@@ -88,10 +93,28 @@ class TensionField:
         if not loose.any():
             return l1, l2
         first, second = (np.array(np.broadcast_to(value, loose.shape)) for value in (l1, l2))
-        taken = self._taken(*self._at(l1, l2, loose))
-        for value, stretch in zip((first, second), taken, strict=True):
-            value[loose] = np.where(np.isnan(stretch), value[loose], stretch)
+        wrinkled = self._wrinkled(l1, l2, loose)
+        loose[loose] = wrinkled.sound
+        first[loose], second[loose] = (stretch[wrinkled.sound] for stretch in wrinkled.natural)
         return first[()], second[()]
+
+    def thinning_margin(self, l1: Any, l2: Any) -> Any:
+        """How far a film that wrinkles is from thinning without bound [Pa]; negative beyond.
+
+        Where it is wrinkled, the stiffness W*″ along the tension lines; where wrinkled it would
+        have none, the tension; elsewhere ∞.
+        """
+        plain = total(self.materials, l1, l2)
+        _, _, w2, w11, w12, w22 = plain
+        with np.errstate(all="ignore"):
+            soft = ~(w11 - w12 * w12 / (w22 - self.residual) > 0) | ~(w22 > self.residual)
+        margin = np.where(soft, w2 / l2, np.inf)
+        loose = self._loose(plain, l2)
+        if loose.any():
+            wrinkled = self._wrinkled(l1, l2, loose)
+            pressed = np.nan_to_num((w2 / l2)[loose], nan=-np.inf)
+            margin[loose] = np.where(wrinkled.sound, wrinkled.stiffness, pressed)
+        return margin
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
         # A law may have no value so far pressed together.
@@ -132,18 +155,41 @@ class TensionField:
         apart = _root(both, a, outer)
         return np.where(slack, apart, a), np.where(slack, apart, width)
 
-    def _relaxed(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> tuple[Array, ...]:
-        """W and its derivatives at loose points, from those at their natural stretches."""
+    def _wrinkled(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> _Wrinkled:
         materials, a, b = self._at(l1, l2, loose)
-        k, (first, second) = self.residual, self._taken(materials, a, b)
-        with np.errstate(invalid="ignore"):
-            w, w1, _, w11, w12, w22 = total(materials, first, second)
-            slack = np.real(first) > np.real(a)
-            exists = np.where(np.isnan(second), np.nan, 1.0)
-            energy = w + k / 2 * (a * a + b * b - first * first - second * second)
-            w1 = np.where(slack, k * a, w1) * exists
-            w11 = np.where(slack, k, w11 - w12 * w12 / (w22 - k)) * exists
-            return energy, w1, k * b * exists, w11, 0 * exists, k * exists
+        natural = self._taken(materials, a, b)
+        with np.errstate(all="ignore"):
+            w, w1, _, w11, w12, w22 = total(materials, *natural)
+            slack = np.real(natural[0]) > np.real(a)
+            k = self.residual
+            along = np.where(slack, w11 - k - np.abs(w12), w11 - w12 * w12 / (w22 - k))
+            sound = (np.real(along) > -_SOFT * np.real(k)) & (np.real(w22) > np.real(k))
+        return _Wrinkled((a, b), natural, sound, slack, w, w1, along)
+
+
+@dataclass(frozen=True, eq=False)
+class _Wrinkled:
+    """Loose points of a film: stretches, natural stretches, and what is stored at these.
+
+    ``stiffness`` along the tension lines, of a slack film the smaller one; ``sound`` where that is
+    not negative, but for a little, so that the film has a state.
+    """
+
+    seen: tuple[Array, Array]
+    natural: tuple[Array, Array]
+    sound: NDArray[np.bool_]
+    slack: NDArray[np.bool_]
+    energy: Array
+    tension: Array
+    stiffness: Array
+
+    def relaxed(self, k: Any) -> tuple[Array, ...]:
+        """W and its derivatives with a residual tension k [Pa]."""
+        (a, b), (first, second) = self.seen, self.natural
+        energy = self.energy + k / 2 * (a * a + b * b - first * first - second * second)
+        w1 = np.where(self.slack, k * a, self.tension)
+        w11 = np.where(self.slack, k, self.stiffness)
+        return energy, w1, k * b, w11, 0 * a, k + 0 * a
 
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:

@@ -13,7 +13,9 @@ from scipy.sparse import csc_matrix
 from tympan.fem.complex_step import complex_step
 from tympan.fem.discretisation.assembly import element_forces, element_tangents
 from tympan.fem.discretisation.discretisation import Discretisation
+from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import FilmDensity, plane_stress, principal_stretches
+from tympan.fem.film.tension_field import total
 from tympan.fem.membrane.loading import GUIDES, Loading, film_volume, plate_volume
 from tympan.fem.membrane.state import FREEDOMS, Load, PlateMotion, State
 from tympan.geometry.outlines import area
@@ -41,7 +43,7 @@ class Model:
     discretisation: Discretisation
     specimen: Specimen
     loading: Loading = field(default_factory=Loading)
-    wrinkles: bool = False
+    wrinkles: bool = True
 
     def __post_init__(self) -> None:
         if any(arm and plane in self.discretisation.planes
@@ -129,10 +131,24 @@ class Model:
 
     def in_tension(self, state: State) -> bool:
         """Whether the film is in tension everywhere, at the quadrature points."""
-        stretches = principal_stretches(self.cauchy_green(state.positions),
-                                        self.specimen.membrane.prestretch)
-        material = self.density(state.voltage_squared).material
-        return bool((material.derivatives(*stretches)[2] > 0).all())
+        materials = self.density(state.voltage_squared).material.materials
+        return bool((total(materials, *self._stretches(state))[2] > 0).all())
+
+    def thinning_margin(self, state: State) -> float:
+        """Least stiffness or tension of a film that wrinkles [Pa], as a :class:`TensionField` says.
+
+        At the nodes of every element, so that the film's edges count; negative where the film thins
+        without bound.
+        """
+        mesh, material = self.discretisation, self.density(state.voltage_squared).material
+        c = cauchy_green(deformation(mesh.nodal_gradients,
+                                     state.positions[mesh.connectivity]))
+        stretches = principal_stretches(c, self.specimen.membrane.prestretch)
+        return float(material.thinning_margin(*stretches).min())
+
+    def _stretches(self, state: State) -> tuple[Array, Array]:
+        return principal_stretches(self.cauchy_green(state.positions),
+                                   self.specimen.membrane.prestretch)
 
     def energy(self, positions: Array, voltage_squared: Any) -> Any:
         """Stored energy of this mesh, counted from the virgin film [J]."""
@@ -157,13 +173,9 @@ class Model:
         The energy includes the electrostatic one at constant voltage, which is linear in U² where
         the film does not wrinkle; model and state may then be complex.
         """
-        if self.wrinkles:
-            slope = complex_step(lambda squared: self.energy(state.positions, squared),
-                                 state.voltage_squared)
-        else:
-            stretches = principal_stretches(self.cauchy_green(state.positions),
-                                            self.specimen.membrane.prestretch)
-            slope = (self.density(1.0).maxwell.derivatives(*stretches)[0] * self.volumes).sum()
+        material = self.density(state.voltage_squared).material
+        stretches = material.natural(*self._stretches(state))
+        slope = (self.density(1.0).maxwell.derivatives(*stretches)[0] * self.volumes).sum()
         return -2 * slope * self.discretisation.mirrored
 
     def nodal_forces(self, state: State) -> Array:
@@ -197,7 +209,7 @@ class Model:
 
     def _electric_forces(self, state: State) -> Array:
         """Derivative of the nodal forces by U² [N/V²]; not linear in it where wrinkled."""
-        if self.wrinkles:
+        if self.wrinkles and not self.in_tension(state):
             return np.asarray(complex_step(lambda squared: self.forces(state.positions, squared),
                                            state.voltage_squared))
         f = self.discretisation.deformation(state.positions)

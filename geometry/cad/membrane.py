@@ -61,8 +61,7 @@ def electrode_part(specimen: Specimen) -> cq.Compound:
 
 def write_step(shapes: Sequence[cq.Shape], file: Path) -> None:
     """Shapes as one STEP file [mm]."""
-    cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shapes)), str(file),
-                        exportType="STEP")
+    cq.Compound.makeCompound(shapes).exportStep(str(file))
 
 
 def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:

@@ -12,9 +12,9 @@ import numpy as np
 from tympan.geometry.cad.membrane import offset_wire, outline_wire
 from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Outline
-from tympan.geometry.outlines.drawings import edge_pieces
 from tympan.geometry.outlines.drawn import joined
 from tympan.geometry.outlines.pieces import Arc, Array, Line, Piece, normals
+from tympan.geometry.outlines.step import edge_pieces
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.units import METRE
 
@@ -122,7 +122,7 @@ def write_svg(shapes: Sequence[cq.Shape], file: Path) -> None:
              f'{width:.6f} {height:.6f}">',
              '<g transform="scale(1 -1)" fill="none" stroke="#ff0000" stroke-width="0.1">']
     for name, wire in wires:
-        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge)])
+        loop = joined([piece for edge in wire.Edges() for piece in edge_pieces(edge.wrapped)])
         start = METRE * loop.segments[0].at(np.zeros(1))[0][0]
         words = [word for piece in loop.segments for word in _words(piece)]
         lines.append(f'<path class="{name}" d="M {_numbers(start)} {" ".join(words)} Z"/>')

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import spsolve
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, read
 from tympan.geometry.outlines.curve import Curve
+from tympan.geometry.outlines.drawings import drawing_pieces
 from tympan.geometry.outlines.outline import OUTLINES, Boxed
-from tympan.geometry.outlines.pieces import PIECES, Array, Piece, Spline
+from tympan.geometry.outlines.pieces import PIECES, PLACE, Array, Piece, Spline, around
 from tympan.geometry.toml_reader import Table
 
 #: How far the end of a piece may miss the start of the next, over the size of the drawing.
@@ -26,8 +29,12 @@ class ClosedSpline(Boxed):
     """The periodic cubic spline through points, over the length of their chords."""
 
     shape: ClassVar[str] = "spline"
-    through: Annotated[tuple[tuple[float, float], ...],
-                       Key("points on it, counterclockwise", "length", least=3)]
+    through: Annotated[tuple[tuple[float, float], ...], Key(
+        "points on it, counterclockwise; the first may stand at the end again", "length", PLACE,
+        least=3)]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "through", around(self.through, "through"))
 
     def pieces(self) -> tuple[Piece, ...]:
         """One spline; its knots, the lengths of chords, move with the points."""
@@ -44,12 +51,11 @@ def _slopes(step: Array, rise: Array) -> Array:
     """Derivatives at the points that make the curvature continuous around the curve."""
     before, count = np.roll(1 / step, 1), len(step)
     here = np.arange(count)
-    matrix = np.zeros((count, count), step.dtype)
-    matrix[here, here] = 2 * (before + 1 / step)
-    matrix[here, here - 1] += before
-    matrix[here, (here + 1) % count] += 1 / step
+    values = np.concatenate([2 * (before + 1 / step), before, 1 / step])
+    places = np.tile(here, 3), np.concatenate([here, (here - 1) % count, (here + 1) % count])
     steep = rise / step[:, None] ** 2
-    return np.asarray(np.linalg.solve(matrix, 3 * (steep + np.roll(steep, 1, axis=0))))
+    return np.asarray(spsolve(csc_array((values, places)),
+                              3 * (steep + np.roll(steep, 1, axis=0))))
 
 
 @OUTLINES.register
@@ -95,18 +101,14 @@ class StepFile:
         """Its pieces, joined."""
         drawing = read(cls, table)
         file = Path(table.file).parent / drawing.file
-        if not file.is_file():
-            raise table.error("file", "is no file", str(file))
         try:
             return joined(drawing.pieces(file), drawing.curve)
         except InputError as error:
             raise table.error("file", error.allowed, str(file)) from None
 
     def pieces(self, file: Path) -> list[Piece]:
-        """In any order; CAD is needed for drawings alone."""
-        from tympan.geometry.outlines.drawings import step_pieces
-
-        return step_pieces(file)
+        """In any order."""
+        return drawing_pieces(file, "step")
 
 
 @OUTLINES.register
@@ -118,9 +120,7 @@ class DxfFile(StepFile):
     layer: Annotated[str, Key("the layer it is on; * is all")] = "*"
 
     def pieces(self, file: Path) -> list[Piece]:
-        from tympan.geometry.outlines.drawings import dxf_pieces
-
-        return dxf_pieces(file, self.layer)
+        return drawing_pieces(file, "dxf", self.layer)
 
 
 def _ends(pieces: Sequence[Piece]) -> Array:
@@ -137,24 +137,29 @@ def joined(pieces: list[Piece], which: str = "only") -> Drawn:
     starts, ends = _ends(pieces)
     both = np.stack([starts, ends])
     tolerance = _JOINT * float(np.ptp(both, axis=(0, 1)).max() or np.abs(ends).max()) + 1e-12
-    remaining, loops = list(range(len(pieces))), []
-    while remaining:
-        first = remaining.pop(0)
+    middles = np.array([piece.at(np.array([0.3, 0.5]))[0] for piece in pieces])
+    long = np.linalg.norm(middles - starts[:, None], axis=2).max(axis=1) > tolerance
+    remaining, loops = np.flatnonzero(long), list[Curve]()
+    while len(remaining):
+        first, remaining = int(remaining[0]), remaining[1:]
         loop, end = [pieces[first]], ends[first]
         while np.linalg.norm(end - starts[first]) > tolerance:
-            near = [(k, side) for k in remaining for side in (0, 1)
-                    if np.linalg.norm(both[side, k] - end) <= tolerance]
+            away = np.linalg.norm(both[:, remaining] - end, axis=2)
+            near = np.argwhere(away <= tolerance)
             if len(near) != 1:
                 x, y = 1e3 * end
-                words = "is open" if not near else "branches"
+                words = "is open" if not len(near) else "branches"
                 raise InputError(f"must be one closed curve: it {words} at {x:.6g}, {y:.6g} mm of "
                                  "the drawing")
-            (k, side), = near
-            remaining.remove(k)
+            side, place = near[0]
+            k = int(remaining[place])
+            remaining = np.delete(remaining, place)
             loop.append(pieces[k] if side == 0 else pieces[k].backwards())
             end = both[1 - side, k]
         curve = Curve(tuple(loop))
         loops.append(curve if curve.area > 0 else curve.backwards())
+    if not loops:
+        raise InputError("must be one closed curve: all its lines are points")
     loops.sort(key=lambda curve: float(curve.area))
     if len(loops) == 2 and which != "only":
         return Drawn(loops[which == "outer"].pieces)

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Content, Key, Registry, takes_units, write
 from tympan.geometry.outlines.curve import Curve, piece_length
-from tympan.geometry.outlines.pieces import Array, Piece, cross
+from tympan.geometry.outlines.pieces import MOST_PIECES, TURN, Array, Piece, cross
 from tympan.geometry.toml_reader import Rule, Table
 
 #: Smallest feature over the larger half extent: shorter pieces, tighter curves and narrower necks
@@ -21,7 +21,8 @@ from tympan.geometry.toml_reader import Rule, Table
 _SMALLEST = 1e-3
 _POINTS = 6000
 
-SIZE: Rule = (lambda x: 1e-5 <= x <= 10, "must be positive, from 10 um to 10 m")
+SIZE: Rule = (lambda x: 1e-5 * (1 - 1e-9) <= x <= 10 * (1 + 1e-9),
+              "must be positive, from 10 um to 10 m")
 
 
 class Outline(ABC):
@@ -84,7 +85,11 @@ class Boxed(Outline):
 
     @cached_property
     def curve(self) -> Curve:
-        return Curve(self.pieces()).centred()
+        pieces = self.pieces()
+        if len(pieces) > MOST_PIECES:
+            raise InputError(f"has {len(pieces)} lines, arcs and splines: at most {MOST_PIECES} "
+                             "make an outline", given=self.shape)
+        return Curve(pieces).centred()
 
     @property
     def semi_axes(self) -> tuple[float, float]:
@@ -103,7 +108,7 @@ class Rotated(Boxed):
 
     outline: Outline
     rotation: Annotated[float, Key("of any shape, counterclockwise about the centre of its box",
-                                   "angle", default="0 deg")]
+                                   "angle", TURN, default="0 deg")]
 
     @property
     def shape(self) -> str:
@@ -121,7 +126,7 @@ class OutlineRegistry(Registry[Any]):
     """Shapes; beside their own keys, tables of all of them may say ``rotation``."""
 
     def read(self, table: Table) -> Any:
-        rotation = table.number("rotation", "angle", 0.0 if table.plain else "0 rad")
+        rotation = table.number("rotation", "angle", 0.0 if table.plain else "0 rad", TURN)
         outline = super().read(table)
         return outline if rotation == 0 or outline.shape == "circle" else Rotated(outline, rotation)
 
@@ -149,6 +154,10 @@ def check_outline(outline: Any, key: str) -> None:
 
 @lru_cache(maxsize=256)
 def _check(outline: Any) -> None:
+    holds, words = SIZE
+    if not all(map(holds, outline.semi_axes)):
+        raise InputError(f"its half extents {words}", given=", ".join(
+            f"{1e3 * extent:.4g} mm" for extent in outline.semi_axes))
     curve = outline.curve
     size = float(max(outline.semi_axes))
     lengths = np.array([float(piece_length(piece)) for piece in curve.pieces])

@@ -8,7 +8,7 @@ at real parts.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, Registry
+from tympan.geometry.toml_reader import Rule
 
 Array = NDArray[Any]
 Point = tuple[Any, Any]
@@ -27,6 +28,18 @@ Local = tuple[Array, Array, Array]
 
 #: Kinds of pieces that files may spell out.
 PIECES: Registry[Any] = Registry("kind")
+
+#: Of more pieces than these, or a spline of more knots, nobody made an outline by hand.
+MOST_PIECES, _MOST_KNOTS = 1000, 10_000
+
+#: How near each other places are one [m].
+_POINT = 1e-12
+
+PLACE: Rule = (lambda x: abs(x) <= 1e3, "must be within 1 km")
+_RADIUS: Rule = (lambda x: 1e-6 <= x <= 1e3, "must be from 1 um to 1 km")
+_SWEEP: Rule = (lambda x: 1e-6 <= abs(x) <= 2 * np.pi + 1e-9,
+                "must be an angle, not 0, of at most a whole turn")
+TURN: Rule = (lambda x: abs(x) <= 1e3, "must be within 1000 rad")
 
 _PANEL = np.pi / 8
 _FINE = 1e-10
@@ -39,8 +52,8 @@ class Line:
     """A straight line."""
 
     kind: ClassVar[str] = "line"
-    start: Annotated[Point, Key("where it starts", "length")]
-    end: Annotated[Point, Key("where it ends", "length")]
+    start: Annotated[Point, Key("where it starts", "length", PLACE)]
+    end: Annotated[Point, Key("where it ends", "length", PLACE)]
 
     @property
     def breaks(self) -> Array:
@@ -136,11 +149,12 @@ class Arc(Curved):
 
     kind: ClassVar[str] = "arc"
     each: ClassVar[int] = 8
-    centre: Annotated[Point, Key("centre of its ellipse", "length")]
-    radii: Annotated[Point, Key("semi-axes of its ellipse", "length")]
-    start: Annotated[Any, Key("eccentric angle where it starts", "angle")] = 0.0
-    sweep: Annotated[Any, Key("how far it runs, counterclockwise if positive", "angle")] = 2 * np.pi
-    turn: Annotated[Any, Key("direction of the first semi-axis", "angle")] = 0.0
+    centre: Annotated[Point, Key("centre of its ellipse", "length", PLACE)]
+    radii: Annotated[Point, Key("semi-axes of its ellipse", "length", _RADIUS)]
+    start: Annotated[Any, Key("eccentric angle where it starts", "angle", TURN)] = 0.0
+    sweep: Annotated[Any, Key("how far it runs, counterclockwise if positive", "angle",
+                              _SWEEP)] = 2 * np.pi
+    turn: Annotated[Any, Key("direction of the first semi-axis", "angle", TURN)] = 0.0
 
     @property
     def circular(self) -> bool:
@@ -191,7 +205,7 @@ class Spline(Curved):
     kind: ClassVar[str] = "spline"
     each: ClassVar[int] = 4
     knots: Annotated[tuple[Any, ...], Key("ascending numbers, one a point")]
-    points: Annotated[tuple[Point, ...], Key("what it runs through", "length", least=2)]
+    points: Annotated[tuple[Point, ...], Key("what it runs through", "length", PLACE, least=2)]
     slopes: Annotated[tuple[Point, Point], Key("derivatives by the knots at both ends", "length")]
 
     def __post_init__(self) -> None:
@@ -265,9 +279,14 @@ def spline_through(knots: Array, points: Array, slopes: Array) -> Spline:
 
 
 def graded(curve: Callable[[Array], tuple[Array, ...]], start: Array, size: float) -> Array:
-    """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve."""
+    """Knots, halved from ``start`` until cubics stay within 1e-10 of the ``size`` of a curve.
+
+    A curve that takes too many of them is an :class:`InputError`.
+    """
     knots = start
     for _ in range(40):
+        if len(knots) > _MOST_KNOTS:
+            raise InputError("bends more sharply than can be followed")
         low, high = knots[:-1], knots[1:]
         values, slopes = curve(knots)
         middle, tangent = curve((low + high) / 2)
@@ -279,6 +298,29 @@ def graded(curve: Callable[[Array], tuple[Array, ...]], start: Array, size: floa
             break
         knots = np.sort(np.concatenate([knots, ((low + high) / 2)[wide]]))
     return knots
+
+
+def around(points: Sequence[Point], key: str) -> tuple[Point, ...]:
+    """Points around a closed curve [m]; the first may stand at the end again.
+
+    Raises
+    ------
+    InputError
+        When neighbours are one, or fewer than three are left.
+    """
+    size = max(abs(np.real(number)) for point in points for number in point)
+
+    def alike(first: Point, second: Point) -> bool:
+        return all(abs(np.real(u - v)) <= 1e-9 * size + _POINT
+                   for u, v in zip(first, second, strict=True))
+
+    points = tuple(points[:-1] if len(points) > 3 and alike(points[0], points[-1]) else points)
+    for before, after in zip(points, (*points[1:], points[0]), strict=True):
+        if alike(before, after):
+            x, y = (1e3 * float(np.real(number)) for number in before)
+            raise InputError(f"must be at least three points, each once: {x:.6g}, {y:.6g} mm is "
+                             "there twice in a row", key=key)
+    return points
 
 
 def _placed(point: Point, angle: Any, shift: Point) -> Point:

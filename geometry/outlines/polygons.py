@@ -11,7 +11,7 @@ import numpy as np
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key
 from tympan.geometry.outlines.outline import OUTLINES, SIZE, Boxed, Outline
-from tympan.geometry.outlines.pieces import Arc, Line, Piece, Point, direction
+from tympan.geometry.outlines.pieces import PLACE, Arc, Line, Piece, Point, around, direction
 from tympan.geometry.toml_reader import Rule
 
 _SIDES: Rule = (lambda x: x == int(x) and 3 <= x <= 100, "must be a whole number from 3 to 100")
@@ -88,9 +88,13 @@ class Polygon(Boxed):
     """Corners at ``vertices`` counterclockwise, wherever they lie, rounded by ``fillet`` [m]."""
 
     shape: ClassVar[str] = "polygon"
-    vertices: Annotated[tuple[tuple[float, float], ...],
-                        Key("its corners, counterclockwise", "length", least=3)]
+    vertices: Annotated[tuple[tuple[float, float], ...], Key(
+        "its corners, counterclockwise; the first may stand at the end again", "length", PLACE,
+        least=3)]
     fillet: Annotated[float, Key("radius of the rounded corners", "length", _ROUNDING)] = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", around(self.vertices, "vertices"))
 
     def pieces(self) -> tuple[Piece, ...]:
         return _filleted(self.vertices, self.fillet)

@@ -120,11 +120,11 @@ class Checkpoint:
         """Keep a result; its fields first, so that a task with a file has them all."""
         for case_id, content in result.fields.items():
             write_atomically(fields_file(self.folder, case_id),
-                             methodcaller("write_bytes", content))
+                             methodcaller("write_bytes", content), hashed=True)
         body = json.dumps({"task": task.id, "wall_s": result.wall_s,
                            "fields": sorted(result.fields), "rows": result.rows,
                            "answers": result.answers}, ensure_ascii=False)
-        write_text(self._file(task), f"{_digest(body)}\n{body}\n")
+        write_text(self._file(task), f"{_digest(body)}\n{body}\n", hashed=True)
 
     def get(self, task: SweepTask) -> TaskResult | None:
         """What was kept of a finished task; None if it is missing, damaged or lacks fields."""
@@ -139,12 +139,15 @@ class Checkpoint:
             return None
         if digest != _digest(body):
             return None
-        content = json.loads(body)
-        result = TaskResult(content["rows"], content.get("answers", {}), content["wall_s"])
-        if content["task"] != task.id or not result.answers_all(task) or not all(
-                fields_file(self.folder, case_id).exists() for case_id in content["fields"]):
+        try:
+            content = json.loads(body)
+            result = TaskResult(content["rows"], content.get("answers", {}), content["wall_s"])
+            whole = (content["task"] == task.id and result.answers_all(task)
+                     and all(fields_file(self.folder, case_id).exists()
+                             for case_id in content["fields"]))
+        except (ValueError, LookupError, TypeError, AttributeError):  # of another version's rows
             return None
-        return result
+        return result if whole else None
 
     def _file(self, task: SweepTask) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"

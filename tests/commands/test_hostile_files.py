@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from tests.support.datasets import write_dataset
 from tests.support.specimens import specimen_toml
 from tympan.cli import main
+from tympan.geometry.outlines import OUTLINES
+from tympan.geometry.toml_reader import Table
 
 SPECIMEN = specimen_toml()
 LOADS = 'specimen = "oval.toml"\nmass = "17.9 g"\nvoltage = "1 kV"\n'
@@ -64,6 +67,48 @@ def test_specimens(tmp_path: Path, refused: Refused, old: str, new: str, key: st
     assert f"{file}: " in said
     assert key in said
     assert words in said
+
+
+def _points(*places: tuple[object, object]) -> str:
+    return str([[f"{x} mm", f"{y} mm"] for x, y in places])
+
+
+CORNERS = ((0, 0), (90, 0), (90, 80), (0, 80))
+ARC = ('shape = "drawn"\n[[frame.segments]]\nkind = "arc"\ncentre = ["0 mm", "0 mm"]\n'
+       'radii = ["45 mm", "45 mm"]\nsweep = "360 deg"')
+
+
+@pytest.mark.parametrize(("frame", "key", "words"), [
+    (f'shape = "polygon"\nvertices = {_points(*CORNERS[:2], *CORNERS[1:])}', "frame.vertices",
+     "90, 0 mm is there twice"),
+    (f'shape = "polygon"\nvertices = {_points(*3 * [(1, 1)])}', "frame.vertices", "three points"),
+    (f'shape = "polygon"\nvertices = {_points((0, 0), ("1e300", 0), (0, 1))}', "frame.vertices.1",
+     "finite"),
+    (f'shape = "polygon"\nvertices = {_points((0, 0), ("1e20", 0), (0, 1))}', "frame.vertices.1",
+     "within 1 km"),
+    (f'shape = "polygon"\nvertices = {_points((0, 0), (90, 0), (30, 0))}', "frame",
+     "half extents must be positive"),
+    (f'shape = "polygon"\nvertices = {_points(*((x, x * x) for x in range(1001)))}', "frame",
+     "at most 1000"),
+    (f'shape = "spline"\nthrough = {_points(*CORNERS[:2], *CORNERS[1:])}', "frame.through",
+     "90, 0 mm is there twice"),
+    (ARC.replace("360", "0"), "frame.segments.0.sweep", "not 0"),
+    (ARC.replace('"45 mm", ', '"0 mm", '), "frame.segments.0.radii", "from 1 um"),
+], ids=range(9))
+def test_outlines(tmp_path: Path, refused: Refused, frame: str, key: str, words: str) -> None:
+    file = tmp_path / "specimen.toml"
+    file.write_text(specimen_toml("hostile", frame))
+    said = refused("solve", file, "--mass", "1 g")
+    assert key in said
+    assert words in said
+
+
+@pytest.mark.parametrize("frame", ['shape = "polygon"\nvertices = ',
+                                   'shape = "spline"\nthrough = '])
+def test_the_first_point_may_stand_at_the_end_again(frame: str) -> None:
+    open_one, closed = (OUTLINES.read(Table("frame.toml", tomllib.loads(frame + _points(*places))))
+                        for places in (CORNERS, (*CORNERS, CORNERS[0])))
+    assert open_one == closed
 
 
 @pytest.mark.parametrize("name", ["pipe", "/dev/full", "folder", "long", "a\0b"])

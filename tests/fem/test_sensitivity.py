@@ -143,9 +143,3 @@ def test_what_has_no_derivative_is_refused(solved) -> None:
         gradient(quarter, outcome, QUANTITIES["max_field"], ["force"])
     with pytest.raises(InputError, match="no equilibrium"):
         gradient(quarter, replace(outcome, status="no_equilibrium"), QUANTITIES["heave"], ["force"])
-
-
-def test_wrinkling_films_have_no_capacitance_gradient(solved) -> None:
-    film, solution, _ = solved
-    with pytest.raises(InputError, match="do not wrinkle"):
-        gradient(replace(film, wrinkles=True), solution.state, QUANTITIES["capacitance"], ["force"])

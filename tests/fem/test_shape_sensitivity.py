@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
-from tests.support.models import deflection_gradient, model
+from tests.support.models import deflection_gradient, model, pressed_model
 from tests.support.specimens import ROOT5, circular, skewed
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.sensitivity import limit_gradient, parameters
@@ -61,7 +61,7 @@ def test_radii_against_the_axisymmetric_equations() -> None:
 def test_pull_in_against_the_axisymmetric_equations() -> None:
     """Without any solve: from the critical mode alone."""
     force = 17.9e-3 * 9.81
-    film = model(circular(Ogden((15e3,), (2.0,))))
+    film = pressed_model(circular(Ogden((15e3,), (2.0,))))
     outcome = equilibrium(film, force, 7e3)
     assert outcome.critical is not None
     soft = replace(FILM, material=axisymmetric.neo_hooke(15e3))

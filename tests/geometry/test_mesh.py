@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -170,3 +171,13 @@ broken()
                           check=False,
                           env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     assert (done.returncode, done.stdout) == (0, b"alive\n" * 2), done.stderr.decode()
+
+
+def test_no_room_for_temporary_files_is_said() -> None:
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, unlimited[1]))
+    try:
+        with pytest.raises(InputError, match="no room for temporary files"):
+            mesh_film(circular(), MeshSettings(2), frozenset())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)

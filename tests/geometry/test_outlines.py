@@ -186,3 +186,14 @@ def test_margins_at_sharp_corners_are_refused() -> None:
                     electrode=Electrode(margin_frame=3e-3))
     with pytest.raises(InputError, match="without sharp corners"):
         build_model(sharp, COARSE)
+
+
+@pytest.mark.parametrize(("frame", "radius"), [
+    (RoundedRectangle((12.7e-3, 12.7e-3), 0.3e-3), 0.3e-3),
+    (RoundedRectangle((12.7e-3, 12.7e-3), 0.3e-3), 0.6e-3),
+    (RoundedRectangle((25.4e-3, 25.4e-3), 0.3e-3), 0.3e-3),
+    (Stadium((10e-3, 45e-3)), 0.5e-3), (Stadium((20e-3, 21e-3)), 5e-3),
+], ids=str)
+def test_small_corners_and_plates_mesh_where_there_is_room(frame: Outline, radius: float) -> None:
+    model = build_model(film(frame, Plate(Circle(radius))), COARSE)
+    assert folded(model.discretisation.mesh) == 0

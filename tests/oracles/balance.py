@@ -103,13 +103,52 @@ def _nominal_stress(model: Model, state: State, deformation: Array) -> Array:
         stiffness, l3 = electrode.stiffness * model.discretisation.covered, 1 / (l1 * l2)
         return stiffness * (l1 - l3**2 / l1), stiffness * (l2 - l3**2 / l2)
 
+    def together(l1: Array, l2: Array) -> tuple[Array, Array]:
+        if stretched[0] != stretched[1]:
+            return film_stress(l1, l2)
+        parts = zip(film_stress(l1, l2), electrode_stress(l1 / stretched[0], l2 / stretched[0]),
+                    strict=True)
+        first, second = (stress + more / stretched[0] for stress, more in parts)
+        return first, second
+
     def along_axes(f: Array, stress: Callable[[Array, Array], tuple[Array, Array]]) -> Array:
         left, values, right = np.linalg.svd(f, full_matrices=False)
         principal = np.stack(stress(values[..., 0], values[..., 1]), axis=-1)
         return np.einsum("...ik,...k,...kj->...ij", left, principal, right)
 
-    return along_axes(deformation * stretched,
-                      film_stress) * stretched + along_axes(deformation, electrode_stress)
+    residual = float(model.density(0.0).material.residual)
+    result = along_axes(deformation * stretched,
+                        lambda l1, l2: wrinkled(together, residual, l1, l2)) * stretched
+    if stretched[0] != stretched[1]:
+        result = result + along_axes(deformation, electrode_stress)
+    return result
+
+
+def wrinkled(stress: Callable[[Array, Array], tuple[Array, Array]], residual: float,
+             l1: Array, l2: Array) -> tuple[Array, Array]:
+    """Nominal stresses of a film whose second Piola–Kirchhoff tension is never below a residual.
+
+    Where it would be, the width is the one at which it is not, by bisection; where there is none,
+    the film is left pressed.
+    """
+    plain = stress(l1, l2)
+    loose = plain[1] < residual * l2
+    if not loose.any():
+        return plain
+
+    def bisected(tension: Callable[[Array], Array], low: Array, high: Array) -> Array:
+        high = np.where(tension(high) > 0, high, np.nan)
+        for _ in range(80):
+            middle = (low + high) / 2
+            above = tension(middle) > 0
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return high
+
+    width = bisected(lambda x: stress(l1, x)[1] - residual * x, l2, l1)
+    slack = stress(l1, l1)[0] < residual * l1
+    first = np.where(slack, residual * l1, stress(l1, width)[0])
+    loose &= ~np.isnan(first)
+    return (np.where(loose, first, plain[0]), np.where(loose, residual * l2, plain[1]))
 
 
 def plate_balance(model: Model, state: State, rim: Array) -> tuple[Array, Array]:

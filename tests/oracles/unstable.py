@@ -16,7 +16,9 @@ from tests.oracles.axisymmetric import (
     FloatArray,
     NoEquilibrium,
     RitzExpansion,
+    energy_derivatives,
     fold_point,
+    pull_in_voltage,
     solve_load,
 )
 
@@ -70,3 +72,32 @@ def slack_voltage(film: Film, force: float, highest: float) -> float:
         return float(solve_load(film, force, voltage).total2(film.inner))
 
     return float(brentq(hoop, 0.9 * highest, highest, xtol=1e-3))
+
+
+def end_voltage(film: Film, force: float, highest: float) -> float:
+    """Voltage [V] up to ``highest`` at which a film that may wrinkle ends under a force; else inf.
+
+    Its pull-in, or before that the loss of its hoop tension, anywhere, where at the natural width
+    the energy is not convex in the meridional stretch; nan where it is convex there, so that the
+    film goes on wrinkled.
+    """
+    try:
+        limit = pull_in_voltage(film, force)
+    except (ArithmeticError, ValueError):
+        limit = math.inf
+    highest = min(highest, 0.999999 * limit)
+    radii = np.geomspace(film.inner, film.outer, 60)
+
+    def hoop(voltage: float) -> float:
+        return float(solve_load(film, force, voltage).total2(radii).min())
+
+    try:
+        if hoop(highest) >= 0:
+            return limit
+        lost = float(brentq(hoop, 0.0, highest, rtol=1e-6))
+    except ArithmeticError:
+        return math.nan
+    state = solve_load(film, force, lost)
+    at = radii[[int(np.argmin(state.total2(radii)))]]
+    psi = energy_derivatives(film, state.lambda1(at), state.lambda2(at), lost**2)
+    return lost if psi.d11[0] < psi.d12[0] ** 2 / psi.d22[0] else math.nan

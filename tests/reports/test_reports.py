@@ -97,7 +97,7 @@ def page(report: Path) -> Page:
 
 
 def test_all_files_are_written_and_nothing_else(report: Path) -> None:
-    written = {path.name for path in report.parent.iterdir() if path.is_file()}
+    written = {path.name for path in report.parent.glob("[!.]*") if path.is_file()}
     assert written == {"study.json", "alpha.json", "report.html", "fig4.png", "fig4.pdf",
                        "fig4.svg", "curves.png",
                        "curves.svg"}

@@ -8,17 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.trials.other_direction import oracle
 from benchmarks.trials.random_specimens import design
 from benchmarks.trials.robustness import MESH, SECONDS, STEEP, UNBALANCED, judged, study, table
-from tests.oracles import axisymmetric
 from tests.oracles.balance import balance, displaced, nodal_forces, slope
 from tests.oracles.laws import SAMPLES
 from tests.oracles.potential import potential
 from tests.support.models import model
 from tests.support.specimens import circular
 from tympan.fem.equilibrium.newton import STRAINED
-from tympan.fem.equilibrium.ramp import PathSettings, equilibrium
+from tympan.fem.equilibrium.ramp import equilibrium
 from tympan.fem.membrane.loading import Magnet
 from tympan.fem.results.fields import whole
 from tympan.fem.rig import Rig
@@ -97,54 +95,17 @@ def test_slopes_are_seen_near_locking(number: int) -> None:
     assert record.balance.worst < UNBALANCED
 
 
-def test_smooth_motions_start_before_the_film_wrinkles() -> None:
-    """On this coarse mesh the natural steps go on with a few radial wrinkles: from there the limit
-    is 2 % too low."""
-    sample, a, b = SAMPLES["prestretched_ogden"], 0.007072555665392742, 0.022103619578584383
-    thickness, stretch, permittivity, exponent = (0.00019409759679790068, 2.5291423810969422,
-                                                  9.130380113361293,
-                                                  0.14149430999024826)
-    specimen = circular(sample.law, prestretch=(stretch, stretch), thickness=thickness,
-                        relative_permittivity=permittivity, permittivity_exponent=exponent)
-    specimen = replace(specimen, frame=Circle(b), plate=Plate(Circle(a)))
-    force = 0.00691841794219932 * 9.80665
-    film = model(specimen, refine=0.6, order=3)
-    # The mesh hardly resolves it: one kind of smooth motions alone is not believed.
-    assert equilibrium(film, force, 1053.7,
-                       settings=PathSettings(agreement=0.0)).status == "not_converged"
-    found = equilibrium(film, force, 1053.7)
-    assert 0 < found.spread < 0.02
-    reference = axisymmetric.Film(a, b, thickness, stretch, sample.reference, permittivity,
-                                  exponent)
-    assert found.status == "no_equilibrium"
-    assert np.sqrt(found.limit) == pytest.approx(axisymmetric.pull_in_voltage(reference, force),
-                                                 rel=3e-3)
-
-
-@pytest.mark.parametrize("number", [47, 101])
-def test_no_pull_in_is_invented(number: int) -> None:
-    """Each kind of smooth motions finds a limit there, no two the same; the axisymmetric equations
-    have none."""
-    drawn = next(one for one in design(number + 1) if one.number == number)
-    film, found = equilibrate(drawn.case, Settings(MESH))
-    assert found.status == "not_converged"
-    alone = replace(PathSettings(), annular=(20,), unbalanced=np.inf)
-    wrong = equilibrate(drawn.case, Settings(MESH, path=alone))[1]
-    assert wrong.status == "no_equilibrium"
-    assert oracle(film, drawn, wrong).says == "differs"
-
-
-def test_limits_that_the_mesh_does_not_resolve_count_where_two_agree() -> None:
-    drawn = next(one for one in design(88) if one.number == 87)
-    film, found = equilibrate(drawn.case, Settings(MESH))
-    assert found.status == "no_equilibrium"
-    assert film.unbalanced(found.critical.state) > PathSettings().unbalanced
-    assert 1e-3 < found.spread < PathSettings().agreement
-    assert oracle(film, drawn, found).says == "agrees"
-    assert "ways to keep it from wrinkling differ" in failure_reason(found)
-    near = np.sqrt(found.limit * 1.01)  # closer to the limits than they may be apart
-    nearer = replace(drawn.case, voltage=near)
-    assert equilibrate(nearer, Settings(MESH))[1].status == "not_converged"
+@pytest.mark.parametrize("number", [12, 47])
+def test_films_that_wrinkle_end_where_they_thin(number: int) -> None:
+    """The first as soon as it loses tension, the second when its wrinkles have grown."""
+    drawn = next(case for case in design(number + 1) if case.number == number)
+    film, outcome = equilibrate(drawn.case, Settings(MESH))
+    assert (outcome.status, outcome.kind) == ("no_equilibrium", "thinning")
+    assert film.in_tension(outcome.state) == (number == 12)
+    assert film.thinning_margin(outcome.state) >= 0
+    assert "wrinkled, thins without bound" in failure_reason(outcome)
+    short = replace(drawn.case, voltage=0.999 * np.sqrt(outcome.limit))
+    assert equilibrate(short, Settings(MESH))[1].status == "equilibrium"
 
 
 def test_a_film_that_locks_says_so() -> None:

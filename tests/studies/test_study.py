@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import meshio
@@ -17,6 +18,7 @@ from tympan.studies import files as store
 from tympan.studies import study
 from tympan.studies.alpha import AlphaSettings, LoadGrid
 from tympan.studies.case import Case, Settings
+from tympan.studies.files import MANIFEST
 from tympan.studies.limits import limits
 
 SMALL = {"curves": LoadGrid((17.9e-3,), (0.0, 3000.0, 12000.0)),
@@ -49,7 +51,8 @@ def test_default_is_the_paper_s_three_actuators() -> None:
 def test_everything_is_stored(finished) -> None:
     plan, folder, steps = finished
     assert len(steps) == plan.steps
-    names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    names = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()
+             and file.name != MANIFEST}
     assert names == {"alpha.json", "study.json"} | {
         f"{kind}/{name}.{suffix}" for name in ("circular", "elliptical-large")
         for kind, suffix in (("fields", "vtu"), ("lines", "csv"), ("curves", "csv"))}
@@ -101,12 +104,12 @@ def test_curves_end_at_pull_in(finished) -> None:
 
 def test_a_study_that_cannot_be_saved_whole_is_seen_to_be_unfinished(finished, tmp_path) -> None:
     _, folder, _ = finished
-    (tmp_path / "study.json").write_text("{}")
+    store.write_text(tmp_path / "study.json", "{}")
     (tmp_path / "lines").write_text("where a folder should be")
     with pytest.raises(InputError, match="cannot be written"):
         study.StudyResult.load(folder).save(tmp_path)
     assert not (tmp_path / "study.json").exists()
-    assert not list(tmp_path.rglob(".*"))
+    assert {file.name for file in tmp_path.rglob(".*")} == {MANIFEST}
 
 
 def test_what_is_loaded_is_saved_as_it_was(finished, tmp_path) -> None:
@@ -133,7 +136,18 @@ def test_atomic_write_keeps_the_old_file_when_writing_fails(tmp_path) -> None:
     with pytest.raises(InputError, match="No space left"):
         store.write_atomically(file, fail)
     assert file.read_text() == "old"
-    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+    assert {item.name for item in tmp_path.iterdir()} == {"result.json", MANIFEST}
+
+
+def test_a_file_of_somebody_else_is_neither_replaced_nor_removed(tmp_path) -> None:
+    file = tmp_path / "material.toml"
+    file.write_text("mine")
+    for replacing in (partial(store.write_text, file, "ours"),
+                      partial(store.remove, tmp_path, file.name)):
+        with pytest.raises(InputError, match=r"material\.toml: is there already"):
+            replacing()
+    assert file.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [file]
 
 
 STUDY = """

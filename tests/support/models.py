@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,11 @@ def model(specimen: Specimen, *, symmetry: bool = True, refine: float = 1.0,
     """The model at the default mesh, refined."""
     return build_model(specimen,
                        Settings(MeshSettings(order=order).refined(refine), symmetry=symmetry))
+
+
+def pressed_model(specimen: Specimen, *, refine: float = 1.0) -> Model:
+    """The same of a film that bears compression instead of wrinkling."""
+    return replace(model(specimen, refine=refine), wrinkles=False)
 
 
 def structured_quarter(order: int, radial: int, around: int) -> Model:

@@ -18,7 +18,7 @@ from tests.support.models import model
 from tests.support.specimens import NEO_HOOKE, circular, reference_film
 from tympan.fem.equilibrium.ramp import held
 from tympan.fem.film.density import Maxwell
-from tympan.fem.film.tension_field import TensionField
+from tympan.fem.film.tension_field import TensionField, total
 
 KAPPA = 20.0
 #: Stretches that are taut, wrinkled and slack in a film whose natural state is the virgin one.
@@ -179,14 +179,35 @@ def test_a_plate_on_a_film_with_little_prestretch_is_the_ode_s(prestretch: float
     assert errors[1] < max(0.3 * errors[0], 2e-5), errors
 
 
-def test_a_loose_film_without_natural_width_has_no_state() -> None:
-    """With c λ₁² > μ a neo-Hookean film under voltage thins without end once it is loose; taut, it
-    is itself."""
+def test_a_loose_film_without_natural_width_thins() -> None:
+    """With c λ₁² > μ a neo-Hookean film under voltage thins without end once it is loose."""
     law, charge = SAMPLES["neo_hooke"].law, 5e3
-    field = TensionField((law, Maxwell(charge, 2.0)), KAPPA)
+    materials = law, Maxwell(charge, 2.0)
+    field = TensionField(materials, KAPPA)
     # n⁴ = 1/(l² (1 − c l²/μ)), without residual tension.
     bound = math.sqrt(20e3 / charge)
-    assert np.isnan(field.derivatives(np.array(1.05 * bound), np.array(0.6))).all()
+    far = np.array(1.05 * bound), np.array(0.6)
+    assert field.thinning_margin(*far) < 0
+    assert field.derivatives(*far) == total(materials, *far)
     one = 0.9 * bound
     width = (1 / (one**2 * (1 - charge * one**2 / 20e3))) ** 0.25
     assert field.natural(np.array(one), np.array(0.9 * width))[1] == pytest.approx(width, rel=2e-2)
+
+
+def relaxed_energy(one: float, share: float) -> float:
+    """Of a neo-Hookean film at its natural width, in moduli; ``share`` is c/μ."""
+    return one**2 / 2 + math.sqrt(one**-2 - share)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.25])
+def test_the_margin_to_thinning_is_the_relaxed_energy_s_curvature(share: float) -> None:
+    field = TensionField((SAMPLES["neo_hooke"].law, Maxwell(share * 20e3, 2.0)), 1e-3)
+    for one in np.linspace(1.1, 0.97 * share**-0.5, 9):
+        step = 1e-4
+        ahead, here, back = (relaxed_energy(one + shift, share) for shift in (step, 0, -step))
+        curvature = 20e3 * (ahead - 2 * here + back) / step**2
+        margin = float(field.thinning_margin(np.array(one), np.array(0.7)))
+        if curvature > 0:
+            assert margin == pytest.approx(curvature, rel=1e-4)
+        else:
+            assert margin < 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
 from dataclasses import replace
 from functools import partial
@@ -176,10 +178,12 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
     sweep, folder = whole
     shutil.copytree(folder, tmp_path / "out")
     before = finished(sweep, tmp_path / "out")
-    damaged, gone, *_ = sorted((tmp_path / "out" / "tasks").rglob("*.json"))
+    damaged, gone, wrong, *_ = sorted((tmp_path / "out" / "tasks").rglob("*.json"))
     content = damaged.read_text()
     damaged.write_text(content.replace("equilibrium", "Equilibrium", 1))
     gone.write_bytes(b"")
+    body = json.dumps(json.loads(wrong.read_text().split("\n")[1]) | {"rows": [1]})
+    wrong.write_text(f"{hashlib.sha256(body.encode()).hexdigest()}\n{body}\n")
     asked: list[str] = []
 
     def noted(function, tasks):
@@ -187,8 +191,8 @@ def test_running_again_solves_nothing_and_a_damaged_file_only(whole, tmp_path) -
         return serial(function, tasks)
 
     summary = run_sweep(sweep, tmp_path / "out", noted)
-    assert sorted(asked) == [damaged.stem, gone.stem]
-    assert (summary.solved, summary.kept) == (12, 36)
+    assert sorted(asked) == [damaged.stem, gone.stem, wrong.stem]
+    assert (summary.solved, summary.kept) == (18, 30)
     alike(table(tmp_path / "out"), table(folder))
     after = finished(sweep, tmp_path / "out")
     assert {number for number in after if after[number] != before[number]} == set(asked)
@@ -262,11 +266,11 @@ def test_a_full_disk_is_one_message_and_what_was_finished_stays(whole, tmp_path,
     with monkeypatch.context() as patch:
         original, written_files = shelf.write_text, []
 
-        def full(file: Path, text: str) -> None:
+        def full(file: Path, text: str, hashed: bool) -> None:
             written_files.append(file)
             if len(written_files) > 3:
                 text = shelf.write_atomically(file, _no_space)
-            original(file, text)
+            original(file, text, hashed)
 
         patch.setattr(shelf, "write_text", full)
         with pytest.raises(InputError, match="cannot be written: No space left on device"):

@@ -1,0 +1,48 @@
+"""Rational splines of drawings as cubic ones."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from tympan.geometry.errors import InputError
+from tympan.geometry.outlines.pieces import Array, Piece, graded, spline_through
+
+
+def pieces_of_spline(knots: Array, poles: Array, weights: Array, degree: int) -> list[Piece]:
+    """Splines, exact where cubic, polynomial and of continuous curvature; parted elsewhere.
+
+    ``poles`` have shape (n, 2) [m], ``weights`` (n,), ``knots`` (n + degree + 1,).
+    """
+    if len(poles) <= degree or not weights.min() > 0:
+        raise InputError(f"has a spline of degree {degree} with {len(poles)} poles: they must be "
+                         "more than that, and their weights positive")
+    curve = BSpline(knots, np.column_stack([poles * weights[:, None], weights]), degree)
+    low, high = knots[degree], knots[-degree - 1]
+    inner, times = np.unique(knots[degree + 1 : -degree - 1], return_counts=True)
+    exact = degree == 3 and np.ptp(weights) == 0
+    corners = inner[times > degree - 2] if not exact else inner[times > 1]
+    breaks = np.concatenate([[low], inner[(inner > low) & (inner < high)], [high]])
+    parts = np.concatenate([[low], corners[(corners > low) & (corners < high)], [high]])
+
+    def local(place: Array) -> tuple[Array, Array]:
+        value, slope = curve(place), curve(place, 1)
+        point = value[:, :2] / value[:, 2:]
+        return point, (slope[:, :2] - point * slope[:, 2:]) / value[:, 2:]
+
+    result: list[Piece] = []
+    for start, end in pairwise(parts):
+        # Just inside a corner, so that derivatives are those of this side.
+        within_part = breaks[(breaks >= start) & (breaks <= end)].astype(float)
+        inset = 1e-13 * (end - start)
+
+        def within(place: Array, low: float = start + inset,
+                   high: float = end - inset) -> tuple[Array, Array]:
+            return local(np.clip(place, low, high))
+
+        size = float(np.ptp(poles, axis=0).max())
+        knots = within_part if exact else graded(within, within_part, size)
+        result.append(spline_through(knots, *within(knots)))
+    return result
