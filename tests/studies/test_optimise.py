@@ -20,15 +20,24 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, area, perimeter
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.limits import limits
+from tympan.studies.limits.loads import usual_masses
 from tympan.studies.optimise.design import DesignEvaluator, check_derivatives
 from tympan.studies.optimise.optimise import OptimiseResult, optimise, run_from
-from tympan.studies.optimise.problem import OptimiseProblem, Variable, default_problem, read_problem
+from tympan.studies.optimise.problem import (
+    OptimiseProblem,
+    Variable,
+    default_problem,
+    held_words,
+    read_problem,
+)
 from tympan.studies.optimise.sqp import DescentSettings, Linearisation, maximise
 
 COARSE = Settings()
 AXES = (Variable("frame.semi_axes.0", 40e-3, 80e-3), Variable("frame.semi_axes.1", 30e-3, 80e-3))
 PROBLEM = """
 specimen = "elliptical-large"
+mass = "17.9 g"
 voltage = "6.5 kV"
 [vary]
 "frame.semi_axes.0" = ["40 mm", "11 cm"]
@@ -277,7 +286,6 @@ def test_length_and_area_of_an_ellipse() -> None:
     ("breakdown_margin = 2.23", "pull_in_margin = 0.5", "limits.pull_in_margin.*from 1 to 10"),
     ("breakdown_margin = 2.23", "pull_in = 1.22", "unknown limit: known are"),
     ('"plate.radius" = "18 mm"', '"plate.radius" = "30 mm"', "start.0.plate.radius.*bounds"),
-    ('voltage = "6.5 kV"', "", "voltage: is missing"),
     ('voltage = "6.5 kV"', 'voltage = "6.5 kV"\nhold = "volume"', "hold.*area, perimeter"),
     ('specimen = "elliptical-large"', 'specimen = "round"',
      "specimen.*one of circular, elliptical-small"),
@@ -321,6 +329,22 @@ def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path,
     rows = (tmp_path / "out" / "path.csv").read_text(encoding="utf-8").splitlines()
     assert rows[0].startswith("held,start,trial,accepted,frame.semi_axes.0_mm")
     assert len(rows) > 3
+
+
+def test_what_is_left_out_is_the_specimen_s_own(tmp_path: Path) -> None:
+    """The reference is the specimen itself, loads suit it, and no measure need be held."""
+    file = tmp_path / "free.toml"
+    file.write_text('specimen = "elliptical-small"\nhold = "nothing"\n[vary]\n'
+                    '"plate.radius" = ["5 mm", "15 mm"]\n')
+    problem = read_problem(file)
+    assert problem.reference == problem.specimen
+    assert problem.mass == usual_masses(problem.specimen, Settings())[0]
+    first = limits(Case(problem.specimen, mass=problem.mass), Settings()).first
+    assert first is not None
+    assert 0.5 < problem.voltage / first.voltage_V < 0.7
+    miss, slopes = problem.held_slopes("nothing", np.array([10e-3]))
+    assert (miss, slopes.tolist()) == (0.0, [0.0])
+    assert held_words("nothing") == "free"
 
 
 def test_the_shipped_problem_reads() -> None:
