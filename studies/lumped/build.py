@@ -77,13 +77,15 @@ class BuildSettings:
 
     @classmethod
     def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
-               **given: Any) -> BuildSettings:
-        """With loads that suit all specimens where none are given."""
+               count: int = 11, **given: Any) -> BuildSettings:
+        """With loads that suit all specimens where none are given, of voltages a ``count``."""
+        for specimen in specimens:  # refuses a rig that the model does not have
+            Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
             given["masses"] = tuple(map(min, zip(*(
                 usual_masses(specimen, settings, rig) for specimen in specimens), strict=True)))
         if given.get("voltages") is None:
-            shares = tuple(np.linspace(0.0, 1.0, 11).tolist())
+            shares = tuple(np.linspace(0.0, 1.0, count).tolist())
             given["voltages"] = min(usual_voltages(specimen, max(given["masses"]), settings, rig,
                                                    shares) for specimen in specimens)
         return cls(**given)

@@ -61,8 +61,8 @@ def lumped_build(options: argparse.Namespace) -> None:
     voltages = _voltages(options) if options.voltages is not None else None
     settings, rig = read_settings(options), read_rig(options.rig)
     specimens = read_specimens(options.specimens)
-    chosen = BuildSettings.suited(specimens, settings, rig, masses=masses, voltages=voltages,
-                                  circles=options.circles, radii=options.radii,
+    chosen = BuildSettings.suited(specimens, settings, rig, options.count, masses=masses,
+                                  voltages=voltages, circles=options.circles, radii=options.radii,
                                   viscous=_viscous(options.viscous))
     with bar(4 * len(specimens)) as progress:
         models = [build(specimen, settings, chosen, rig, progress) for specimen in specimens]
