@@ -245,16 +245,17 @@ class Stop:
 
     def place(self, what: What) -> tuple[float, float]:
         """Where in the mounted film something happens [m]; a limit, where it thins fastest."""
-        fields = self.fields
-        if what == "tension lost":
-            number = np.argmin(self.pressed.stress_2)
-        elif what == "breakdown":
-            number = np.argmax(fields.breakdown_share)
-        else:
-            onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
-            number = np.argmin(node_fields(self.model, onwards).thickness / fields.thickness)
-        x, y, _ = fields.position[number]
+        x, y, _ = self.fields.position[np.argmin(self._falling(what))]
         return float(x), float(y)
+
+    def _falling(self, what: What) -> Array:
+        """What is least where something happens, at the nodes of every element."""
+        if what == "tension lost":
+            return self.pressed.stress_2
+        if what == "breakdown":
+            return -self.fields.breakdown_share
+        onwards = moved(self.model, self.point.state, self.point.direction, _ONWARDS)
+        return node_fields(self.model, onwards).thickness / self.fields.thickness
 
     def jump(self, what: What) -> float:
         """By how much elements differ that meet where something happens, as :meth:`before` has it.
@@ -267,7 +268,7 @@ class Stop:
             stresses = (fields.stress_1, fields.stress_2)
             return float(max((_jumps(nodes, stress)**2).mean() / max(np.var(stress), 1e-300)
                              for stress in stresses))
-        values = fields.stress_2 if what == "tension lost" else -fields.breakdown_share
+        values = self._falling(what)
         element = int(np.argmin(values)) // nodes.shape[1]
         return float(_jumps(nodes, values)[nodes[element]].max())
 

@@ -79,6 +79,8 @@ class BuildSettings:
     def suited(cls, specimens: Sequence[Specimen], settings: Settings, rig: Rig = Rig(),
                count: int = 11, **given: Any) -> BuildSettings:
         """With loads that suit all specimens where none are given, ``count`` voltages."""
+        for specimen in specimens:  # refuses a rig that the model does not have
+            Actuator.of(specimen, (given.get("masses") or (1.0,))[0], rig=rig)
         if given.get("masses") is None:
             given["masses"] = tuple(map(min, zip(*(
                 usual_masses(specimen, settings, rig) for specimen in specimens), strict=True)))

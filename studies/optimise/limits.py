@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -103,20 +103,22 @@ def _highest(name: str, field: Field, stored: str, state: DesignState, bound: fl
 def _pull_in(state: DesignState, bound: float) -> Evaluation:
     """Voltage of pull-in over that applied at one load; c is the bound over this margin, minus one.
 
+    Of a film kept from wrinkling: one that wrinkles may end before, and not smoothly.
     Where the search was cut short, by its reach or a film that wrinkles, the last margin stands,
     which has no derivatives.
     """
+    model = replace(state.model, wrinkles=False)
     film, film_voltage = state.outcome.state, state.case.film_voltage
-    end = equilibrium(state.model, film.force, _REACH * bound * film_voltage, film.pressure,
+    end = equilibrium(model, film.force, _REACH * bound * film_voltage, film.pressure,
                       state.outcome.solution, state.path)
     slopes = np.zeros(len(state.by))
     if end.critical is None or end.limited != "voltage":
         margin = float(np.sqrt(end.state.voltage_squared)) / film_voltage
     else:
         margin = float(np.sqrt(end.critical.state.voltage_squared)) / film_voltage
-        parameters = case_parameters(state.case, state.model, "voltage")
+        parameters = case_parameters(state.case, model, "voltage")
         try:
-            gradient = limit_gradient(state.model, end.critical, "voltage",
+            gradient = limit_gradient(model, end.critical, "voltage",
                                       {name: parameters[name] for name in state.by})
             slopes = np.array([gradient[name] for name in state.by]) / (2 * margin
                                                                         * film_voltage**2)

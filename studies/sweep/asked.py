@@ -118,10 +118,12 @@ def _alpha(asked: SolvedCase) -> Record:
     for column, words in (("V", "nominal voltage of {}"), ("x_m", "its place on the flat film"),
                           ("y_m", "the same along y"),
                           ("spread", "how certain the voltage is, relative"))
-}, shown=("tension_V", "breakdown_V", "pull_in_V"), loads=("mass",))
+} | {"last_equilibrium_V": "beyond this nominal voltage there is none: it pulls in or thins"},
+             shown=("tension_V", "breakdown_V", "last_equilibrium_V"), loads=("mass",))
 def _limits(asked: SolvedCase) -> Record:
     result = limits(asked.case, asked.settings)
-    record: Record = {"warnings": [] if result.pull_in else [result.ended]}
+    record: Record = {"warnings": [result.ended] if result.thins or not result.pull_in else [],
+                      "last_equilibrium_V": result.end.voltage_V if result.end else None}
     for limit in (result.tension, result.breakdown, result.pull_in):
         if limit is not None:
             record |= {f"{limit.kind}_V": limit.voltage_V, f"{limit.kind}_x_m": limit.x_m,

@@ -34,7 +34,7 @@ FAILED = "failed"
 WAITING = "waiting"
 
 #: Into the square of this many triangles an element is cut: for others, and for small pictures.
-_FINE, _COARSE = 6, 3
+_FINE, _COARSE = 6, 4
 
 #: gmsh has one state per process: where a cluster gives a process several threads, they take turns.
 _TURN = threading.Lock()

@@ -59,7 +59,9 @@ def test_solve_past_pull_in(tmp_path, capsys) -> None:
     result = printed(capsys)
     assert result["status"] == "no_equilibrium"
     assert result["deflection_m"] is None
-    assert any("pulls in at 6.8" in words for words in result["warnings"])
+    assert any("loses tension at 6.6" in words for words in result["warnings"])
+    assert result["limit"]["kind"] in ("tension", "pull_in")
+    assert 6.6e3 < result["limits"]["tension"]["voltage_V"] < 6.7e3
 
 
 @pytest.mark.parametrize("name", ACTUATORS)

@@ -23,6 +23,7 @@ from tympan.studies.files import write_json
 SPECIMEN = specimen_toml(frame='shape = "ellipse"\nsemi_axes = ["6 cm", "4 cm"]', film=SOFT)
 PROBLEM = """
 specimen = "elliptical-large"
+mass = "17.9 g"
 voltage = "6.5 kV"
 [vary]
 "frame.semi_axes.0" = ["40 mm", "11 cm"]

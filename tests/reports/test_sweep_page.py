@@ -39,7 +39,7 @@ def made_up(task: SweepTask) -> TaskResult:
             "status": "equilibrium", "deflection_m": mass / radius * (1e-3 + 1e-7 * volts)})
     weights = ({"warnings": ["has no <circle>"]} if radius > 9e-3
                else {"alpha_1": 0.6, "alpha_2": 0.4, "alpha_held_out_error": 1e-3, "warnings": []})
-    limits = [{"pull_in_V": 1e4 * radius / mass, "warnings": []} for mass in task.masses]
+    limits = [{"last_equilibrium_V": 1e4 * radius / mass, "warnings": []} for mass in task.masses]
     return TaskResult(rows, {"alpha": [weights], "limits": limits})
 
 
@@ -60,10 +60,10 @@ def test_every_pair_of_keys_has_maps_of_what_depends_on_both(view: SweepView) ->
             for pair in sweep_maps(view)}
     assert maps == {
         ("plate.radius", "frame.semi_axes"): ["deflection [mm]", "stroke [mm]", "alpha 1",
-                                              "alpha held out error", "pull in [kV]"],
-        ("plate.radius", "mass"): ["deflection [mm]", "stroke [mm]", "pull in [kV]"],
+                                              "alpha held out error", "last equilibrium [kV]"],
+        ("plate.radius", "mass"): ["deflection [mm]", "stroke [mm]", "last equilibrium [kV]"],
         ("plate.radius", "voltage"): ["deflection [mm]"],
-        ("frame.semi_axes", "mass"): ["deflection [mm]", "stroke [mm]", "pull in [kV]"],
+        ("frame.semi_axes", "mass"): ["deflection [mm]", "stroke [mm]", "last equilibrium [kV]"],
         ("frame.semi_axes", "voltage"): ["deflection [mm]"],
         ("mass", "voltage"): ["deflection [mm]"]}
 

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.oracles import axisymmetric
 from tests.oracles.unstable import slack_voltage
-from tests.support.specimens import ROOT5, circular
+from tests.support.specimens import ROOT5, circular, elliptical
 from tympan.fem.film.laws import NeoHooke
 from tympan.fem.film.library import MATERIALS
 from tympan.fem.rig import Rig
 from tympan.geometry.mesher import MeshSettings
-from tympan.geometry.outlines import Ellipse, RoundedRectangle
+from tympan.geometry.outlines import Circle, Ellipse, RoundedRectangle
 from tympan.geometry.specimen import Film, Plate, Specimen
+from tympan.studies.alpha import AlphaSettings, LoadGrid, alpha
 from tympan.studies.case import Case, CaseResult, Settings, solve
 from tympan.studies.files import from_json
 from tympan.studies.limits import Limits, curve, limits, solve_within
 from tympan.studies.limits.loads import usual_masses, usual_voltages
+from tympan.studies.path import path
 
+COARSE = Settings(MeshSettings(order=3).refined(0.7))
 SOFT = circular(NeoHooke(15e3))
 ORACLE = axisymmetric.Film(10e-3, 45e-3, 1e-3, ROOT5, axisymmetric.neo_hooke(15e3), 4.7)
 FORCE = 17.9e-3 * 9.80665
@@ -119,3 +125,36 @@ def test_limits_are_nominal_voltages(soft: Limits) -> None:
     assert doubled.pull_in is not None
     assert soft.pull_in is not None
     assert doubled.pull_in.voltage_V == pytest.approx(soft.pull_in.voltage_V / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize(("specimen", "mass"), [
+    (SOFT, 17.9e-3), (elliptical(75e-3, NeoHooke(15e3)), 22.45e-3),
+    (replace(SOFT, plate=Plate(Circle(10e-3), (5e-3, 0.0))), 12e-3)],
+    ids=["circle", "ellipse", "plate off its centre"])
+def test_limits_solve_and_path_agree(specimen: Specimen, mass: float) -> None:
+    """To 1e-3: with the ramp's own search, just below the first and just above the last."""
+    reached = limits(Case(specimen, mass=mass), COARSE)
+    first, end = reached.first, reached.end
+    assert first is not None
+    assert end is not None
+    below, above = (solve(Case(specimen, mass=mass, voltage=voltage), COARSE)
+                    for voltage in (0.999 * first.voltage_V, 1.001 * end.voltage_V))
+    assert below.status == "equilibrium"
+    assert above.status != "equilibrium"
+    events = {event.what: event.value
+              for event in path(Case(specimen, mass=mass), COARSE, "voltage").events}
+    assert reached.tension is not None
+    assert events["tension lost"] == pytest.approx(reached.tension.voltage_V, rel=1e-3)
+    if reached.pull_in is not None and "limit" in events:
+        assert events["limit"] == pytest.approx(reached.pull_in.voltage_V, rel=1e-3)
+
+
+def test_alpha_leaves_out_what_is_beyond_the_limit_and_says_which() -> None:
+    specimen, mass = elliptical(75e-3, NeoHooke(15e3)), 17.9e-3
+    end = limits(Case(specimen, mass=mass), COARSE).end
+    assert end is not None
+    loads = LoadGrid((mass,), (0.0, 3000.0, 1.1 * end.voltage_V))
+    warned = " ".join(alpha(specimen, COARSE, AlphaSettings(loads, LoadGrid((), ()))).warnings)
+    said = re.search(r"at ([0-9.]+) kV", warned)
+    assert said is not None
+    assert 1e3 * float(said[1]) == pytest.approx(end.voltage_V, rel=1e-3)

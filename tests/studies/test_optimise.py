@@ -20,9 +20,17 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.outlines import Circle, Ellipse, Outline, area, perimeter
 from tympan.geometry.specimen import Plate, Specimen
 from tympan.studies.case import Case, Settings, solve
+from tympan.studies.limits import limits
+from tympan.studies.limits.loads import usual_masses
 from tympan.studies.optimise.design import DesignEvaluator, check_derivatives
 from tympan.studies.optimise.optimise import OptimiseResult, optimise, run_from
-from tympan.studies.optimise.problem import OptimiseProblem, Variable, default_problem, read_problem
+from tympan.studies.optimise.problem import (
+    OptimiseProblem,
+    Variable,
+    default_problem,
+    held_words,
+    read_problem,
+)
 from tympan.studies.optimise.sqp import DescentSettings, Linearisation, maximise
 
 COARSE = Settings()
@@ -221,7 +229,7 @@ def test_designs_without_equilibrium_are_backed_away_from() -> None:
                    DescentSettings(radius=0.3, iterations=10))
     assert run.descent.missing > 0
     assert run.best.stroke > 1.2 * run.trials[0].stroke
-    assert any("pulls in" in trial.reason for trial in run.trials)
+    assert any("thins" in trial.reason or "pulls in" in trial.reason for trial in run.trials)
 
 
 def test_a_start_without_equilibrium_is_told() -> None:
@@ -230,7 +238,7 @@ def test_a_start_without_equilibrium_is_told() -> None:
     record = optimise(problem, COARSE).record
     assert not record["optima"]
     assert record["failed"][0]["status"] == "no_start"
-    assert "pulls in" in record["failed"][0]["reason"]
+    assert "thins without bound" in record["failed"][0]["reason"]
 
 
 def test_a_frame_out_of_reach_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -321,6 +329,22 @@ def test_the_command_stores_what_solve_reads(file: Path, tmp_path: Path,
     rows = (tmp_path / "out" / "path.csv").read_text(encoding="utf-8").splitlines()
     assert rows[0].startswith("held,start,trial,accepted,frame.semi_axes.0_mm")
     assert len(rows) > 3
+
+
+def test_what_is_left_out_is_the_specimen_s_own(tmp_path: Path) -> None:
+    """The reference is the specimen itself, loads suit it, and no measure need be held."""
+    file = tmp_path / "free.toml"
+    file.write_text('specimen = "elliptical-small"\nhold = "nothing"\n[vary]\n'
+                    '"plate.radius" = ["5 mm", "15 mm"]\n')
+    problem = read_problem(file)
+    assert problem.reference == problem.specimen
+    assert problem.mass == usual_masses(problem.specimen, Settings())[0]
+    first = limits(Case(problem.specimen, mass=problem.mass), Settings()).first
+    assert first is not None
+    assert 0.5 < problem.voltage / first.voltage_V < 0.7
+    miss, slopes = problem.held_slopes("nothing", np.array([10e-3]))
+    assert (miss, slopes.tolist()) == (0.0, [0.0])
+    assert held_words("nothing") == "free"
 
 
 def test_the_shipped_problem_reads() -> None:

@@ -121,7 +121,7 @@ def test_what_is_loaded_is_saved_as_it_was(finished, tmp_path) -> None:
 
 def test_a_load_without_picture_is_said(finished) -> None:
     plan, _, _ = finished
-    with pytest.raises(InputError, match=r"circular.*no picture at 17.9 g and 12 kV.*pulls in"):
+    with pytest.raises(InputError, match=r"circular.*no picture at 17.9 g and 12 kV.*thins"):
         study.run_study(replace(plan, voltage=12e3))
 
 
