@@ -92,7 +92,8 @@ def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
                  str(tmp_path / "new" / "folder")]) == 0
     assert "deflection_m" in capsys.readouterr().out
     folder = tmp_path / "new" / "folder"
-    assert sorted(file.name for file in folder.glob("[!.]*")) == ["circular.json", "circular.vtu"]
+    assert sorted(file.name for file in folder.glob("[!.]*")) == [
+        "circular.json", "circular.png", "circular.svg", "circular.vtu"]
     mesh = meshio.read(folder / "circular.vtu")
     stored = json.loads((folder / "circular.json").read_text())
     assert mesh.point_data["displacement"][:, 2].max() == pytest.approx(stored["deflection_m"],
@@ -104,7 +105,8 @@ def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
 def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
     file = tmp_path / "soft.toml"
     file.write_text(SOFT_FILM)
-    for voltage, names in (("3 kV", ["soft.json", "soft.vtu"]), ("20 kV", ["soft.json"])):
+    drawn = ["soft.json", "soft.png", "soft.svg", "soft.vtu"]
+    for voltage, names in (("3 kV", drawn), ("20 kV", ["soft.json"])):
         assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o",
                      str(tmp_path / "out")]) == 0
         assert sorted(item.name for item in (tmp_path / "out").glob("[!.]*")) == names
