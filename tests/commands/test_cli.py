@@ -107,8 +107,8 @@ def test_solve_stores_fields_and_numbers(tmp_path, capsys) -> None:
 def test_a_result_that_does_not_exist_leaves_no_old_fields(tmp_path, capsys) -> None:
     file = tmp_path / "soft.toml"
     file.write_text(SOFT_FILM)
-    for voltage, names in (("3 kV", ["soft.json", "soft.png", "soft.svg", "soft.vtu"]),
-                           ("20 kV", ["soft.json"])):
+    drawn = ["soft.json", "soft.png", "soft.svg", "soft.vtu"]
+    for voltage, names in (("3 kV", drawn), ("20 kV", ["soft.json"])):
         assert main(["solve", str(file), "--mass", "17.9 g", "--voltage", voltage, "-o",
                      str(tmp_path / "out")]) == 0
         assert sorted(item.name for item in (tmp_path / "out").glob("[!.]*")) == names
