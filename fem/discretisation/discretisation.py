@@ -201,7 +201,7 @@ class Discretisation:
         padded = np.concatenate([gradient, np.zeros((1, 3, freedoms))])
         local = padded[rows].reshape(len(touching), 3 * rows.shape[1], freedoms)
         product = np.matmul(elements[touching], local)
-        corner = local.reshape(-1, freedoms).T @ product.reshape(-1, freedoms)
+        corner = np.tensordot(local, product, axes=((0, 1), (0, 1)))
         border = self.scatter(product.reshape(*rows.shape, 3 * freedoms),
                               self.connectivity[touching])
         return border.reshape(*self.reference.shape, freedoms)[self.free], corner
