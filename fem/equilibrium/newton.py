@@ -115,6 +115,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             return Solution(state, False, iteration, None,
                             "the tangent is singular: a limit point is near")
         before, damping = length(model, motion), min(1.0, 4 * damping)
+        # Towards less of a potential whose slope jumps where wrinkles begin: that is enough.
+        descends = not free and model.wrinkles and not model.in_tension(state)
         if before < settings.correction:
             reached = moved(model, state, motion, 1.0, loads)
             if _unbalanced(model, subspace, reached) < settings.residual:
@@ -132,6 +134,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
                 simplified, changes = tangent.correct(model.residual(forces, trial), misses)
                 after = length(model, simplified)
                 if after <= (1 - damping / 4) * before or after < settings.correction:
+                    break
+                if descends and _work(model.residual(forces, trial), motion) <= 0:
                     break
             damping /= 2
         state = trial
@@ -153,6 +157,10 @@ def moved(model: Model, state: State, motion: Parts, fraction: float = 1.0,
     plate = state.plate.moved(freedoms)
     changed = {name: state.load(name) + fraction * change for name, change in (loads or {}).items()}
     return replace(state.under(**changed), positions=model.place(positions, plate), plate=plate)
+
+
+def _work(residual: Parts, motion: Parts) -> float:
+    return float(residual[0] @ motion[0] + residual[1] @ motion[1])
 
 
 def _unbalanced(model: Model, subspace: Subspace, state: State) -> float:

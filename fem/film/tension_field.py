@@ -112,9 +112,9 @@ class TensionField:
         loose = self._loose(plain, l2)
         if loose.any():
             wrinkled = self._wrinkled(l1, l2, loose)
-            pressed = np.nan_to_num((w2 / l2)[loose], nan=-np.inf)
-            margin[loose] = np.where(wrinkled.sound, wrinkled.stiffness, pressed)
-        return margin
+            margin[loose] = np.where(wrinkled.sound, wrinkled.stiffness, (w2 / l2)[loose])
+        # Where the law has no stress the film is strained too far, not thin.
+        return np.where(np.isnan(margin), np.inf, margin)
 
     def _loose(self, plain: tuple[Any, ...], l2: Any) -> NDArray[np.bool_]:
         # A law may have no value so far pressed together.

@@ -880,7 +880,8 @@ def fold_point(ritz: RitzExpansion, load: float) -> _State:
     )
 
 
-def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Solution:
+def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0,
+                     tolerance: float = 1e-12) -> Solution:
     """Same problem as :func:`solve_deflection`, by shooting on the Euler-Lagrange equations.
 
     With ``x = ln(R / a)``, ``z_R = -(l1 / lp) sin t`` and ``r_R = (l1 / lp) cos t`` the equations
@@ -894,7 +895,8 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     ``l1`` and ``t`` at the plate are found by Newton's method such that ``r(b) = b`` and ``z(a) -
     z(b) = w``; the force is ``F = 2 pi a (T / lp) Psi_1 sin t`` there.  The meridional tension must
     be positive. There is no continuation: the start is the small-deflection shape, and no limit
-    point is noticed.
+    point is noticed. ``tolerance`` of the integration: where a film begins to wrinkle, the
+    equations have a kink that makes small ones slow.
     """
     lp, a, span = film.prestretch, film.inner, film.log_ratio
     q = voltage**2
@@ -910,7 +912,8 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
     def trajectory(start: FloatArray, dense: bool = False) -> Any:
         first = [start[0], lp, start[1], deflection / a]  # the height is scaled with a
         result = solve_ivp(
-            rate, (0.0, span), first, method="DOP853", rtol=1e-12, atol=1e-13, dense_output=dense
+            rate, (0.0, span), first, method="DOP853", rtol=tolerance, atol=tolerance / 10,
+            dense_output=dense
         )
         if not result.success:
             raise ArithmeticError(f"shooting failed: {result.message}")
@@ -927,7 +930,8 @@ def shoot_deflection(film: Film, deflection: float, voltage: float = 0.0) -> Sol
         columns = [(miss(start + shift) - error) / 1e-6 for shift in 1e-6 * np.eye(2)]
         step = np.linalg.solve(np.column_stack(columns), error)
         start = start - step
-        if np.max(np.abs(step)) < 1e-8:  # the next step would be about 1e-6 of this one
+        # The next step would be about 1e-6 of this one.
+        if np.max(np.abs(step)) < max(1e-8, 10 * tolerance):
             break
     else:
         raise ArithmeticError("shooting did not converge")
