@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.oracles import axisymmetric
-from tests.support.models import model, structured_quarter
+from tests.support.models import model, pressed_model, structured_quarter
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import NewtonSettings, newton
@@ -324,14 +324,17 @@ def test_rig_edits_act_in_the_simulation() -> None:
 
 
 def test_pull_in_is_where_the_ode_has_it() -> None:
-    """15 kPa under 17.9 g have no equilibrium at 7 kV; the limit voltage by ODE is 6828.83 V."""
+    """15 kPa under 17.9 g have no equilibrium at 7 kV; the limit voltage by ODE is 6828.83 V.
+
+    Of a film that bears compression, as the ODE's does.
+    """
     material = Ogden((15e3,), (2.0,))
-    outcome = equilibrium(model(circular(material)), 17.9e-3 * G, 7000.0)
+    outcome = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 7000.0)
     assert outcome.status == "no_equilibrium"
     exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-4)
-    below = equilibrium(model(circular(material)), 17.9e-3 * G, 0.999 * exact)
-    above = equilibrium(model(circular(material)), 17.9e-3 * G, 1.001 * exact)
+    below = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 0.999 * exact)
+    above = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 1.001 * exact)
     assert (below.status, above.status) == ("equilibrium", "no_equilibrium")
 
 
@@ -385,14 +388,14 @@ def test_held_states_do_not_depend_on_where_they_start() -> None:
 def test_voltages_far_beyond_pull_in_have_no_equilibrium(kilovolt) -> None:
     """However far: and the voltage said to be the limit stays within 1 % of the ODE's."""
     material = Ogden((15e3,), (2.0,))
-    outcome = equilibrium(model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
+    outcome = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
     assert outcome.status == "no_equilibrium"
     exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-2)
 
 
 def test_pull_in_is_seen_from_a_start_close_to_it() -> None:
-    film = model(circular(Ogden((15e3,), (2.0,))))
+    film = pressed_model(circular(Ogden((15e3,), (2.0,))))
     statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
                                                            [6780.0, 6815.0, 6850.0])]
     assert statuses == ["equilibrium", "equilibrium", "no_equilibrium"]
