@@ -98,7 +98,8 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
         # A band too narrow to be built is none, or the narrowest, whichever is nearer.
         least = NARROWEST * specimen.gap
         width = d if d >= least or d <= 0 else least if d > least / 2 else 0.0
-        return with_change(specimen, ("electrode", "margin_frame"), width)
+        changed: Specimen = with_change(specimen, ("electrode", "margin_frame"), width)
+        return changed
 
     return setup.with_specimens(banded)
 
