@@ -242,11 +242,14 @@ alpha = [2]
     assert deflections[0] > 2e-3
 
 
-@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+@given(st.floats(1e-3, 200.0), st.floats(1e-3, 1e3))
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
     """Statics depend on m g/(μ T R) and ε U²/(μ T²) alone: scaling both must not change shape or
-    effort."""
+    effort.
+
+    From a plate of 10 um to a frame of 9 m, near both ends of what may be built.
+    """
     def scaled(size: float, modulus: float) -> tuple[float, int]:
         from tympan.geometry.outlines import Circle
         from tympan.geometry.specimen import Film, Plate, Specimen
