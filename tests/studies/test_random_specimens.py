@@ -87,8 +87,8 @@ def test_the_checkers_slope_is_that_of_the_potential(law: str) -> None:
 
 @pytest.mark.parametrize(("number", "voltage"), [(349, None), (377, 1140.0)])
 def test_slopes_are_seen_near_locking(number: int, voltage: float | None) -> None:
-    """Where a difference over a millionth of the frame is off by about 1e-5: a narrow gap, a film
-    that locks, 0.4 % below the voltage at which it thins."""
+    """Where a difference over a millionth of the frame is off by more than 1e-5: a narrow gap, a
+    film that locks, 0.4 % below the voltage at which it thins."""
     drawn = next(one for one in design(number + 1) if one.number == number)
     if voltage is not None:
         drawn = replace(drawn, case=replace(drawn.case, voltage=voltage))
