@@ -65,7 +65,7 @@ def rise(case: Case, settings: Settings, step: float = STEP) -> Rise:
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
     passed = list(_to_pull_in(case, model, start, settings, step))
     reached = _limits(case, passed)
-    if reached.end is None and passed:
+    if passed and reached.pull_in is None and (reached.end is None or reached.thins):
         reached = _searched(case, passed[-1], reached, settings)
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
     return Rise(model, cases, tuple(passed), reached)
@@ -109,8 +109,10 @@ def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Li
         return reached
     stop = Stop(last.model, outcome.critical)
     x, y = stop.place("limit")
-    return replace(reached, ended=failure_reason(outcome), pull_in=Limit(
-        kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y, spread=stop.jump("limit")))
+    pull_in = Limit(kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y,
+                    spread=stop.jump("limit"))
+    ended = reached.ended if reached.thins else failure_reason(outcome)
+    return replace(reached, ended=ended, pull_in=pull_in)
 
 
 def _nominal(case: Case, stop: Stop) -> float:
