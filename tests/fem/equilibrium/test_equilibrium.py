@@ -402,3 +402,19 @@ def test_pull_in_is_seen_from_a_start_close_to_it() -> None:
     statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
                                                            [6780.0, 6815.0, 6850.0])]
     assert statuses == ["equilibrium", "equilibrium", "no_equilibrium"]
+
+
+@pytest.mark.parametrize("prestretch", [0.99, 0.8, 0.5])
+def test_a_film_mounted_slack_hangs_on_its_load_or_is_refused(prestretch: float) -> None:
+    """Without a load that tightens it, only the residual tension would hold its plate."""
+    film = model(circular(prestretch=(prestretch, prestretch)), refine=0.7)
+    loaded = equilibrium(film, 0.3, 0.0)
+    assert loaded.status == "equilibrium"
+    reference = replace(reference_film(NEO_HOOKE, prestretch=prestretch), relaxed=True)
+    deflection = loaded.state.plate.deflection
+    exact = axisymmetric.shoot_deflection(reference, deflection, 0.0, 1e-5)
+    assert exact.force == pytest.approx(0.3, rel=2e-2)
+    for force in (0.0, 1e-3):
+        outcome = equilibrium(film, force, 0.0)
+        assert outcome.status == "not_converged"
+        assert "slack" in outcome.advice
