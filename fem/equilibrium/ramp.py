@@ -296,11 +296,13 @@ class Ramp:
         near = {solution.state.load(self.load): solution for solution in (before, after)}
         low, high = near
         scale = abs(self.model.thinning_margin(after.state))
+        after.release()
 
         def margin(value: float) -> float:
             if value not in near:
                 closest = min(near, key=lambda other: abs(other - value))
                 solution = self._at(near[closest], value)[0]
+                solution.release()
                 if not solution.converged:
                     raise LookupError
                 near[value] = solution
