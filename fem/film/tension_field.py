@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -140,8 +141,8 @@ class TensionField:
             values = total(materials, a, s)
             return values[2] - k * s, values[5] - k
 
-        slack = np.real(total(materials, a, a)[1] - k * a) <= 0
-        width = _root(across, b, a)
+        slack = ~(np.real(across(a)[0]) > 0)
+        width = _root(across, b, a, ~slack)
         if not slack.any():
             return a, width
         apart = self._apart(_at_points(materials, slack), a[slack])
@@ -159,8 +160,9 @@ class TensionField:
 
         # Under voltage the tension falls again further out.
         outer = _OUTWARDS[:, None] * a
-        nearest = np.argmax(np.real(both(outer)[0]) > 0, axis=0)
-        return _root(both, a, outer[nearest, np.arange(len(a))])
+        tense = np.real(both(outer)[0]) > 0
+        nearest = np.argmax(tense, axis=0)
+        return _root(both, a, outer[nearest, np.arange(len(a))], tense.any(axis=0))
 
     def _wrinkled(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> _Wrinkled:
         materials, a, b = self._at(l1, l2, loose)
@@ -201,28 +203,33 @@ class _Wrinkled:
 
 def _at_points(materials: tuple[Any, ...], points: NDArray[np.bool_]) -> tuple[Any, ...]:
     """Materials at some points; their arrays are fields over all."""
-    return tuple(replace(material, **{
-        name: np.broadcast_to(value, points.shape)[points] for name, value
-        in vars(material).items() if isinstance(value, np.ndarray)}) for material in materials)
+    fields = [{name: np.broadcast_to(value, points.shape)[points] for name, value
+               in vars(material).items() if isinstance(value, np.ndarray)}
+              for material in materials]
+    return tuple(replace(material, **here) if here else material
+                 for material, here in zip(materials, fields, strict=True))
 
 
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     """Sum of the materials' W and derivatives."""
-    values = (material.derivatives(l1, l2) for material in materials)
-    return tuple(sum(parts) for parts in zip(*values, strict=True))
+    first, *others = (material.derivatives(l1, l2) for material in materials)
+    for other in others:
+        first = tuple(map(add, first, other))
+    return tuple(first)
 
 
-def _root(function: Any, low: Array, high: Array) -> Array:
-    """Where a function that is negative at ``low`` becomes positive below ``high``, else nan.
+def _root(function: Any, low: Array, high: Array, exists: NDArray[np.bool_]) -> Array:
+    """Where a function that is negative at ``low`` and positive at ``high`` is 0.
+
+    Nan where there ``exists`` none.
 
     Newton within bisection. The last step is taken in the arguments' own arithmetic, so that an
     imaginary step on anything passes through.
     """
+    if not exists.any():
+        return np.full(len(low), np.nan)
     with np.errstate(all="ignore"):
         lower, upper = np.real(low).copy(), np.real(high).copy()
-        exists = np.real(function(upper)[0]) > 0
-        if not exists.any():
-            return np.full_like(upper, np.nan)
         point = lower
         for _ in range(_HALVINGS):
             value, slope = (np.real(part) for part in function(point))
