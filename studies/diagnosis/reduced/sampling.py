@@ -31,8 +31,8 @@ COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 #: The mesh they are checked on.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
 
-#: From node to node: where such steps do not get there is hardly ever a state.
-_NEAR = NewtonSettings(iterations=12, damping=0.05)
+#: From node to node, forces to 1e-6; where such steps do not get there is hardly ever a state.
+_NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.05)
 
 #: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
 _BOLD = PathSettings(shortest=0.1)
