@@ -57,9 +57,9 @@ def anew(model: Model) -> Model:
 def rows(model: Model, repeat: int) -> dict[str, float]:
     """Median seconds of solve, step and gradients."""
     outcome = equilibrium(model, FORCE, VOLTAGE)
-    known = parameters(model)
+    by_name = parameters(model)
     lengths = shape_names(model.specimen)
-    fixed = [name for name in known if name not in lengths]
+    fixed = [name for name in by_name if name not in lengths]
 
     def slopes(film: Model, names: Sequence[str]) -> dict[str, float]:
         return gradient(film, outcome, QUANTITIES["heave"], names)
@@ -70,9 +70,9 @@ def rows(model: Model, repeat: int) -> dict[str, float]:
         "gradient by thickness": lambda: slopes(model, ["membrane.thickness"]),
         "gradient by one length": lambda: slopes(model, lengths[:1]),
         f"gradient by {len(fixed)}, no lengths": lambda: slopes(model, fixed),
-        f"gradient by all {len(known)}": lambda: slopes(model, list(known)),
+        f"gradient by all {len(by_name)}": lambda: slopes(model, list(by_name)),
         "first by one length": lambda: slopes(anew(model), lengths[:1]),
-        "first by all": lambda: slopes(anew(model), list(known))}
+        "first by all": lambda: slopes(anew(model), list(by_name))}
     times = [{name: seconds(work) for name, work in works.items()} for _ in range(repeat)]
     return {name: median(each[name] for each in times) for name in works}
 

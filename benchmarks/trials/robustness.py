@@ -86,27 +86,27 @@ def judged(drawn: Drawn, mesh: MeshSettings = MESH, sample: int = 1) -> Record:
     """A case solved and checked; every ``sample``-th from the other directions that cost as much as
     the search."""
     began = time.process_time()
-    model, found = equilibrate(drawn.case, Settings(mesh))
+    model, outcome = equilibrate(drawn.case, Settings(mesh))
     seconds = time.process_time() - began
-    record = Record(drawn.number, drawn.refused, found.status, found.advice, seconds,
-                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=found.kind)
-    if found.status == "equilibrium":
-        record = replace(record, balance=balance(model, found.state))
-    record = replace(record, verdicts=tuple(_verdicts(model, drawn, found, sample)))
+    record = Record(drawn.number, drawn.refused, outcome.status, outcome.advice, seconds,
+                    drawn.case.rig.gas_pressure != 0, case=str(drawn), kind=outcome.kind)
+    if outcome.status == "equilibrium":
+        record = replace(record, balance=balance(model, outcome.state))
+    record = replace(record, verdicts=tuple(_verdicts(model, drawn, outcome, sample)))
     finer = MeshSettings()
     return replace(judged(drawn, finer, sample),
                    again=True) if record.wrong and mesh != finer else record
 
 
-def _verdicts(model: Model, drawn: Drawn, found: Outcome, sample: int) -> Iterator[Verdict]:
-    if found.status == "not_converged":
+def _verdicts(model: Model, drawn: Drawn, outcome: Outcome, sample: int) -> Iterator[Verdict]:
+    if outcome.status == "not_converged":
         return
     if drawn.plain:
-        yield oracle(model, drawn, found)
+        yield oracle(model, drawn, outcome)
     if drawn.number % sample == 0:
-        yield voltage_first(model, drawn, found)
-        if found.status == "no_equilibrium":
-            yield along_heaves(model, drawn, found)
+        yield voltage_first(model, drawn, outcome)
+        if outcome.status == "no_equilibrium":
+            yield along_heaves(model, drawn, outcome)
 
 
 def _serve(pipe: Connection, sample: int) -> None:
@@ -171,7 +171,7 @@ def study(count: int, seed: int, sample: int, workers: int,
             print(f"     {record.words} | {record.case}", file=sys.stderr, flush=True)
         done.append(record)
         if len(done) % 25 == 0:
-            keep(sorted(done, key=lambda one: one.number))
+            keep(sorted(done, key=lambda entry: entry.number))
         return record
 
     with ThreadPoolExecutor(workers) as pool:
@@ -188,21 +188,21 @@ def table(records: Sequence[Record]) -> str:
              "draws before them refused as inadmissible", ""]
     lines += [f"{status:36}{counts[status]:6d}" for status in
               ("equilibrium", "no_equilibrium", "not_converged", "refused", "raised", "hung")]
-    found = [record for record in records if record.balance is not None]
+    equilibria = [record for record in records if record.balance is not None]
     lines += ["", "reported equilibria"]
     for name, gas in (("without gas", False), ("with gas pressure", True)):
-        group = [record for record in found if record.gas == gas]
+        group = [record for record in equilibria if record.gas == gas]
         if group:
             lines += [f"  {name}: largest unbalanced nodal force "
                       f"{max(r.balance.nodes for r in group):.1e}, "
                       f"plate force {max(r.balance.force for r in group):.1e}, moment "
                       f"{max(r.balance.moment for r in group):.1e}, slope of the potential "
                       f"{max(r.balance.slope for r in group):.1e}"]
-    lines += [f"  unbalanced: {sum(not r.balanced for r in found)}",
+    lines += [f"  unbalanced: {sum(not r.balanced for r in equilibria)}",
               f"  plate unstable in a motion the mirrored part cannot make: "
-              f"{sum(not r.balance.plate_stable for r in found)}",
+              f"{sum(not r.balance.plate_stable for r in equilibria)}",
               "  film pressed, with negative eigenvalues of its own: "
-              f"{sum(r.balance.film_modes > 0 for r in found)}"]
+              f"{sum(r.balance.film_modes > 0 for r in equilibria)}"]
     kinds = Counter(record.kind for record in records)
     lines += ["", f"of those without equilibrium {kinds['pull_in']} pull in, "
               f"{kinds['thinning']} lose tension and thin without bound"]

@@ -37,9 +37,9 @@ def torque(refine: float, angle: float) -> tuple[float, float]:
     assert solution.wrinkling == 0
     plate = film.discretisation.plate_nodes
     moments = np.cross(state.positions[plate], film.nodal_forces(state)[plate])
-    [lost] = lost_tension(film, [state])
-    assert lost.slack == 0
-    return float(moments[:, 2].sum()), lost.share
+    [loss] = lost_tension(film, [state])
+    assert loss.slack == 0
+    return float(moments[:, 2].sum()), loss.share
 
 
 def test_a_turned_hub_s_torque_is_that_of_the_relaxed_equations() -> None:
