@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Literal
 
 import numpy as np
@@ -409,9 +409,10 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
 
     One load grows at first (``sense`` 1) or falls (−1). With all motions as far as the film has an
     equilibrium. A film that is taut until, wrinkled, it would thin without bound, is followed on as
-    one that bears compression, with smooth motions.
+    one that bears compression, with smooth motions, from the first point beyond the loss of tension
+    on.
     """
-    last = start
+    last, passed = start, 0.0
     shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
     fine = min(shortest, _LOCAL) if model.wrinkles and charged else shortest
     branch = Branch(model, load, newton=settings.newton,
@@ -420,6 +421,9 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         pressed = not model.wrinkles or model.thinning_margin(point.state) < 0
         loose = model.wrinkles and not model.in_tension(last)
         if pressed and (loose or point.solution.wrinkling):
+            if not loose and point.rate * sense > 0:
+                yield branch, point
+                passed = length(model, difference(model, point.state, last))
             break
         yield branch, point
         last, sense = point.state, sense if point.rate * sense >= 0 else -sense
@@ -431,6 +435,6 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
         points = smooth.points(last, sense)
         # The first point is the last one again, by smooth motions.
         if next(points, None) is not None and (first := next(points, None)) is not None:
-            yield smooth, first
-            yield from ((smooth, point) for point in points)
+            yield from ((smooth, point) for point in chain((first,), points)
+                        if length(model, difference(model, point.state, last)) > passed)
             return

@@ -77,23 +77,24 @@ def _coverage(specimen: Specimen) -> dict[str, list[cq.Face]]:
     covered = [rings.pop(1 if electrode.margin_frame > 0 else 0)]
     if electrode.outline is None:
         return {"covered": covered, "bare": rings}
-    return _clipped(specimen, covered[0], rings, electrode.outline)
+    return _clipped(specimen, covered[0], electrode.outline)
 
 
-def _clipped(specimen: Specimen, ring: cq.Face, bare: list[cq.Face],
-             region: Region) -> dict[str, list[cq.Face]]:
+def _clipped(specimen: Specimen, ring: cq.Face, region: Region) -> dict[str, list[cq.Face]]:
     """The ring's part within the region, and what is left of the film."""
     disc = cq.Face.makeFromWires(outline_wire(region.outline, region.offset), [])
-    inside, outside = ring.intersect(disc).Faces(), ring.cut(disc).Faces()
+    inside, film = ring.intersect(disc).Faces(), membrane_part(specimen)
+    # A margin's edge that the region does not reach is none of the electrode's.
+    outside = film.cut(*inside).Faces() if inside else []
     faces = (*inside, *outside)
-    missing = ring.Area() - sum(face.Area() for face in faces)
+    missing = film.Area() - sum(face.Area() for face in faces)
     narrowest = min((2 * face.Area() / sum(wire.Length() for wire in face.Wires())
                      for face in faces), default=0.0)
-    if not inside or abs(missing) > 1e-6 * ring.Area() or narrowest < 0.01 * specimen.gap * METRE:
+    if not inside or abs(missing) > 1e-6 * film.Area() or narrowest < 0.01 * specimen.gap * METRE:
         raise InputError("must cover some of the film and cut no slivers from it: the electrode "
                          "and what it leaves bare must be wider than 1 % of the gap between plate "
                          "and frame", key="electrode.outline", given=str(region))
-    return {"covered": inside, "bare": [*bare, *outside]}
+    return {"covered": inside, "bare": outside}
 
 
 def outline_wire(outline: Outline, centre: Pair = (0.0, 0.0)) -> cq.Wire:
