@@ -241,7 +241,7 @@ class Ramp:
         origin = start.state.load(self.load)
         if self.target == origin:
             return Outcome("equilibrium", start)
-        if self.model.thinning_margin(start.state) < 0:
+        if start.thinning_margin(self.model) < 0:
             return self._ended("thinning", start, self._point(start))
         solution, done, step = start, 0.0, self.settings.first
         before = abs(origin / (self.target - origin))
@@ -253,7 +253,7 @@ class Ramp:
             if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
                 if self._slackened(start, trial):
                     return Outcome("not_converged", solution, f"{_SLACK} under its loads")
-                if self.model.thinning_margin(trial.state) >= 0:
+                if trial.thinning_margin(self.model) >= 0:
                     solution, done, step = trial, share, 2 * step
                     continue
                 if (outcome := self._thinned(solution, trial)) is not None:
@@ -295,7 +295,7 @@ class Ramp:
         """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
         near = {solution.state.load(self.load): solution for solution in (before, after)}
         low, high = near
-        scale = abs(self.model.thinning_margin(after.state))
+        scale = abs(after.thinning_margin(self.model))
         after.release()
 
         def margin(value: float) -> float:
@@ -306,7 +306,7 @@ class Ramp:
                 if not solution.converged:
                     raise LookupError
                 near[value] = solution
-            return min(self.model.thinning_margin(near[value].state), scale)
+            return min(near[value].thinning_margin(self.model), scale)
 
         try:
             limit = float(brentq(margin, low, high, xtol=_SHARP * abs(high - low), rtol=_SHARP))
