@@ -27,8 +27,8 @@ _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 #: frame's half extent.
 _PUSHED = 0.2
 
-#: Iterations with which Newton's method makes a short step, if at all.
-_FEW = 8
+#: Iterations with which Newton's method makes a step, and a short one, if at all.
+_MANY, _FEW = 12, 8
 
 #: Share of the work that residual tension may do in a film slack when mounted. Up to there it
 #: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
@@ -287,9 +287,10 @@ class Ramp:
 
     def _at(self, start: Solution, value: float) -> tuple[Solution, State]:
         """The equilibrium near another one at another value of the load; what was predicted."""
-        guess = start.predicted(self.model, self.load, value)
+        guess, settings = start.predicted(self.model, self.load, value), self.settings.newton
         start.release()
-        return newton(self.model, guess, settings=self.settings.newton), guess
+        limited = replace(settings, iterations=min(settings.iterations, _MANY))
+        return newton(self.model, guess, settings=limited), guess
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
         """Where, between two equilibria, the film begins to thin without bound; None if unclear."""
