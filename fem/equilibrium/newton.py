@@ -36,13 +36,15 @@ class NewtonSettings:
 
     ``correction``: largest allowed last correction, relative to the frame. ``residual``: largest
     allowed unbalanced force, relative to the largest nodal reaction. ``iterations``: limit on
-    tangents. ``damping``: smallest step taken before giving up.
+    tangents. ``damping``: smallest step taken before giving up; ``longest``: correction, relative
+    to the frame, at which it does so too.
     """
 
     correction: float = 1e-7
     residual: float = 1e-8
     iterations: int = 25
     damping: float = 1e-3
+    longest: float = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +129,8 @@ def newton(model: Model, guess: State, free: tuple[Load, ...] = (),
             if _unbalanced(model, subspace, reached) < settings.residual:
                 return Solution(reached, True, iteration, tangent)
         while True:
-            if not (np.isfinite(before) and damping >= settings.damping):
+            if not (before <= settings.longest and np.isfinite(before)
+                    and damping >= settings.damping):
                 return Solution(state, False, iteration, tangent, "no step reduces the error: a "
                                 "limit point or a loss of tension is near")
             trial = moved(model, state, motion, damping, loads)

@@ -27,8 +27,12 @@ _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 #: frame's half extent.
 _PUSHED = 0.2
 
-#: Iterations with which Newton's method makes a step, and a short one, if at all.
-_MANY, _FEW = 12, 8
+#: Iterations with which Newton's method makes a short step, if at all.
+_FEW = 8
+
+#: Smallest part of Newton's correction that is taken within a step, and the longest correction,
+#: relative to the frame: a step that needs others is halved.
+_DAMPED, _ASTRAY = 0.05, 1.0
 
 #: Share of the work that residual tension may do in a film slack when mounted. Up to there it
 #: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
@@ -289,7 +293,7 @@ class Ramp:
         """The equilibrium near another one at another value of the load; what was predicted."""
         guess, settings = start.predicted(self.model, self.load, value), self.settings.newton
         start.release()
-        limited = replace(settings, iterations=min(settings.iterations, _MANY))
+        limited = replace(settings, damping=max(settings.damping, _DAMPED), longest=_ASTRAY)
         return newton(self.model, guess, settings=limited), guess
 
     def _thinned(self, before: Solution, after: Solution) -> Outcome | None:
