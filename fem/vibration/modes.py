@@ -26,10 +26,11 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
+from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
-from tympan.geometry.outlines import Outline, moments
+
 
 Array = NDArray[np.float64]
 
@@ -46,50 +47,6 @@ _MAINLY = 0.9  #: share from which a name says what a mode is
 _ORDERS = 12  #: angular orders looked for
 _DEGREE = 11  #: of the radial polynomial: resolves five nodal circles and more
 _LEAST = 0.02  #: share of the largest amplitude below which a swing is not counted as a sign
-
-
-@dataclass(frozen=True, eq=False)
-class RigidPlate:
-    """What the plate carries: ``mass`` [kg] and ``inertia`` about its centre [kg m²], (3, 3).
-
-    ``arm`` leads from the plate's centre to that of mass [m]. Both belong to the mounted position
-    and turn with the plate.
-    """
-
-    mass: float
-    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    arm: tuple[float, float] = (0.0, 0.0)
-
-    @classmethod
-    def uniform(cls, outline: Outline, mass: float, point_mass: float = 0.0,
-                arm: tuple[float, float] = (0.0, 0.0)) -> RigidPlate:
-        """A thin plate that fills its outline, ``point_mass`` of its ``mass`` at one point.
-
-        The rest, spread evenly, has the outline's second moments about its centroid, taken about
-        the centre of mass wherever ``arm`` puts that. The thickness does not count, nor the height
-        of the weight above the film.
-
-        Examples
-        --------
-        >>> from tympan.geometry.outlines import Circle
-        >>> plate = RigidPlate.uniform(Circle(0.01), 0.02)
-        >>> plate.inertia.diagonal().round(10)  # m r²/4, m r²/4, m r²/2
-        array([5.e-07, 5.e-07, 1.e-06])
-        """
-        if not 0 <= point_mass <= mass:
-            raise InputError("the plate's mass must not be negative, and its point-like part not "
-                             "larger than it",
-                             key="mass", given=f"{mass:g} kg, {point_mass:g} kg of it point-like")
-        area, _, second = moments(outline)
-        (xx, xy), (_, yy) = (mass - point_mass) / area * second
-        return cls(mass, np.array([[yy, -xy, 0], [-xy, xx, 0], [0, 0, xx + yy]]), arm)
-
-    def matrix(self, plate: PlateMotion) -> Array:
-        """Mass matrix of the six freedoms where the plate is, shape (6, 6)."""
-        centre = plate.gradient(np.array([[*self.arm, 0.0]]))[0]
-        result = self.mass * centre.T @ centre
-        result[3:, 3:] += plate.rotation @ self.inertia @ plate.rotation.T
-        return np.asarray(result)
 
 
 def symmetry_classes(model: Model) -> Iterator[Model]:
