@@ -13,7 +13,7 @@ double frequency meets its twin.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
 import numpy as np
@@ -27,10 +27,9 @@ from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.linear_solver.direct import factorise
 from tympan.fem.membrane.model import Linearised, Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
-from tympan.fem.membrane.state import FREEDOMS, PlateMotion, State
+from tympan.fem.membrane.state import FREEDOMS, State
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesh import unfold
-
 
 Array = NDArray[np.float64]
 
