@@ -54,6 +54,8 @@ DIMENSIONS: dict[str, Dimension] = {
     "angle": Dimension("rad", "5 mrad", ("deg",)),
     "area": Dimension("m^2", "3 cm^2"),
     "energy": Dimension("J", "2 mJ"),
+    "resistance": Dimension("ohm", "10 Mohm"),
+    "damping": Dimension("N s/m", "0.2 N s/m"),
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre

@@ -27,6 +27,8 @@ KINDS = {
     "lumped paper": ("paper.json", "paper.page:build_paper_page", ""),
     "lumped simulate": ("simulate.json", "figures.response:draw_simulated",
                         "lumped.simulate:SimulationResult"),
+    "transient": ("transient.json", "figures.response:draw_simulated",
+                  "transient:TransientResult"),
     "lumped identify": ("identify.json", "figures.identification:draw_identified",
                         "identify.result:IdentifyResult"),
     "lumped build": ("build.json", "figures.lumped_model:draw_built", "lumped.build:BuildResult"),

@@ -16,18 +16,26 @@ their first axis; the branches' own are the second one of what belongs to them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import factorial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tympan.geometry.specimen import Film
 
 Array = NDArray[Any]
 
 #: Rates below which the weights of a step are their series, and its terms.
 _SLOW, _TERMS = 0.5, 12
+
+#: After so many of its times a branch is relaxed to the last digit.
+_LONG = 80.0
+
+#: C of a film that is not strained.
+_UNIT = np.array([1.0, 1.0, 0.0, 1.0])
 
 #: Places of the Voigt components 11, 22, 12 among themselves.
 _PLACES = ((0, 0), (1, 1), (0, 1))
@@ -43,12 +51,25 @@ class Memory:
     viscous: Array
 
     @classmethod
-    def relaxed(cls, moduli: Sequence[float], times: Sequence[float], c: Any) -> Memory:
+    def relaxed(cls, film: Film, c: Any) -> Memory:
         """At rest for ever at C of the virgin film, (C₁₁, C₂₂, C₁₂)."""
         full = incompressible(c)[:, None]
-        shape = (4, len(moduli), *full.shape[2:])
-        return cls(np.asarray(moduli, float), np.asarray(times, float),
-                   np.broadcast_to(full, shape))
+        moduli, times = _constants(film)
+        return cls(moduli, times, np.broadcast_to(full, (4, len(times), *full.shape[2:])))
+
+    @classmethod
+    def mounted(cls, film: Film, points: tuple[int, ...]) -> Memory:
+        """Of a flat film, stretched at once so long ago as it says, at points of a shape."""
+        first, second = film.prestretch
+        flat = incompressible((first**2, second**2, 0.0))
+        moduli, times = _constants(film)
+        viscous = np.repeat(flat[:, None], len(times), axis=1)
+        if film.mounted is not None:
+            shares = [_grown(flat, min(film.mounted / time, _LONG)) for time in times]
+            viscous = np.stack([_UNIT + share * flat for share in shares], axis=1)
+            viscous = viscous / np.cbrt(determinant(viscous))
+        spread = viscous.reshape(4, len(times), *np.ones(len(points), dtype=int))
+        return cls(moduli, times, np.broadcast_to(spread, (4, len(times), *points)))
 
     def step(self, c: Any, duration: float) -> Flow:
         """What a step of a duration [s] from C keeps of what was before.
@@ -73,8 +94,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A step under way: H and w of every branch, shapes (4, branches, *points), (branches, *points).
-    """
+    """A step under way: H, shape (4, branches, *points), and w of every branch."""
 
     memory: Memory
     kept: Array
@@ -111,6 +131,20 @@ class Flow:
                         + stiffening * by_full[i] * by_full[j] + ratio * _between(by_full, i, j))
                 bend[i, j] = bend[j, i] = 2 * (strength * part).sum(0)
         return energy.sum(0), stress, bend
+
+
+def _constants(film: Film) -> tuple[Array, Array]:
+    """Moduli [Pa] and times [s] of a film's branches."""
+    return (np.array([branch.modulus for branch in film.branches]),
+            np.array([branch.time for branch in film.branches]))
+
+
+def _grown(flat: Array, age: float) -> float:
+    """The s of M = 1 + s C after C was held for an age in the branch's times; ds/dt = det(M)^⅓."""
+    # By the logarithm of 1 + s, since s grows exponentially.
+    done = solve_ivp(lambda _, log: np.cbrt(determinant(_UNIT + np.expm1(log) * flat))
+                     * np.exp(-log), (0.0, age), [0.0], "DOP853", rtol=1e-12, atol=1e-12)
+    return float(np.expm1(done.y[0, -1]))
 
 
 def incompressible(c: Any) -> Array:

@@ -3,32 +3,43 @@
 A massless film is in equilibrium with the plate at every moment; its viscous branches flow
 (:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
 (:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule. All
-are of second order, so that what the last three moments foretell misses by 13 times the error of a
-step.
+are of second order, so that what the last three moments foretell misses by a known multiple of a
+step's error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from itertools import pairwise
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tympan.fem.equilibrium.constraints import difference, length
+from tympan.fem.equilibrium.constraints import difference, held_charge, length
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
-from tympan.fem.film.density import from_virgin
-from tympan.fem.film.memory import Flow, Memory
+from tympan.fem.film.density import from_virgin, small_strain_modulus
+from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
 from tympan.fem.membrane.state import HEAVE, State
 
 Array = NDArray[np.float64]
 
+#: How much of the branches' relative change counts beside the plate's over the frame.
+_STRAIN = 0.1
+
+#: Share of what is left of a piece from which a step goes to its end at once; safety of a step's
+#: length, and by how much it may shrink at most.
+_WHOLE, _SAFE, _SHRINK = 0.75, 0.9, 0.2
+
+#: Shortest part of a jump of loads that is tried.
+_PART = 1e-4
+
 
 class Signal(Protocol):
-    """A voltage in time: smooth within pieces between ``breaks`` [s], which may have jumps."""
+    """A film's or source's voltage in time, smooth within pieces between ``breaks`` [s]."""
 
     @property
     def breaks(self) -> Array:
@@ -45,19 +56,14 @@ class Circuit:
     resistance: float = 0.0
     leakage: float = np.inf
 
+    @property
+    def conductance(self) -> float:
+        """Of both from the film [1/Ω]."""
+        return 1 / self.resistance + 1 / self.leakage
+
     def current(self, source: float, film: float) -> float:
         """Into the electrodes [A] at voltages of source and film [V]; 0 without resistance."""
         return (source - film) / self.resistance - film / self.leakage if self.resistance else 0.0
-
-    def charged(self, source: float, charge: float, current: float, capacitance: float,
-                duration: float) -> float:
-        """The film's voltage [V] at the end of a step from a charge [C] and a current [A]."""
-        if not self.resistance:
-            return source
-        half = duration / 2
-        conductance = 1 / self.resistance + 1 / self.leakage
-        return ((charge + half * (current + source / self.resistance))
-                / (capacitance + half * conductance))
 
 
 @dataclass(frozen=True)
@@ -66,15 +72,15 @@ class StepSettings:
 
     ``error``: of a step's motion, relative to the frame's half extent, and of the branches'
     strain; ``first`` and ``shortest``: steps as shares of the shortest time that matters;
-    ``growth`` of a step at most; ``charging``: of the film's voltage, at which its iteration ends,
-    relative.
+    ``growth`` of a step at most; ``reach``: deflection, relative to the frame's half extent, at
+    which the film has pulled in.
     """
 
     error: float = 1e-6
     first: float = 1e-3
     shortest: float = 1e-9
-    growth: float = 2.0
-    charging: float = 1e-10
+    growth: float = 4.0
+    reach: float = 1.5
     newton: NewtonSettings = field(default_factory=NewtonSettings)
 
 
@@ -82,27 +88,30 @@ class StepSettings:
 class Moment:
     """Film and plate at a time [s].
 
-    ``velocity`` and ``acceleration`` of the plate's six freedoms; ``charge`` on the electrodes [C],
-    0 without a circuit, and the ``current`` into them [A].
+    ``velocity`` and ``acceleration`` of the plate's six freedoms; ``charge`` on the electrodes [C]
+    and the ``current`` into them [A], both 0 without a circuit.
     """
 
     time: float
     state: State
     memory: Memory
-    velocity: Array
-    acceleration: Array
-    voltage: float
+    velocity: Array = field(default_factory=lambda: np.zeros(6))
+    acceleration: Array = field(default_factory=lambda: np.zeros(6))
     charge: float = 0.0
     current: float = 0.0
 
 
 class Stopped(ArithmeticError):
-    """The motion cannot be followed further: the film pulls in, or loses its tension."""
+    """The motion goes no further than a ``time`` [s]: the film pulls in or thins without bound."""
+
+    def __init__(self, kind: Literal["pull_in", "thinning"], time: float) -> None:
+        super().__init__(f"{kind} at {time:g} s")
+        self.kind, self.time = kind, time
 
 
 @dataclass(frozen=True, eq=False)
 class Transient:
-    """A film under a force [N] and a source's signal, from a state and what it remembers.
+    """A film under a force [N] and a source's signal.
 
     ``plate``: its mass, None for one without inertia; ``damper`` on its heave [N s/m].
     """
@@ -116,85 +125,101 @@ class Transient:
     settings: StepSettings = StepSettings()
 
     def moments(self, state: State, memory: Memory) -> Iterator[Moment]:
-        """From a state at the signal's beginning to its end; after a jump the same time again."""
+        """From a state at the signal's beginning to its end; after a jump the same time again.
+
+        Raises
+        ------
+        Stopped
+            Where the film has no equilibrium with the plate any more, or the plate is gone.
+        """
         breaks = self.signal.breaks
-        moment = Moment(float(breaks[0]), state, memory, np.zeros(6), np.zeros(6),
-                        float(np.sqrt(state.voltage_squared)))
+        moment = Moment(float(breaks[0]), state, memory)
         if self.circuit.resistance:
-            charge = float(self.model.capacitance(state)) * moment.voltage
-            moment = replace(moment, charge=charge)
-        for piece, (begin, end) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
-            moment = self._after_jump(moment, float(self.signal.within(piece, begin)))
-            yield moment
-            for moment in self._through(moment, piece, float(end)):
+            voltage = float(np.sqrt(state.voltage_squared))
+            moment = replace(moment, charge=float(self.model.capacitance(state)) * voltage)
+        for piece, (begin, end) in enumerate(pairwise(breaks)):
+            start = self._after_jump(moment, float(self.signal.within(piece, begin)))
+            yield start
+            for moment in self._through(start, piece, float(end)):
                 yield moment
 
     def _through(self, moment: Moment, piece: int, end: float) -> Iterator[Moment]:
         """A piece of the signal, in steps."""
         settings, past = self.settings, [moment]
-        scale = min([end - moment.time, *self.model_times(moment)])
+        scale = min([end - moment.time, *self._times(moment)])
         step = settings.first * scale
         while past[-1].time < end:
             rest = end - past[-1].time
-            duration = rest if step > 0.75 * rest else min(step, rest / 2 if step > rest / 2
-                                                           else step)
+            duration = rest if step > _WHOLE * rest else min(step, rest / 2)
             following = self._step(past, piece, duration)
             error = np.inf if following is None else self._error(past, following)
             if following is not None and error <= settings.error:
                 yield following
+                if abs(following.state.plate.deflection) > settings.reach * self.model.size:
+                    raise Stopped("pull_in", following.time)
                 past = [*past[-2:], following]
             elif duration < settings.shortest * scale:
-                raise Stopped(f"at {past[-1].time:g} s")
-            change = 0.9 * (settings.error / max(error, 1e-300)) ** (1 / 3)
-            step = duration * min(max(change, 0.2), settings.growth)
+                raise self._stopped(past[-1])
+            change = _SAFE * (settings.error / max(error, 1e-300)) ** (1 / 3)
+            step = duration * min(max(change, _SHRINK), settings.growth)
 
-    def model_times(self, moment: Moment) -> list[float]:
-        """Times that matter [s]: of the branches, and of the plate's swing."""
+    def _times(self, moment: Moment) -> list[float]:
+        """Times that matter [s]: of the branches, of the plate's swing, of charging."""
         times = [float(time) for time in moment.memory.times]
         if self.plate is not None:
-            tangent = self._solved(self.model, moment.state)
+            tangent = newton(self.model, moment.state, settings=self.settings.newton).tangent
             heave = self.model.plate_freedoms.index(HEAVE)
-            stiffness = tangent.tangent.plate_stiffness[heave, heave] if tangent.tangent else 0.0
-            stiffness *= self.model.discretisation.mirrored
+            stiffness = 0.0 if tangent is None else tangent.plate_stiffness[heave, heave]
             if stiffness > 0:
-                times.append(float(np.sqrt(self.plate.mass / stiffness)))
+                whole = stiffness * self.model.discretisation.mirrored
+                times.append(float(np.sqrt(self.plate.mass / whole)))
+        if self.circuit.resistance:
+            times.append(float(self.model.capacitance(moment.state)) / self.circuit.conductance)
         return times
+
+    def _stopped(self, moment: Moment) -> Stopped:
+        least = _PART * small_strain_modulus(self.model.specimen.membrane.material)
+        thin = self.model.thinning_margin(moment.state) < least
+        return Stopped("thinning" if thin else "pull_in", moment.time)
 
     def _after_jump(self, moment: Moment, source: float) -> Moment:
         """The film at once after the source's voltage jumped, the plate held by its inertia."""
-        voltage = moment.voltage if self.circuit.resistance else source
-        state = moment.state.under(voltage=voltage**2, force=self.force)
-        stretch = self._stretch(moment.state)
-        model = replace(self.model, flow=moment.memory.step(stretch, 0.0))
-        if self.plate is not None:
-            held = replace(model, loading=replace(model.loading, guide="fixed"))
-            solution = self._solved(held, state)
-            film = solution.state
-            _, outer = model.residual(model.nodal_forces(film), film)
-            allowed = list(model.plate_freedoms)
-            mass = self.plate.matrix(film.plate)[np.ix_(allowed, allowed)]
-            acceleration = np.zeros(6)
-            acceleration[allowed] = np.linalg.solve(
-                mass, -outer * model.discretisation.mirrored
-                - self._damping[np.ix_(allowed, allowed)] @ moment.velocity[allowed])
-            moment = replace(moment, acceleration=acceleration)
+        squared = moment.state.voltage_squared if self.circuit.resistance else source**2
+        flow = moment.memory.step(self._strain(moment.state), 0.0)
+        model = replace(self.model, flow=flow)
+        if self.plate is None:
+            film = self._jumped(model, moment, squared)
         else:
-            film = self._jumped(model, moment.state, state)
-        current = self.circuit.current(source, voltage)
-        return replace(moment, state=film, voltage=voltage, current=current)
+            held = replace(model, loading=replace(model.loading, guide="fixed"))
+            film = self._jumped(held, moment, squared)
+            moment = replace(moment, acceleration=self._accelerated(model, film, moment.velocity))
+        current = self.circuit.current(source, float(np.sqrt(squared)))
+        return replace(moment, state=film, current=current)
 
-    def _jumped(self, model: Model, before: State, after: State) -> State:
-        """From one set of loads to another at once, in as many steps as it takes."""
-        share, step, state = 0.0, 1.0, before
+    def _accelerated(self, model: Model, film: State, velocity: Array) -> Array:
+        """Of the plate [m/s², rad/s²], from the forces it is not in balance with."""
+        assert self.plate is not None
+        _, outer = model.residual(model.nodal_forces(film), film)
+        allowed = list(model.plate_freedoms)
+        mass = self.plate.matrix(film.plate)[np.ix_(allowed, allowed)]
+        push = -outer * model.discretisation.mirrored - (self._damping @ velocity)[allowed]
+        acceleration = np.zeros(6)
+        acceleration[allowed] = np.linalg.solve(mass, push)
+        return acceleration
+
+    def _jumped(self, model: Model, moment: Moment, squared: float) -> State:
+        """The state under the force and another U² at once, in as many steps as it takes."""
+        share, step, state, before = 0.0, 1.0, moment.state, moment.state
         while share < 1:
             ahead = min(1.0, share + step)
-            loads = {name: before.load(name) + ahead * (after.load(name) - before.load(name))
-                     for name in ("force", "voltage")}
-            solution = newton(model, state.under(**loads), settings=self.settings.newton)
+            force = before.force + ahead * (self.force - before.force)
+            u2 = before.voltage_squared + ahead * (squared - before.voltage_squared)
+            solution = newton(model, state.under(force=force, voltage=u2),
+                              settings=self.settings.newton)
             if solution.converged and solution.stable:
                 state, share, step = solution.state, ahead, 2 * step
-            elif (step := step / 2) < 1e-4:
-                raise Stopped("the film has no equilibrium at once after the jump")
+            elif (step := step / 2) < _PART:
+                raise self._stopped(moment)
         return state
 
     def _step(self, past: list[Moment], piece: int, duration: float) -> Moment | None:
@@ -202,36 +227,39 @@ class Transient:
         moment = past[-1]
         time = moment.time + duration
         source = float(self.signal.within(piece, time))
-        flow = moment.memory.step(self._stretch(moment.state), duration)
-        model = self._moving(moment, flow, duration)
-        guess = self._foretold(past, time)
-        voltage, capacitance = source, 0.0
-        if self.circuit.resistance:
-            capacitance = float(self.model.capacitance(guess))
-        for _ in range(20):
-            voltage = self.circuit.charged(source, moment.charge, moment.current, capacitance,
-                                           duration)
-            solution = newton(model, guess.under(voltage=voltage**2, force=self.force),
-                              settings=self.settings.newton)
-            if not solution.converged or not solution.stable:
-                return None
-            guess = solution.state
-            if not self.circuit.resistance:
-                break
-            before, capacitance = capacitance, float(self.model.capacitance(guess))
-            if abs(capacitance - before) <= self.settings.charging * capacitance:
-                break
-        else:
+        flow = moment.memory.step(self._strain(moment.state), duration)
+        model = self._moving(replace(self.model, flow=flow), moment, duration)
+        guess = self.state_at(past, time).under(force=self.force)
+        solution = (self._charged(model, guess, moment, source, duration)
+                    if self.circuit.resistance else
+                    newton(model, guess.under(voltage=source**2), settings=self.settings.newton))
+        if not solution.converged or not (solution.stable or self.circuit.resistance):
             return None
-        swing = model.loading.swing
-        velocity, acceleration = ((np.zeros(6), np.zeros(6)) if swing is None
-                                  else swing.after(guess.plate))
-        return Moment(time, guess, flow.after(self._stretch(guess)), velocity, acceleration,
-                      voltage, capacitance * voltage, self.circuit.current(source, voltage))
+        state, swing = solution.state, model.loading.swing
+        following = Moment(time, state, flow.after(self._strain(state)))
+        if swing is not None:
+            velocity, acceleration = swing.after(state.plate)
+            following = replace(following, velocity=velocity, acceleration=acceleration)
+        if self.circuit.resistance:
+            voltage = float(np.sqrt(state.voltage_squared))
+            following = replace(following, current=self.circuit.current(source, voltage),
+                                charge=float(self.model.capacitance(state)) * voltage)
+        return following
 
-    def _moving(self, moment: Moment, flow: Flow, duration: float) -> Model:
-        """The model with the branches' and the plate's part in a step."""
-        model = replace(self.model, flow=flow)
+    def _charged(self, model: Model, guess: State, moment: Moment, source: float, duration: float
+                 ) -> Solution:
+        """Under the voltage that the charge of the step's end makes, by the trapezoidal rule."""
+        circuit = self.circuit
+        charge = moment.charge + duration / 2 * (moment.current + source / circuit.resistance)
+        further = duration / 2 * circuit.conductance
+        voltage = charge / (float(model.capacitance(guess)) + further)
+        if not voltage:
+            return newton(model, guess.under(voltage=0.0), settings=self.settings.newton)
+        return newton(model, guess.under(voltage=voltage**2), ("voltage",),
+                      (held_charge(charge, further),), self.settings.newton)
+
+    def _moving(self, model: Model, moment: Moment, duration: float) -> Model:
+        """With the plate's part in a step."""
         if self.plate is None and not self.damper:
             return model
         mass = np.zeros((6, 6)) if self.plate is None else self.plate.matrix(moment.state.plate)
@@ -239,8 +267,8 @@ class Transient:
                       self._damping, duration)
         return replace(model, loading=replace(model.loading, swing=swing))
 
-    def _foretold(self, past: list[Moment], time: float) -> State:
-        """The state at a time by the parabola through the last three, or as many as there are."""
+    def state_at(self, past: list[Moment], time: float) -> State:
+        """The state at a time by the polynomial through some moments."""
         last = past[-1]
         motion: Parts = (np.zeros(self.model.discretisation.free_count),
                          np.zeros(len(self.model.plate_freedoms)))
@@ -252,13 +280,18 @@ class Transient:
 
     def _error(self, past: list[Moment], following: Moment) -> float:
         """Of a step, relative: from how much it differs from what was foretold."""
-        foretold = self._foretold(past, following.time)
+        foretold = self.state_at(past, following.time)
         motion = length(self.model, difference(self.model, following.state, foretold))
-        viscous = sum(share * moment.memory.viscous for moment, share in zip(
-            past, _lagrange([moment.time for moment in past], following.time), strict=True))
-        strain = np.sqrt(np.mean((following.memory.viscous - viscous) ** 2
-                                 / following.memory.viscous**2)) if viscous.size else 0.0
-        return max(motion, 0.1 * float(strain)) / 13
+        times = [moment.time for moment in past]
+        viscous = following.memory.viscous
+        missing = viscous - sum(share * moment.memory.viscous for moment, share in zip(
+            past, _lagrange(times, following.time), strict=True))
+        along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
+        strain = np.sqrt(np.mean((missing / along) ** 2)) if viscous.size else 0.0
+        # The third derivative makes both: the parabola's miss, and a twelfth of h³ of the step's.
+        step = following.time - times[-1]
+        missed = np.prod(following.time - np.array(times)) / 6 if len(times) > 2 else step**3
+        return max(motion, _STRAIN * float(strain)) / (1 + 12 * float(missed) / step**3)
 
     @property
     def _damping(self) -> Array:
@@ -266,15 +299,10 @@ class Transient:
         damping[HEAVE, HEAVE] = self.damper
         return damping
 
-    def _stretch(self, state: State) -> Any:
+    def _strain(self, state: State) -> Any:
+        """C of the virgin film at the quadrature points."""
         return from_virgin(self.model.cauchy_green(state.positions),
                            self.model.specimen.membrane.prestretch)
-
-    def _solved(self, model: Model, guess: State) -> Solution:
-        solution = newton(model, guess, settings=self.settings.newton)
-        if not solution.converged:
-            raise Stopped(solution.advice)
-        return solution
 
 
 def _lagrange(times: list[float], time: float) -> list[float]:
