@@ -3,8 +3,9 @@
 A massless film is in equilibrium with the plate at every moment; its viscous branches flow
 (:mod:`tympan.fem.film.memory`), the plate moves by the trapezoidal rule
 (:class:`~tympan.fem.membrane.rigid_plate.Swing`), a circuit charges the film by the same rule. All
-are of second order, so that what the last three moments foretell misses by a known multiple of a
-step's error.
+are of second order. Every step is made once whole and once in halves: how far these end apart is
+the error that the steps' length follows, and (4 halves − whole)/3 is where it goes on from (Hairer,
+Nørsett and Wanner, *Solving Ordinary Differential Equations I*, §II.4).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from tympan.fem.equilibrium.constraints import difference, held_charge, length
 from tympan.fem.equilibrium.newton import NewtonSettings, Solution, moved, newton
 from tympan.fem.film.density import from_virgin, small_strain_modulus
-from tympan.fem.film.memory import Memory
+from tympan.fem.film.memory import Memory, determinant
 from tympan.fem.membrane.model import Model, Parts
 from tympan.fem.membrane.rigid_plate import RigidPlate, Swing
 from tympan.fem.membrane.state import HEAVE, State
@@ -30,9 +31,11 @@ Array = NDArray[np.float64]
 #: How much of the branches' relative change counts beside the plate's over the frame.
 _STRAIN = 0.1
 
-#: Share of what is left of a piece from which a step goes to its end at once; safety of a step's
-#: length, and by how much it may shrink at most.
-_WHOLE, _SAFE, _SHRINK = 0.75, 0.9, 0.2
+#: Safety of a step's length, and by how much it may shrink and grow at most.
+_SAFE, _SHRINK, _GROWTH = 0.85, 0.2, 5.0
+
+#: How much closer than the error of a step Newton must come.
+_CLOSER = 1e-3
 
 #: Shortest part of a jump of loads that is tried.
 _PART = 1e-4
@@ -70,18 +73,23 @@ class Circuit:
 class StepSettings:
     """Steps in time.
 
-    ``error``: of a step's motion, relative to the frame's half extent, and of the branches'
-    strain; ``first`` and ``shortest``: steps as shares of the shortest time that matters;
-    ``growth`` of a step at most; ``reach``: deflection, relative to the frame's half extent, at
-    which the film has pulled in.
+    ``error``: of a step in halves, of the motion relative to the frame's half extent and of the
+    branches' strain; what is gone on from is far better. ``first`` and ``shortest``: steps as
+    shares of the shortest time that matters; ``reach``: deflection, relative to the frame's half
+    extent, at which the film has pulled in.
     """
 
-    error: float = 1e-6
-    first: float = 1e-3
+    error: float = 1e-5
+    first: float = 1e-2
     shortest: float = 1e-9
-    growth: float = 4.0
     reach: float = 1.5
     newton: NewtonSettings = field(default_factory=NewtonSettings)
+
+    @property
+    def close(self) -> NewtonSettings:
+        """Newton's for such errors."""
+        return replace(self.newton, correction=min(self.newton.correction, _CLOSER * self.error),
+                       residual=min(self.newton.residual, _CLOSER * self.error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +158,8 @@ class Transient:
         step = settings.first * scale
         while past[-1].time < end:
             rest = end - past[-1].time
-            duration = rest if step > _WHOLE * rest else min(step, rest / 2)
-            following = self._step(past, piece, duration)
-            error = np.inf if following is None else self._error(past, following)
+            duration = rest if step >= rest else min(step, rest / 2)
+            following, error = self._doubled(past, piece, duration)
             if following is not None and error <= settings.error:
                 yield following
                 if abs(following.state.plate.deflection) > settings.reach * self.model.size:
@@ -161,13 +168,13 @@ class Transient:
             elif duration < settings.shortest * scale:
                 raise self._stopped(past[-1])
             change = _SAFE * (settings.error / max(error, 1e-300)) ** (1 / 3)
-            step = duration * min(max(change, _SHRINK), settings.growth)
+            step = duration * min(max(change, _SHRINK), _GROWTH)
 
     def _times(self, moment: Moment) -> list[float]:
         """Times that matter [s]: of the branches, of the plate's swing, of charging."""
         times = [float(time) for time in moment.memory.times]
         if self.plate is not None:
-            tangent = newton(self.model, moment.state, settings=self.settings.newton).tangent
+            tangent = newton(self.model, moment.state, settings=self.settings.close).tangent
             heave = self.model.plate_freedoms.index(HEAVE)
             stiffness = 0.0 if tangent is None else tangent.plate_stiffness[heave, heave]
             if stiffness > 0:
@@ -215,12 +222,39 @@ class Transient:
             force = before.force + ahead * (self.force - before.force)
             u2 = before.voltage_squared + ahead * (squared - before.voltage_squared)
             solution = newton(model, state.under(force=force, voltage=u2),
-                              settings=self.settings.newton)
+                              settings=self.settings.close)
             if solution.converged and solution.stable:
                 state, share, step = solution.state, ahead, 2 * step
             elif (step := step / 2) < _PART:
                 raise self._stopped(moment)
         return state
+
+    def _doubled(self, past: list[Moment], piece: int, duration: float
+                 ) -> tuple[Moment | None, float]:
+        """The moment after a duration [s], and the error of reaching it in halves, relative."""
+        whole = self._step(past, piece, duration)
+        middle = None if whole is None else self._step(past, piece, duration / 2)
+        halves = None if middle is None else self._step([*past, middle], piece, duration / 2)
+        if whole is None or halves is None:
+            return None, np.inf
+        gap = difference(self.model, halves.state, whole.state)
+        viscous, change = halves.memory.viscous, halves.memory.viscous - whole.memory.viscous
+        along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
+        strain = np.sqrt(np.mean((change / along) ** 2)) if viscous.size else 0.0
+        error = max(length(self.model, gap), _STRAIN * float(strain)) / 3
+        beyond = viscous + change / 3
+        beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
+        state = moved(self.model, halves.state, gap, 1 / 3)
+        squared = halves.state.voltage_squared
+        if self.circuit.resistance:
+            squared += (squared - whole.state.voltage_squared) / 3
+        return replace(
+            halves, state=state.under(voltage=squared),
+            memory=replace(halves.memory, viscous=beyond),
+            velocity=halves.velocity + (halves.velocity - whole.velocity) / 3,
+            acceleration=halves.acceleration + (halves.acceleration - whole.acceleration) / 3,
+            charge=halves.charge + (halves.charge - whole.charge) / 3,
+            current=halves.current + (halves.current - whole.current) / 3), error
 
     def _step(self, past: list[Moment], piece: int, duration: float) -> Moment | None:
         """The moment after a duration [s], None where the film cannot be followed."""
@@ -229,10 +263,10 @@ class Transient:
         source = float(self.signal.within(piece, time))
         flow = moment.memory.step(self._strain(moment.state), duration)
         model = self._moving(replace(self.model, flow=flow), moment, duration)
-        guess = self.state_at(past, time).under(force=self.force)
+        guess = self.state_at(past[-3:], time).under(force=self.force)
         solution = (self._charged(model, guess, moment, source, duration)
                     if self.circuit.resistance else
-                    newton(model, guess.under(voltage=source**2), settings=self.settings.newton))
+                    newton(model, guess.under(voltage=source**2), settings=self.settings.close))
         if not solution.converged or not (solution.stable or self.circuit.resistance):
             return None
         state, swing = solution.state, model.loading.swing
@@ -254,9 +288,9 @@ class Transient:
         further = duration / 2 * circuit.conductance
         voltage = charge / (float(model.capacitance(guess)) + further)
         if not voltage:
-            return newton(model, guess.under(voltage=0.0), settings=self.settings.newton)
+            return newton(model, guess.under(voltage=0.0), settings=self.settings.close)
         return newton(model, guess.under(voltage=voltage**2), ("voltage",),
-                      (held_charge(charge, further),), self.settings.newton)
+                      (held_charge(charge, further),), self.settings.close)
 
     def _moving(self, model: Model, moment: Moment, duration: float) -> Model:
         """With the plate's part in a step."""
@@ -277,21 +311,6 @@ class Transient:
             film, plate = difference(self.model, moment.state, last.state)
             motion = motion[0] + share * film, motion[1] + share * plate
         return moved(self.model, last.state, motion)
-
-    def _error(self, past: list[Moment], following: Moment) -> float:
-        """Of a step, relative: from how much it differs from what was foretold."""
-        foretold = self.state_at(past, following.time)
-        motion = length(self.model, difference(self.model, following.state, foretold))
-        times = [moment.time for moment in past]
-        viscous = following.memory.viscous
-        missing = viscous - sum(share * moment.memory.viscous for moment, share in zip(
-            past, _lagrange(times, following.time), strict=True))
-        along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
-        strain = np.sqrt(np.mean((missing / along) ** 2)) if viscous.size else 0.0
-        # The third derivative makes both: the parabola's miss, and a twelfth of h³ of the step's.
-        step = following.time - times[-1]
-        missed = np.prod(following.time - np.array(times)) / 6 if len(times) > 2 else step**3
-        return max(motion, _STRAIN * float(strain)) / (1 + 12 * float(missed) / step**3)
 
     @property
     def _damping(self) -> Array:
