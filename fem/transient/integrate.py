@@ -161,6 +161,8 @@ class Transient:
             duration = rest if step >= rest else min(step, rest / 2)
             following, error = self._doubled(past, piece, duration)
             if following is not None and error <= settings.error:
+                if duration == rest:  # halves may add up to a little less
+                    following = replace(following, time=end)
                 yield following
                 if abs(following.state.plate.deflection) > settings.reach * self.model.size:
                     raise Stopped("pull_in", following.time)
