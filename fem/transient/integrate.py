@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal, Protocol
 
@@ -28,14 +29,18 @@ from tympan.fem.membrane.state import HEAVE, State
 
 Array = NDArray[np.float64]
 
-#: How much of the branches' relative change counts beside the plate's over the frame.
-_STRAIN = 0.1
+#: How much the branches' relative change, and that of the charge over its most, count beside the
+#: plate's over the frame.
+_STRAIN, _CHARGE = 0.1, 0.1
 
 #: Safety of a step's length, and by how much it may shrink and grow at most.
 _SAFE, _SHRINK, _GROWTH = 0.85, 0.2, 5.0
 
 #: How much closer than the error of a step Newton must come.
 _CLOSER = 1e-3
+
+#: A voltage that moves no film [V].
+_NO_VOLTAGE = 1e-3
 
 #: Shortest part of a jump of loads that is tried.
 _PART = 1e-4
@@ -73,10 +78,10 @@ class Circuit:
 class StepSettings:
     """Steps in time.
 
-    ``error``: of a step in halves, of the motion relative to the frame's half extent and of the
-    branches' strain; what is gone on from is far better. ``first`` and ``shortest``: steps as
-    shares of the shortest time that matters; ``reach``: deflection, relative to the frame's half
-    extent, at which the film has pulled in.
+    ``error``: of a step in halves, of the motion relative to the frame's half extent, of the
+    branches' strain and of the charge; what is gone on from is far better. ``first`` and
+    ``shortest``: steps as shares of the shortest time that matters; ``reach``: deflection, relative
+    to the frame's half extent, at which the film has pulled in.
     """
 
     error: float = 1e-5
@@ -244,6 +249,9 @@ class Transient:
         along = np.stack([viscous[0], viscous[1], np.sqrt(viscous[0] * viscous[1]), viscous[3]])
         strain = np.sqrt(np.mean((change / along) ** 2)) if viscous.size else 0.0
         error = max(length(self.model, gap), _STRAIN * float(strain)) / 3
+        if self.circuit.resistance:
+            most = self._highest * float(self.model.capacitance(halves.state))
+            error = max(error, _CHARGE * abs(halves.charge - whole.charge) / 3 / most)
         beyond = viscous + change / 3
         beyond = beyond / np.cbrt(determinant(beyond)) if viscous.size else viscous
         state = moved(self.model, halves.state, gap, 1 / 3)
@@ -313,6 +321,13 @@ class Transient:
             film, plate = difference(self.model, moment.state, last.state)
             motion = motion[0] + share * film, motion[1] + share * plate
         return moved(self.model, last.state, motion)
+
+    @cached_property
+    def _highest(self) -> float:
+        """The source's highest voltage at the breaks of its signal [V]."""
+        ends = [abs(float(self.signal.within(piece, time)))
+                for piece, times in enumerate(pairwise(self.signal.breaks)) for time in times]
+        return max(*ends, _NO_VOLTAGE)
 
     @property
     def _damping(self) -> Array:

@@ -89,7 +89,7 @@ def test_fast_branches_and_slow_ones_leave_the_film_elastic() -> None:
     assert fast.deflection[-1] == pytest.approx(at_rest, rel=1e-7)
     slow = moved(film(Branch(200e3, 1e9)), stepped(0.0, 5e3, end))
     assert np.ptp(slow.deflection) < 1e-9
-    assert slow.deflection[-1] < 0.98 * at_rest
+    assert slow.deflection[-1] < 0.985 * at_rest
     none = moved(film(), stepped(0.0, 5e3, end))
     assert none.deflection[-1] == pytest.approx(at_rest, rel=1e-9)
 
@@ -120,11 +120,12 @@ def test_a_film_charges_through_a_resistance() -> None:
     assert done.at(done.voltage, when) == pytest.approx(exact, abs=0.02)
 
 
-def test_a_film_that_pulls_in_after_a_while_says_when() -> None:
+def test_a_film_that_thins_after_a_while_says_when() -> None:
     """Its branches hold it for a time where it has no equilibrium at rest."""
     limit = solve(Case(film(), mass=MASS, voltage=9.5e3), Settings())
     assert limit.status == "no_equilibrium"
+    assert "thins without bound" in limit.warnings[0]
     done = moved(CREEPS, stepped(0.0, 9.5e3, np.array([1000.0])))
     assert done.stopped is not None
-    assert done.stopped.kind == "pull_in"
+    assert done.stopped.kind == "thinning"
     assert 0 <= done.stopped.time < 1000.0
