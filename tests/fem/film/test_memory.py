@@ -160,7 +160,7 @@ def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]])
     start = np.array(path(0.0))
     points = [start, *(np.array(strain(*corner[:3])) for corner in corners), start]
     times = [*(corner[3] for corner in corners), 1.0]
-    memory, work, moved, fine = Memory.relaxed(FILM, start), 0.0, 0.0, 40
+    memory, work, moved, fine = Memory.relaxed(FILM, start), 0.0, 0.0, 120
     before = start
     for target, duration in zip(points[1:], times, strict=True):
         origin = before
@@ -173,4 +173,4 @@ def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]])
             part = float((low + high) / 2 @ strain_step)
             work, moved = work + part, moved + abs(part)
             memory, before = flow.after(c), c
-    assert work > -5e-3 * moved
+    assert work > -1e-3 * moved
