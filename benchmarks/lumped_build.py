@@ -17,7 +17,6 @@ from tympan.geometry.outlines import Circle, Ellipse, Stadium, Superellipse
 from tympan.geometry.specimen import Electrode, Plate, Specimen
 from tympan.reports.figures.lumped_model import draw_built
 from tympan.studies.case import Case, Settings, equilibrate
-from tympan.studies.files import write_text
 from tympan.studies.lumped.build import KINEMATICS, BuildResult, BuildSettings, Built, build
 from tympan.studies.lumped.equilibria import curve
 from tympan.studies.paper.published import MASSES
@@ -33,7 +32,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         picture, _ = draw_built(BuildResult.of(found), Path(folder))
         shutil.copy(picture, _DOCS / "lumped-build.png")
-    write_text(_DOCS / "lumped-build.md", page(found, others))
+    (_DOCS / "lumped-build.md").write_text(page(found, others), encoding="utf-8")
 
 
 #: The paper's masses, up to most of its voltages.

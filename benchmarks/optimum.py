@@ -14,7 +14,6 @@ import numpy as np
 
 from tympan.reports.figures.optimum import draw_optimum
 from tympan.studies.case import Settings
-from tympan.studies.files import write_text
 from tympan.studies.optimise.design import DesignEvaluator
 from tympan.studies.optimise.limits import LIMITS
 from tympan.studies.optimise.optimise import OptimiseResult, optimise
@@ -33,7 +32,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         picture, _ = draw_optimum(whole, Path(folder))
         shutil.copy(picture, _DOCS / "optimum.png")
-    write_text(_DOCS / "optimum.md", page(problem, whole, parts, took))
+    (_DOCS / "optimum.md").write_text(page(problem, whole, parts, took), encoding="utf-8")
 
 
 def page(problem: OptimiseProblem, whole: OptimiseResult, parts: dict[str, OptimiseResult],

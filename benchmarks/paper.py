@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from tympan.reports.paper.page import caption, number_text, read_paper
-from tympan.studies.files import write_text
 from tympan.studies.paper.published import HIGHEST, MASSES, NAMES, SETTLING
 from tympan.studies.replica.figures import Choices
 from tympan.studies.replica.missing_parameters import fit_levels
@@ -28,7 +27,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     for figure, file in _FIGURES.items():
         shutil.copy(folder / f"{figure}.png", _DOCS / file)
-    write_text(_DOCS / "paper.md", page(read_paper(folder), other_seeds()))
+    (_DOCS / "paper.md").write_text(page(read_paper(folder), other_seeds()), encoding="utf-8")
 
 
 def other_seeds() -> list[str]:

@@ -30,6 +30,10 @@ _THICKNESS: Rule = (lambda x: 1e-7 <= x <= 0.1, "must be positive, from 0.1 um t
 _PERMITTIVITY: Rule = (lambda x: 1 <= x <= 1000, "must be at least 1 (vacuum) and at most 1000")
 
 
+#: Least width of an uncovered band along an edge, as a share of the gap between plate and frame.
+NARROWEST = 0.01
+
+
 class Unbuildable(InputError):
     """A specimen whose values are each allowed but do not go together."""
 
@@ -209,7 +213,7 @@ class Specimen:
                              key="electrode", given=f"{bands * 1e3:.4g} mm")
         for name in ("margin_frame", "margin_plate"):
             margin = getattr(self.electrode, name)
-            if 0 < margin < 0.01 * gap:
+            if 0 < margin < NARROWEST * gap:
                 raise InputError("must be 0 or at least 1 % of the gap between plate and frame",
                                  key=f"electrode.{name}", given=f"{margin * 1e3:.4g} mm")
         if self.electrode.outline is not None and not self._meets(self.electrode.outline):

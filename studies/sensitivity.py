@@ -17,6 +17,7 @@ from tympan.fem.derivatives.sensitivity import (
     limit_gradient,
     parameters,
     shape_names,
+    thinning_gradient,
 )
 from tympan.fem.derivatives.shape import edge_nodes
 from tympan.fem.equilibrium.ramp import Status
@@ -34,10 +35,11 @@ from tympan.studies.case import (
     state_warnings,
 )
 
-#: Units of quantities; a pull-in load is the last three.
+#: Units of quantities; the last six are limits of loads.
 UNITS = {"heave": "m", "tilt": "rad", "reaction": "N", "capacitance": "F", "energy": "J",
          "max_stretch": "1", "max_true_stress": "Pa", "max_field": "V/m", "pull_in_voltage": "V",
-         "pull_in_force": "N", "pull_in_pressure": "Pa"}
+         "pull_in_force": "N", "pull_in_pressure": "Pa", "thinning_voltage": "V",
+         "thinning_force": "N", "thinning_pressure": "Pa"}
 
 #: What of a case makes each load; at the load's own limit they have no say.
 _MAKE = {"voltage": ("voltage", "rig.amplifier_gain", "rig.sag_voltage", "rig.lag_voltage"),
@@ -82,7 +84,7 @@ class SensitivityResult(CaseRecord):
 
 def sensitivity(case: Case, settings: Settings,
                 names: Sequence[str] = ("heave",)) -> SensitivityResult:
-    """Derivatives of named quantities of a case by all it depends on; past pull-in, of its load.
+    """Derivatives of named quantities of a case by all it depends on; past a limit, of its load.
 
     InputError for names that are no quantities, and for quantities without derivatives, such as the
     tilt of a level plate.
@@ -101,8 +103,10 @@ def sensitivity(case: Case, settings: Settings,
         return replace(result, warnings=(failure_reason(outcome),))
     else:
         by, state = case_parameters(case, model, load), critical.state
-        name, value, warnings = f"pull_in_{load}", state.load(load), [failure_reason(outcome)]
-        slopes = {name: limit_gradient(model, critical, load, by)}
+        name, value = f"{outcome.kind}_{load}", state.load(load)
+        warnings = [failure_reason(outcome)]
+        of_limit = thinning_gradient if outcome.kind == "thinning" else limit_gradient
+        slopes = {name: of_limit(model, critical, load, by)}
         if load == "voltage":  # both are of U²
             value = float(np.sqrt(value))
             slopes[name] = {key: slope / (2 * value) for key, slope in slopes[name].items()}

@@ -25,10 +25,9 @@ from benchmarks.trials.size_rates import draw_maps, draw_sizes
 from benchmarks.trials.synthetic_trials import LOOP, circles, paper
 from benchmarks.trials.trial import ALIAS_PAIRS, MAP_WIDTHS, Lab, Record
 from tympan.progress import bar
-from tympan.studies.files import write_text
 
 #: Trials drawn of each population; what of them is identifiable follows from the draw.
-COUNTS = {"null": 200, "single": 160, "strong": 120, "pair": 40, "duo": 160, "outside": 200,
+COUNTS = {"null": 200, "single": 160, "strong": 240, "pair": 40, "duo": 160, "outside": 200,
           "alias": 60, "noise": 60, "form": 30, "gain": 60, "large": 280, "large pair": 50,
           "map": len(ALIAS_PAIRS) * len(MAP_WIDTHS) ** 2, "random": 300}
 
@@ -96,7 +95,7 @@ def kept(keep: Path | None) -> tuple[list[Record], set[tuple[str, int]]]:
 
 def write(records: Sequence[Record], about: str, file: Path) -> None:
     """The page and its picture."""
-    write_text(file, page(records, about))
+    file.write_text(page(records, about), encoding="utf-8")
     draw_power(records, file.with_suffix(".png"))
     draw_sizes(records, file.with_name(f"{file.stem}-sizes.png"))
     draw_maps(records, file.with_name("alias-maps.png"))

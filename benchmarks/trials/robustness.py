@@ -31,7 +31,6 @@ from tympan.fem.membrane.model import Model
 from tympan.geometry.errors import InputError
 from tympan.geometry.mesher import MeshSettings
 from tympan.studies.case import Settings, equilibrate
-from tympan.studies.files import write_text
 
 MESH = MeshSettings().refined(0.5)
 SECONDS = 60.0  #: of processor time, the longest a search may take
@@ -259,7 +258,7 @@ def main() -> None:
             early = (f"\nstopped early: {len(records)} of {options.count}"
                      if len(records) < options.count else "")
             text = f"{PAGE}\n```\n{head}{early}\n{table(records)}\n```\n"
-            write_text(options.output, text)
+            options.output.write_text(text, encoding="utf-8")
 
     records = study(options.count, options.seed, options.sample, options.workers, keep)
     keep(records)

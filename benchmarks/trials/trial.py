@@ -361,9 +361,11 @@ def _outside(lab: Lab, generator: np.random.Generator, number: int) -> list[Reco
     stranger = STRANGERS[name](generator, design)
     truth, values, again = hidden(design, generator, (), "elements", stranger)
     table = measured(design, values, generator, number)
-    least = best_of(simulation, _visible(design), table.with_values(values))
-    record = Record("outside", number, "elements", (name,), again, least, least)
-    return [judged(record, design, simulation, table, truth)]
+    record, judgement = _judged(Record("outside", number, "elements", (name,), again, 0.0, 0.0),
+                                design, simulation, table, truth)
+    further = simulation if judgement is None else judgement.simulation
+    least = best_of(further, _visible(design), table.with_values(values))
+    return [replace(record, seen=least, told=least)]
 
 
 def _alias(lab: Lab, generator: np.random.Generator, number: int) -> list[Record]:
@@ -434,9 +436,9 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
     if seen < SEEN:
         return seen, 0.0
     if pairs:
-        return seen, min(one.chi_squared - own
-                         for one in _explored(simulation, causes, exact, nominal)
-                         if set(one.hypothesis) != set(truth.hypothesis))
+        fits = _explored(simulation, causes, exact, nominal, own + TOLD)
+        return seen, min(fit.chi_squared - own for fit in fits
+                         if set(fit.hypothesis) != set(truth.hypothesis))
     starts = {} if judgement is None else {
         one.hypothesis: one.unknowns for one in judgement.alone}
     for rival in ((cause,) for cause in causes if (cause,) != truth.hypothesis):
@@ -453,13 +455,17 @@ def best_of(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable
     nominal = fit(simulation, (), exact)
     if not nominal.possible or nominal.chi_squared < SEEN:
         return nominal.chi_squared if nominal.possible else 0.0
-    return min(one.chi_squared for one in _explored(simulation, causes, exact, nominal))
+    return min(fit.chi_squared for fit in _explored(simulation, causes, exact, nominal, SEEN))
 
 
 def _explored(simulation: Simulation, causes: Sequence[Cause], exact: ReadingTable,
-              nominal: Fit) -> list[Fit]:
-    """Every cause and two together, as far as they go, fitted where only the readings count."""
-    exploration = Exploration(simulation, exact, nominal, causes, lambda one: False, _LOOSE)
+              nominal: Fit, enough: float) -> list[Fit]:
+    """Every cause and two together, fitted where only the readings count.
+
+    As far as they go while none has a χ² below ``enough``, from there on as in a diagnosis.
+    """
+    exploration = Exploration(simulation, exact, nominal, causes,
+                              lambda fitted: fitted.chi_squared < enough, _LOOSE)
     exploration.run()
     return exploration.ranked()
 

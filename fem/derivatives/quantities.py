@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tympan.fem.complex_step import STEP, complex_step
 from tympan.fem.discretisation.assembly import element_forces
+from tympan.fem.discretisation.isoparametric import deformation
 from tympan.fem.film.density import principal_stretches
 from tympan.fem.membrane.model import Model, Parts, cauchy_green
 from tympan.fem.membrane.state import HEAVE, State
@@ -121,6 +122,40 @@ def largest(field: Field, power: int = 64) -> Quantity:
 
     return Quantity(value, slope)
 
+
+def _at_nodes(model: Model, state: State) -> tuple[Array, Any]:
+    """Gradients of the shape functions and F, at the nodes of every element."""
+    mesh = model.discretisation
+    return mesh.nodal_gradients, deformation(mesh.nodal_gradients,
+                                             state.positions[mesh.connectivity])
+
+
+def _thinning_margins(model: Model, voltage_squared: Any, c: tuple[Any, Any, Any]) -> Any:
+    stretches = principal_stretches(c, model.specimen.membrane.prestretch)
+    return model.density(voltage_squared).material.thinning_margin(*stretches)
+
+
+def _thinning_slope(model: Model, state: State) -> Parts:
+    gradients, f = _at_nodes(model, state)
+    c = cauchy_green(f)
+    margins = _thinning_margins(model, state.voltage_squared, c)
+    least = np.unravel_index(margins.argmin(), margins.shape)
+    stress = np.zeros((*margins.shape, 3))
+    for component, factor in enumerate((2, 2, 1)):
+        stepped: list[Any] = list(c)
+        stepped[component] = stepped[component] + 1j * STEP
+        changed = _thinning_margins(model, state.voltage_squared,
+                                    (stepped[0], stepped[1], stepped[2]))
+        stress[(*least, component)] = factor * np.imag(changed[least]) / STEP
+    return model.on_freedoms(model.discretisation.scatter(element_forces(gradients, f, stress)),
+                             state.plate)
+
+
+#: How far a film that wrinkles is from thinning without bound, where it is nearest [Pa].
+THINNING_MARGIN = Quantity(
+    lambda model, state: _thinning_margins(model, state.voltage_squared,
+                                           cauchy_green(_at_nodes(model, state)[1])).min(),
+    _thinning_slope)
 
 #: Quantities by name: the plate's deflection along the load [m]; the angle between its normal and
 #: the load [rad], without derivatives where it is zero; the force with which the film pulls the

@@ -151,7 +151,7 @@ class ResidualDerivative:
             if part not in self._parts:
                 result = result + np.imag(thickness * self._virtual_work(*part))
             elif np.imag(thickness):
-                result = result + np.imag(thickness) * self._virtual_work(*part)
+                result = result + np.imag(thickness) * np.real(self._virtual_work(*part))
         return result
 
     def _virtual_work(self, material: Any, prestretch: tuple[Any, Any]) -> Any:

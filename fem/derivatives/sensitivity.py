@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from tympan.fem.complex_step import STEP
-from tympan.fem.derivatives.quantities import Quantity
+from tympan.fem.derivatives.quantities import THINNING_MARGIN, Quantity
 from tympan.fem.derivatives.residual_derivative import ResidualDerivative, Stiffness
 from tympan.fem.derivatives.shape import moved_by, velocity
 from tympan.fem.equilibrium.arc_length import PathPoint
@@ -221,6 +221,22 @@ def limit_gradient(model: Model, critical: PathPoint, load: Load,
             stepped = parameter.changed(model, state, 1j * STEP)
             result[name] = float(-residual.by(*stepped)[0] / share)
     return result
+
+
+def thinning_gradient(model: Model, critical: PathPoint, load: Load,
+                      by: Mapping[str, ModelParameter]) -> dict[str, float]:
+    """Derivatives of a load, U² of a voltage, at which a film begins to thin without bound.
+
+    Its margin m stays zero there: dλ/dp = −(dm/dp)/(dm/dλ). Arguments are those of
+    :func:`limit_gradient`.
+    """
+    parameter = _load(load)
+    margin = gradient_many(model, critical.solution, {"": THINNING_MARGIN},
+                           {**by, load: parameter})[""]
+    by_load = margin.pop(load)
+    if load == "voltage":
+        by_load /= 2 * parameter.value(model, critical.state)
+    return {name: -slope / by_load for name, slope in margin.items()}
 
 
 def _extent(motion: Parts) -> float:

@@ -121,6 +121,8 @@ class Branch:
         film, plate = self.model.by_load(at_loads.state, self.load)
         motion, _ = at_loads.tangent.correct((sense * film, sense * plate), [])
         at_loads.release()
+        if not length(self.model, motion):  # a load that moves nothing
+            return None
         return self._solved(at_loads.state, arc_length(at_loads.state, self._unit(motion)[0], 0.0))
 
     def _solved(self, guess: State, arc: Constraint) -> PathPoint | None:

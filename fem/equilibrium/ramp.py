@@ -23,9 +23,16 @@ from tympan.fem.membrane.state import HEAVE, Load, State
 #: of its motion has 1/3 of it explained.
 _SURPRISE, _EXPLAINED, _UNNOTICED = 0.6, 0.2, 1e-4
 
-#: How far the plate of a film that is slack when mounted is pushed out, relative to the frame's
-#: half extent.
+#: How far the plate of a film that is slack when mounted is first pushed out, relative to the
+#: frame's half extent.
 _PUSHED = 0.2
+
+#: Iterations with which Newton's method makes a short step, if at all.
+_FEW = 8
+
+#: Share of the work that residual tension may do in a film slack when mounted. Up to there it
+#: changes the deflection by some 1 %; beyond it soon holds the plate by itself.
+_RESIDUAL_SHARE = 0.1
 
 Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 
@@ -33,12 +40,13 @@ Status = Literal["equilibrium", "no_equilibrium", "not_converged"]
 LimitKind = Literal["pull_in", "thinning"]
 
 _ENDS: dict[LimitKind, str] = {"pull_in": "pulls in", "thinning": "thins without bound"}
+_SLACK = "the film is slack when mounted, and still"
 _UNFOLLOWED = "the path could not be followed to the load: the film strains without bound"
 
 #: Relative accuracy of the load at which a film begins to thin without bound, and of a guess.
 _SHARP, _NEAR = 1e-6, 1e-3
 
-#: Shortest step, relative to the frame, of a film whose wrinkles may end in one spot.
+#: Shortest step, relative to the frame, of a charged film: its wrinkles may end in one spot.
 _LOCAL = 1e-6
 
 #: Stiffness of the wrinkled film, in moduli, below which a branch that ends does so by thinning.
@@ -117,8 +125,22 @@ def equilibrium(model: Model, force: float, voltage: float, pressure: float = 0.
     order: tuple[Load, ...] = ("force", "pressure", "voltage")
     for load in ("pressure", "force", "voltage") if pushed else order:
         if outcome.status == "equilibrium":
-            outcome = Ramp(model, load, targets[load], settings).run(outcome.solution)
+            unloads = abs(targets[load]) < abs(outcome.state.load(load))
+            stepping = _unloading(settings) if unloads and model.slack_when_mounted else settings
+            outcome = Ramp(model, load, targets[load], stepping).run(outcome.solution)
+    changed = outcome.status == "equilibrium" and outcome.solution is not solution
+    if changed and _slack(model, outcome.state):
+        return Outcome("not_converged", outcome.solution, f"{_SLACK} under its loads")
     return outcome
+
+
+def _unloading(settings: PathSettings) -> PathSettings:
+    """To unload a film slack when mounted: short steps, soon given up.
+
+    Where such a film goes slack, Newton's method uses all its iterations and fails.
+    """
+    return replace(settings, handover=1.0, arc=replace(settings.arc, longest=settings.arc.first),
+                   newton=replace(settings.newton, iterations=_FEW))
 
 
 def _first(model: Model, settings: PathSettings) -> Solution:
@@ -133,18 +155,31 @@ def _first(model: Model, settings: PathSettings) -> Solution:
     if HEAVE not in model.plate_freedoms:
         return replace(flat, converged=False,
                        advice="the film is slack when mounted, and its plate cannot move")
-    # A cone from the frame to the lifted plate.
-    cone, deflection = model.mounted(), _PUSHED * model.size
+    deflection = _PUSHED * model.size
+    while True:
+        solution = newton(model, _cone(model, deflection), ("force",), (held_plate(deflection),),
+                          settings.newton)
+        if solution.converged and solution.state.force > 0 and not _slack(model, solution.state):
+            return solution
+        if deflection >= settings.reach * model.size:
+            return replace(solution, converged=False,
+                           advice=f"{_SLACK} when the plate is pushed out")
+        deflection = min(2 * deflection, settings.reach * model.size)
+
+
+def _cone(model: Model, deflection: float) -> State:
+    """A cone from the frame to the lifted plate."""
+    cone = model.mounted()
     x, y, _ = cone.positions.T
     to_frame, to_plate = (np.abs(edge.level(x, y))
                           for edge in (model.specimen.frame, model.specimen.plate))
     cone.positions[:, 2] = deflection * to_frame / (to_frame + to_plate)
-    guess = replace(cone, plate=cone.plate.raised_to(deflection))
-    solution = newton(model, guess, ("force",), (held_plate(deflection),), settings.newton)
-    if solution.converged and solution.state.force > 0:
-        return solution
-    advice = "the film is slack when mounted, and still when the plate is pushed out"
-    return replace(solution, converged=False, advice=advice)
+    return replace(cone, plate=cone.plate.raised_to(deflection))
+
+
+def _slack(model: Model, state: State) -> bool:
+    """Whether a film slack when mounted still is: what holds its plate is residual tension."""
+    return model.slack_when_mounted and model.residual_share(state) > _RESIDUAL_SHARE
 
 
 def voltage_path(model: Model, force: float, voltages: list[float], pressure: float = 0.0,
@@ -216,6 +251,8 @@ class Ramp:
             share = (value - origin) / (self.target - origin)
             trial, guess = self._at(solution, value)
             if trial.converged and trial.stable and self._foreseen(solution, guess, trial):
+                if self._slackened(start, trial):
+                    return Outcome("not_converged", solution, f"{_SLACK} under its loads")
                 if self.model.thinning_margin(trial.state) >= 0:
                     solution, done, step = trial, share, 2 * step
                     continue
@@ -228,6 +265,11 @@ class Ramp:
                     return replace(outcome, advice=f"{STRAINED} before the {self._word} is reached")
                 return outcome
         return Outcome("equilibrium", solution)
+
+    def _slackened(self, start: Solution, now: Solution) -> bool:
+        """Whether a film has gone slack as its load fell; as it rises, a slack film may tighten."""
+        before, after = (solution.state.load(self.load) for solution in (start, now))
+        return abs(after) < abs(before) and _slack(self.model, now.state)
 
     def _short_of_thinning(self, start: Solution, value: float) -> float:
         """The load, no further than a value, up to which a film is predicted not to thin."""
@@ -254,11 +296,13 @@ class Ramp:
         near = {solution.state.load(self.load): solution for solution in (before, after)}
         low, high = near
         scale = abs(self.model.thinning_margin(after.state))
+        after.release()
 
         def margin(value: float) -> float:
             if value not in near:
                 closest = min(near, key=lambda other: abs(other - value))
                 solution = self._at(near[closest], value)[0]
+                solution.release()
                 if not solution.converged:
                     raise LookupError
                 near[value] = solution
@@ -300,6 +344,8 @@ class Ramp:
         start.release()
         points = follow_branch(self.model, start.state, load, settings, sense)
         for (_, before), (branch, after) in pairwise(points):
+            if self._slackened(start, after.solution):
+                return Outcome("not_converged", stable, f"{_SLACK} under its loads")
             if self._margin(after) < 0:
                 # Near its end a film softens so fast that only points on both sides may be had.
                 thin = branch.where(before, after, self._margin) or before
@@ -366,7 +412,8 @@ def follow_branch(model: Model, start: State, load: Load, settings: PathSettings
     one that bears compression, with smooth motions.
     """
     last = start
-    fine = min(settings.arc.shortest, _LOCAL) if model.wrinkles else settings.arc.shortest
+    shortest, charged = settings.arc.shortest, load == "voltage" or start.voltage_squared > 0
+    fine = min(shortest, _LOCAL) if model.wrinkles and charged else shortest
     branch = Branch(model, load, newton=settings.newton,
                     arc=replace(settings.arc, shortest=fine))
     for point in branch.points(start, sense):

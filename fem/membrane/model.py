@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -148,6 +148,30 @@ class Model:
                                      state.positions[mesh.connectivity]))
         stretches = principal_stretches(c, self.specimen.membrane.prestretch)
         return float(material.thinning_margin(*stretches).min())
+
+    @cached_property
+    def slack_when_mounted(self) -> bool:
+        """Whether the flat film has less tension, somewhere, than the residual one it keeps."""
+        state = self.mounted()
+        material, stretches = self.density(state.voltage_squared).material, self._stretches(state)
+        tension = total(material.materials, *stretches)[2] / stretches[1]
+        return bool((tension < material.residual).any())
+
+    def residual_share(self, state: State) -> float:
+        """Share of the stresses' work, from the mounted film to a state, by residual tension."""
+        material = self.density(state.voltage_squared).material
+        c, prestretch = self.cauchy_green(state.positions), self.specimen.membrane.prestretch
+        f = self.discretisation.deformation(state.positions)
+        motion = state.positions - self.discretisation.reference
+
+        def work(residual: Any) -> Any:
+            film = replace(material, residual=residual)
+            stress = plane_stress(film, c, prestretch, tangent=False).stress
+            return (self._nodal(f, stress) * motion).sum()
+
+        whole = work(material.residual)
+        part = material.residual * complex_step(work, material.residual)
+        return float(part / whole) if whole else 0.0
 
     def _stretches(self, state: State) -> tuple[Array, Array]:
         return principal_stretches(self.cauchy_green(state.positions),

@@ -15,7 +15,7 @@ from tympan.fem.film.laws import Stiffened
 from tympan.fem.film.laws.invariants import first_invariant
 from tympan.geometry.errors import InputError
 from tympan.geometry.paths import with_change
-from tympan.geometry.specimen import Film, Specimen
+from tympan.geometry.specimen import NARROWEST, Film, Specimen
 from tympan.studies.circles import Lumped
 from tympan.studies.effects.effect import EffectParameter, Setup, effect
 
@@ -94,8 +94,14 @@ def electrode_margin(setup: Setup, d: Annotated[float, EffectParameter(
             "grease is brushed by hand and kept clear of a frame against flashover, about 1 mm per "
             "few kV; no source. A specimen can have a band from 1 % of the gap between plate and "
             "frame on"))]) -> Setup:
-    return setup.with_specimens(
-        lambda specimen: with_change(specimen, ("electrode", "margin_frame"), d))
+    def banded(specimen: Specimen) -> Specimen:
+        # A band too narrow to be built is none, or the narrowest, whichever is nearer.
+        least = NARROWEST * specimen.gap
+        width = d if d >= least or d <= 0 else least if d > least / 2 else 0.0
+        changed: Specimen = with_change(specimen, ("electrode", "margin_frame"), width)
+        return changed
+
+    return setup.with_specimens(banded)
 
 
 @effect("The electrodes add stiffness of their own, without stress in the flat mounted film.",

@@ -15,7 +15,7 @@ from tympan.geometry.fields import Key
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import Rule
 from tympan.studies.case import Case, Settings, equilibrate
-from tympan.studies.limits.voltages import limits
+from tympan.studies.limits.voltages import first_limit
 
 #: How far a usual mass pulls the plate down, of the gap between plate and frame; how much of the
 #: first limit's voltage is applied.
@@ -62,7 +62,7 @@ def usual_voltages(specimen: Specimen, mass: float, settings: Settings, rig: Rig
     InputError
         When nothing limits the voltage.
     """
-    first = limits(Case(specimen, mass=mass, rig=rig), settings).first
+    first = first_limit(Case(specimen, mass=mass, rig=rig), settings)
     if first is None or not np.isfinite(first.voltage_V) or not first.voltage_V > 0:
         raise InputError("no voltage can be chosen for this film, since it has no limit: give one",
                          key="voltage", given=specimen.name)

@@ -54,10 +54,17 @@ def limits(case: Case, settings: Settings) -> Limits:
     return rise(case, settings, _STEP).limits
 
 
-def rise(case: Case, settings: Settings, step: float = STEP) -> Rise:
+def first_limit(case: Case, settings: Settings) -> Limit | None:
+    """The first limit of :func:`limits`, sooner."""
+    return rise(case, settings, _STEP, beyond=False).limits.first
+
+
+def rise(case: Case, settings: Settings, step: float = STEP, beyond: bool = True) -> Rise:
     """Raise the voltage of a case from 0 until the film pulls in, or cannot be followed.
 
-    ``step`` is the longest between two equilibria, relative to the frame's half extent.
+    ``step`` is the longest between two equilibria, relative to the frame's half extent. Not
+    ``beyond``: it is not searched where a film that thins would pull in, were it kept from
+    wrinkling.
     """
     case = replace(case, voltage=0.0)
     model, start = equilibrate(case, settings)
@@ -65,7 +72,8 @@ def rise(case: Case, settings: Settings, step: float = STEP) -> Rise:
         return Rise(model, (), (), Limits(ended=failure_reason(start)))
     passed = list(_to_pull_in(case, model, start, settings, step))
     reached = _limits(case, passed)
-    if reached.end is None and passed:
+    sought = reached.end is None or (reached.thins and beyond)
+    if passed and reached.pull_in is None and sought:
         reached = _searched(case, passed[-1], reached, settings)
     cases = tuple(replace(case, voltage=_nominal(case, stop)) for stop in passed)
     return Rise(model, cases, tuple(passed), reached)
@@ -109,8 +117,10 @@ def _searched(case: Case, last: Stop, reached: Limits, settings: Settings) -> Li
         return reached
     stop = Stop(last.model, outcome.critical)
     x, y = stop.place("limit")
-    return replace(reached, ended=failure_reason(outcome), pull_in=Limit(
-        kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y, spread=stop.jump("limit")))
+    pull_in = Limit(kind="pull_in", voltage_V=_nominal(case, stop), x_m=x, y_m=y,
+                    spread=stop.jump("limit"))
+    ended = reached.ended if reached.thins else failure_reason(outcome)
+    return replace(reached, ended=ended, pull_in=pull_in)
 
 
 def _nominal(case: Case, stop: Stop) -> float:

@@ -149,6 +149,10 @@ class Checkpoint:
             return None
         return result if whole else None
 
+    def cases(self, sweep: Sweep) -> int:
+        """How many cases of a sweep are kept."""
+        return sum(len(task.ids) for task in tasks_of(sweep).values() if self._file(task).exists())
+
     def _file(self, task: SweepTask) -> Path:
         return self.folder / "tasks" / task.id[:2] / f"{task.id}.json"
 
@@ -156,6 +160,11 @@ class Checkpoint:
 def fields_file(folder: Path, case_id: str) -> Path:
     """The fields of a case in the folder of a sweep, where they are kept."""
     return folder / "fields" / f"{case_id}.vtu"
+
+
+def tasks_of(sweep: Sweep) -> dict[str, SweepTask]:
+    """The tasks of a sweep by their ids."""
+    return {entry.task.id: entry.task for entry in sweep.entries if entry.task is not None}
 
 
 def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
@@ -169,7 +178,7 @@ def run_sweep(sweep: Sweep, folder: Path, pool: Pool,
     """
     checkpoint = Checkpoint(folder)
     with checkpoint.alone():
-        tasks = {entry.task.id: entry.task for entry in sweep.entries if entry.task is not None}
+        tasks = tasks_of(sweep)
         results: dict[str, TaskResult] = {}
         for task_id, task in tasks.items():
             if (finished := checkpoint.get(task)) is not None:

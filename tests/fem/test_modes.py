@@ -490,9 +490,11 @@ def test_command(tmp_path, capsys) -> None:
 def test_command_past_pull_in_leaves_no_old_files(tmp_path, capsys) -> None:
     file = tmp_path / "oval.toml"
     file.write_text(specimen_toml(film=f'{VHB}\ndensity = "960 kg/m^3"'))
-    (tmp_path / "oval-modes.vtu").write_text("old")
-    assert main(["modes", str(file), "--mass", "17.9 g", "--voltage", "30 kV", "--json", "-o",
-                 str(tmp_path)]) == 0
+    arguments = ["modes", str(file), "--mass", "17.9 g", "--json", "-o", str(tmp_path)]
+    assert main(arguments) == 0
+    assert (tmp_path / "oval-modes.vtu").exists()
+    capsys.readouterr()
+    assert main([*arguments, "--voltage", "30 kV"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["status"], result["modes"]) == ("no_equilibrium", [])
     assert not (tmp_path / "oval-modes.vtu").exists()

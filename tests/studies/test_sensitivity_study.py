@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.specimens import ROUND, circular, skewed, specimen_toml
+from tests.oracles.unstable import slack_voltage
+from tests.support.specimens import (
+    NEO_HOOKE,
+    ROUND,
+    circular,
+    reference_film,
+    skewed,
+    specimen_toml,
+)
 from tympan.cli import main
 from tympan.fem.equilibrium.newton import newton
 from tympan.fem.film.laws import Ogden
@@ -86,20 +94,39 @@ def test_the_table_reads_from_the_strongest_down(specimen: str,
     assert lines[-1].split()[-2] == "per"
 
 
-def test_past_pull_in_it_is_the_pull_in_voltage() -> None:
-    """Voltages scale as T sqrt(mu/eps), loads as mu: the elasticities of pull-in must say so."""
-    result = sensitivity(Case(circular(Ogden((15e3,), (2.0,))), mass=17.9e-3, voltage=7e3),
-                         Settings())
+def test_past_its_end_it_is_the_voltage_at_which_the_film_thins() -> None:
+    """Voltages scale as T sqrt(mu/eps), loads as mu: its elasticities must say so.
+
+    That by the mass is the axisymmetric equations', in which the hoop stress vanishes there.
+    """
+    material, mass = Ogden((15e3,), (2.0,)), 17.9e-3
+    result = sensitivity(Case(circular(material), mass=mass, voltage=7e3), Settings())
     assert result.status == "no_equilibrium"
     (quantity, answers), = result.quantities.items()
-    found = {name: answer.elasticity for name, answer in answers.by.items()}
-    assert quantity == "pull_in_voltage"
-    assert answers.value == pytest.approx(6829, abs=2)
-    assert found["membrane.relative_permittivity"] == pytest.approx(-0.5, abs=1e-6)
-    assert found["membrane.material.mu.0"] == pytest.approx(0.5 - found["mass"], abs=1e-4)
-    assert found["membrane.thickness"] == pytest.approx(1 - found["mass"], abs=1e-4)
-    assert "voltage" not in found
+    elasticities = {name: answer.elasticity for name, answer in answers.by.items()}
+    ends = [slack_voltage(reference_film(material), share * mass * 9.80665, 6700.0)
+            for share in (0.99, 1.0, 1.01)]
+    assert (quantity, answers.unit) == ("thinning_voltage", "V")
+    assert answers.value == pytest.approx(ends[1], rel=5e-4)
+    assert elasticities["mass"] == pytest.approx((ends[2] - ends[0]) / 0.02 / ends[1], rel=5e-3)
+    assert elasticities["membrane.relative_permittivity"] == pytest.approx(-0.5, abs=1e-6)
+    assert elasticities["membrane.material.mu.0"] == pytest.approx(0.5 - elasticities["mass"],
+                                                                   abs=1e-4)
+    assert elasticities["membrane.thickness"] == pytest.approx(1 - elasticities["mass"], abs=1e-4)
+    assert "voltage" not in elasticities
     assert np.isfinite([answer.derivative for answer in answers.by.values()]).all()
+
+
+def test_past_pull_in_it_is_the_pull_in_pressure() -> None:
+    """Pressures and loads scale as mu, sizes alike: its elasticities must say so."""
+    result = sensitivity(Case(circular(NEO_HOOKE, prestretch=(1.2, 1.2)), mass=5e-3,
+                              rig=Rig(gas_pressure=3e3)), Settings())
+    (quantity, answers), = result.quantities.items()
+    elasticities = {name: answer.elasticity for name, answer in answers.by.items()}
+    assert (quantity, answers.unit) == ("pull_in_pressure", "Pa")
+    assert elasticities["membrane.material.mu.0"] == pytest.approx(1 - elasticities["mass"],
+                                                                   abs=1e-4)
+    assert "rig.gas_pressure" not in elasticities
 
 
 def test_what_cannot_be_said_ends_with_status_two(specimen: str,

@@ -60,24 +60,19 @@ def sweep(options: argparse.Namespace) -> None:
     from tympan.studies.parallel import processes
     from tympan.studies.sweep.cluster import cluster
     from tympan.studies.sweep.plan import read_sweep
-    from tympan.studies.sweep.run import run_sweep
+    from tympan.studies.sweep.run import Checkpoint, run_sweep
 
     workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
     wait = parse_quantity(options.wait, "time", "--wait")
     planned = read_sweep(options.file, read_settings(options))
     pool = (partial(processes, workers=workers) if options.scheduler is None
             else partial(cluster, address=options.scheduler, wait=wait, say=say))
-    done = 0
     try:
         with cases(planned.cases) as progress:
-            def seen(ready: int, kept: int) -> None:
-                nonlocal done
-                done = ready
-                progress(ready, kept)
-
-            result = run_sweep(planned, options.output, pool, seen, keep_page(options.output))
+            result = run_sweep(planned, options.output, pool, progress, keep_page(options.output))
     except (KeyboardInterrupt, Failure) as ending:
-        ending.add_note(f"{done} of {planned.cases} cases are kept, the same command goes on from "
+        kept = Checkpoint(options.output).cases(planned)
+        ending.add_note(f"{kept} of {planned.cases} cases are kept, the same command goes on from "
                         "there")
         raise
     page, = draw_stored(options.command, options.output, "")

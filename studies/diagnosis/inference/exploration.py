@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tympan.studies.diagnosis.inference.posterior import Fit, best_of, fit, with_sizes
 from tympan.studies.diagnosis.inference.residual_tests import beside, taken_by
 from tympan.studies.diagnosis.reading_table import ReadingTable
-from tympan.studies.diagnosis.reduced.growth import grown, joined, refined, regridded
+from tympan.studies.diagnosis.reduced.growth import coupled, grown, refined, regridded
 from tympan.studies.diagnosis.reduced.simulation import (
     FACTORS,
     SIZES,
@@ -156,7 +156,7 @@ class Exploration:
     def _join(self, pairs: Sequence[Hypothesis]) -> None:
         """Fit pairs of which each effect hides or turns what the other does."""
         usual = [_usual(self.nominal, pair) for pair in pairs]
-        self.simulation = joined(self.simulation, pairs, usual, self.workers)
+        self.simulation = coupled(self.simulation, pairs, usual, self.workers)
         taken, promises = taken_by(self.nominal.jacobian), []
         for pair, corner in zip(pairs, usual, strict=True):
             bounds = bounds_of(self.simulation, pair)
@@ -165,10 +165,10 @@ class Exploration:
             shown = np.array([self._shown(pair, unknowns) for unknowns in corners])
             shown -= self._shown((), self.nominal.unknowns)
             more = beside(taken, shown.T)
-            left = self.nominal.cost - 0.5 * float(np.sum((more.T @ self.nominal.residual) ** 2))
-            promises.append((left, pair, corners))
-        for left, pair, corners in sorted(promises, key=lambda promise: promise[0]):
-            if left < self._least + _BEHIND:
+            cost = self.nominal.cost - 0.5 * float(np.sum((more.T @ self.nominal.residual) ** 2))
+            promises.append((cost, pair, corners))
+        for cost, pair, corners in sorted(promises, key=lambda promise: promise[0]):
+            if cost < self._least + _BEHIND:
                 before = self.fits.get(pair)
                 self._fit(pair, [*corners, *([before.unknowns] if before else [])])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
@@ -241,8 +242,7 @@ class _Parabola:
         curvature = self.curvature[np.ix_(order, order)] + np.diag((1e-3 / scales) ** 2)
         places, logs = np.zeros((1, count)), np.zeros(1)
         for k in range(count):
-            nodes, weights = np.polynomial.legendre.leggauss(
-                first if first and k == 0 else _NODES[count - 1])
+            nodes, weights = _legendre(first if first and k == 0 else _NODES[count - 1])
             last = slice(k, count)
             inverse = np.linalg.inv(curvature[last, last])
             towards = slope[last] + places[:, :k] @ curvature[:k, last]
@@ -263,6 +263,12 @@ class _Parabola:
             places[:, k] = (inside - sizes[k]).ravel()
         logs = logs - places @ slope - 0.5 * np.einsum("ni,ij,nj->n", places, curvature, places)
         return places + sizes, logs
+
+
+@lru_cache
+def _legendre(count: int) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss–Legendre quadrature."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def best_of(fits: Sequence[Fit]) -> Fit:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -196,32 +197,25 @@ class ForceLaw:
         return self.samples[()].coefficients(self.grid)
 
     @cached_property
-    def terms(self) -> tuple[tuple[Term, ...], ...]:
-        """What is added to the nominal film: by each axis, then by pairs of axes, and so on."""
-        sizes = range(1, 1 + max((len(sample) for sample in self.samples), default=0))
-        terms: list[tuple[Term, ...]] = []
-        for size in sizes:
-            groups: dict[tuple[int, ...], list[Sample]] = {}
-            for sample in self.samples:
-                if len(sample) == size:
-                    groups.setdefault(tuple(number for number, _ in sample), []).append(sample)
-            terms.append(tuple(self._term(group, members, terms)
-                               for group, members in groups.items()))
-        return tuple(terms)
+    def terms(self) -> Mapping[tuple[int, ...], Term]:
+        """What is added to the nominal film, by the axes that do so together."""
+        groups: dict[tuple[int, ...], list[Sample]] = {}
+        for sample in sorted(self.samples, key=len):
+            if sample:
+                groups.setdefault(tuple(number for number, _ in sample), []).append(sample)
+        terms: dict[tuple[int, ...], Term] = {}
+        for group, members in groups.items():
+            terms[group] = self._term(group, members, terms)
+        return terms
 
     def _term(self, group: tuple[int, ...], members: list[Sample],
-              lower: list[tuple[Term, ...]]) -> Term:
+              lower: Mapping[tuple[int, ...], Term]) -> Term:
         at = np.array([[self.axes[number].coordinate(size) for number, size in sample]
                        for sample in members])
         added = np.array([self.samples[sample].coefficients(self.grid, self.nominal)
                           for sample in members])
-        for row, sample in enumerate(members):
-            sizes = dict(sample)
-            for terms in lower:
-                for term in terms:
-                    if sizes.keys() >= set(term.group):
-                        added[row] -= term.value([self.axes[number].coordinate(sizes[number])
-                                                  for number in term.group])
+        for row, coordinates in enumerate(at.tolist()):
+            added[row] -= _sum_of(lower, dict(zip(group, coordinates, strict=True)))
         return Term(group, at, added)
 
     def with_samples(self, axes: tuple[Axis, ...], more: Mapping[Sample, Sampled]) -> ForceLaw:
@@ -352,10 +346,13 @@ def _force_surface(law: ForceLaw, sizes: tuple[float, ...]) -> ForceSurface:
     """The law at some sizes; kept, since most of what a fit varies is no axis."""
     coordinates = {number: law.axes[number].coordinate(size)
                    for number, size in enumerate(sizes) if size != 0}
-    coefficients = law.nominal
-    for terms in law.terms:
-        for term in terms:
-            if coordinates.keys() >= set(term.group):
-                coefficients = coefficients + term.value([coordinates[number]
-                                                          for number in term.group])
-    return ForceSurface(law.grid, coefficients)
+    return ForceSurface(law.grid, law.nominal + _sum_of(law.terms, coordinates))
+
+
+def _sum_of(terms: Mapping[tuple[int, ...], Term], coordinates: Mapping[int, float]
+            ) -> Array | float:
+    """What all the terms of some axes and their groups add, coordinates by number ascending."""
+    groups = (group for count in range(1, len(coordinates) + 1)
+              for group in combinations(coordinates, count) if group in terms)
+    return sum((terms[group].value([coordinates[number] for number in group])
+                for group in groups), 0.0)

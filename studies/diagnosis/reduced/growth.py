@@ -292,8 +292,8 @@ def refined(simulation: Simulation, hypothesis: Hypothesis, unknowns: Array,
     return _with_answers(simulation, solve_chains(chains, workers))
 
 
-def joined(simulation: Simulation, hypotheses: Sequence[Hypothesis],
-           unknowns: Sequence[Array], workers: int = 1) -> Simulation:
+def coupled(simulation: Simulation, hypotheses: Sequence[Hypothesis],
+            unknowns: Sequence[Array], workers: int = 1) -> Simulation:
     """With a film of every two parameters at once, where none tells what they add to each other.
 
     At the sizes of the hypotheses' unknowns. The same object where there are, or can be, none.

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.oracles import axisymmetric
-from tests.support.models import model, structured_quarter
+from tests.support.models import model, pressed_model, structured_quarter
 from tests.support.specimens import NEO_HOOKE, ROOT5, circular, elliptical, reference_film, skewed
 from tympan.fem.discretisation.discretisation import Discretisation
 from tympan.fem.equilibrium.newton import NewtonSettings, newton
@@ -242,11 +242,14 @@ alpha = [2]
     assert deflections[0] > 2e-3
 
 
-@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+@given(st.floats(1e-3, 200.0), st.floats(1e-3, 1e3))
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_similar_films_behave_alike(length: float, stiffness: float) -> None:
     """Statics depend on m g/(μ T R) and ε U²/(μ T²) alone: scaling both must not change shape or
-    effort."""
+    effort.
+
+    From a plate of 10 um to a frame of 9 m, near both ends of what may be built.
+    """
     def scaled(size: float, modulus: float) -> tuple[float, int]:
         from tympan.geometry.outlines import Circle
         from tympan.geometry.specimen import Film, Plate, Specimen
@@ -324,14 +327,17 @@ def test_rig_edits_act_in_the_simulation() -> None:
 
 
 def test_pull_in_is_where_the_ode_has_it() -> None:
-    """15 kPa under 17.9 g have no equilibrium at 7 kV; the limit voltage by ODE is 6828.83 V."""
+    """15 kPa under 17.9 g have no equilibrium at 7 kV; the limit voltage by ODE is 6828.83 V.
+
+    Of a film that bears compression, as the ODE's does.
+    """
     material = Ogden((15e3,), (2.0,))
-    outcome = equilibrium(model(circular(material)), 17.9e-3 * G, 7000.0)
+    outcome = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 7000.0)
     assert outcome.status == "no_equilibrium"
     exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-4)
-    below = equilibrium(model(circular(material)), 17.9e-3 * G, 0.999 * exact)
-    above = equilibrium(model(circular(material)), 17.9e-3 * G, 1.001 * exact)
+    below = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 0.999 * exact)
+    above = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, 1.001 * exact)
     assert (below.status, above.status) == ("equilibrium", "no_equilibrium")
 
 
@@ -385,14 +391,30 @@ def test_held_states_do_not_depend_on_where_they_start() -> None:
 def test_voltages_far_beyond_pull_in_have_no_equilibrium(kilovolt) -> None:
     """However far: and the voltage said to be the limit stays within 1 % of the ODE's."""
     material = Ogden((15e3,), (2.0,))
-    outcome = equilibrium(model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
+    outcome = equilibrium(pressed_model(circular(material)), 17.9e-3 * G, kilovolt * 1e3)
     assert outcome.status == "no_equilibrium"
     exact = axisymmetric.pull_in_voltage(reference_film(material), 17.9e-3 * G)
     assert np.sqrt(outcome.limit) == pytest.approx(exact, rel=1e-2)
 
 
 def test_pull_in_is_seen_from_a_start_close_to_it() -> None:
-    film = model(circular(Ogden((15e3,), (2.0,))))
+    film = pressed_model(circular(Ogden((15e3,), (2.0,))))
     statuses = [outcome.status for outcome in voltage_path(film, 17.9e-3 * G,
                                                            [6780.0, 6815.0, 6850.0])]
     assert statuses == ["equilibrium", "equilibrium", "no_equilibrium"]
+
+
+@pytest.mark.parametrize("prestretch", [0.99, 0.8, 0.5])
+def test_a_film_mounted_slack_hangs_on_its_load_or_is_refused(prestretch: float) -> None:
+    """Without a load that tightens it, only the residual tension would hold its plate."""
+    film = model(circular(prestretch=(prestretch, prestretch)), refine=0.7)
+    loaded = equilibrium(film, 0.3, 0.0)
+    assert loaded.status == "equilibrium"
+    reference = replace(reference_film(NEO_HOOKE, prestretch=prestretch), relaxed=True)
+    deflection = loaded.state.plate.deflection
+    exact = axisymmetric.shoot_deflection(reference, deflection, 0.0, 1e-5)
+    assert exact.force == pytest.approx(0.3, rel=2e-2)
+    for force in (0.0, 1e-3):
+        outcome = equilibrium(film, force, 0.0)
+        assert outcome.status == "not_converged"
+        assert "slack" in outcome.advice

@@ -11,6 +11,9 @@ import pytest
 
 from benchmarks.trials.random_designs import RandomDesign, random_design, written
 from benchmarks.trials.synthetic_trials import MASSES, Truth, design_of, paper
+from tests.oracles import axisymmetric
+from tests.support.specimens import reference_film
+from tympan.fem.film.laws import Ogden
 from tympan.geometry.errors import InputError
 from tympan.studies.data.dataset import read_dataset
 from tympan.studies.diagnosis.calibration import Calibration, calibrated, law_error
@@ -92,10 +95,26 @@ def test_when_hardly_any_reading_is_left_there_is_one_message(circle: Setup) -> 
 
 
 def test_readings_of_a_film_that_wrinkles_are_kept_and_named(tmp_path: Path) -> None:
-    """0.4 times as stiff as stated, 97 % of its limit: tension is lost where the plate is."""
-    design = paper()
-    setup = replace(design.setup, specimens=design.setup.specimens[:1])
-    states = States.of([0] * 8, [MASSES[0]] * 8, np.linspace(0.0, 4.59e3, 8))
+    """0.4 times as stiff as stated, and stretched so little that it wrinkles before it thins.
+
+    At 8 kV, 99 % of its limit, an axisymmetric film kept from wrinkling is pressed along the plate,
+    but has a natural width; at the voltage before it is tense everywhere.
+    """
+    prestretch, mass, voltages = 1.1, 10e-3, np.linspace(0.0, 8e3, 8)
+    circle = paper().setup.specimens[0]
+    law = circle.membrane.material
+    exact = reference_film(Ogden(tuple(0.4 * mu for mu in law.mu), law.alpha),
+                           prestretch=prestretch)
+    tense, pressed = (axisymmetric.solve_load(exact, mass * 9.80665, voltage)
+                      for voltage in voltages[-2:])
+    assert tense.total2(np.linspace(10e-3, 45e-3, 36)).min() > 0
+    assert pressed.total2(10e-3) < -300
+    l1, l2 = pressed.lambda1([10e-3]), pressed.lambda2([10e-3])
+    assert axisymmetric.natural_width(exact, l1, l2, pressed.voltage**2) > l2
+
+    film = replace(circle.membrane, prestretch=(prestretch, prestretch))
+    setup = replace(paper().setup, specimens=(replace(circle, membrane=film),))
+    states = States.of([0] * 8, [mass] * 8, voltages)
     drawn = RandomDesign(0, design_of("soft", setup, states), Truth(0.4), 5e-6)
     readings = _prepared(drawn, tmp_path)
     nominal = calibrated(readings.setup, readings.table)

@@ -375,3 +375,10 @@ def test_the_command_and_the_page_tell_the_registry(capsys: pytest.CaptureFixtur
     assert main(["effects", "--markdown"]) == 0
     assert page.read_text(encoding="utf-8") == capsys.readouterr().out, (
         "run tympan effects --markdown > docs/effects.md")
+
+
+def test_a_margin_too_narrow_to_be_built_is_none_or_the_narrowest() -> None:
+    """1 % of the gap of 35 mm; a fit may end there."""
+    for size, built in ((0.05e-3, 0.0), (0.2e-3, 0.35e-3), (0.35e-3, 0.35e-3), (0.5e-3, 0.5e-3)):
+        setup = EFFECTS["electrode_margin"].at(NOMINAL, [size])
+        assert setup.specimens[0].electrode.margin_frame == pytest.approx(built, rel=1e-9)

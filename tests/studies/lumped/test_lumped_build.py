@@ -260,7 +260,7 @@ def test_pull_in_is_refused_with_its_voltage() -> None:
     (["build", "{}", "--voltages", "5 kV..0 kV"], "must ascend"),
     (["build", "{}", "--mass", "17.9"], "--mass"),
     (["build", "{}", "--mass", "17.9 g,17.9 g"], "must differ"),
-    (["build", "{}", "--mass", "0 g"], "no voltage can be chosen"),
+    (["build", "{}", "--mass", "0 g"], "needs a mass to move"),
     (["build", "{}", "--mass", "1 ug"], "too small"),
     (["build", "{}", "--count", "1"], "--count"),
     (["build", "{}", "--circles", "9"], "--circles"),
