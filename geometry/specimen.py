@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Protocol
 
 import numpy as np
@@ -234,13 +235,7 @@ class Specimen:
 
     @property
     def _narrowest(self) -> tuple[float, tuple[float, float]]:
-        """The gap and where it is [m]; each edge is seen from points of the other."""
-        plate, frame = self.plate.points(720), self.frame.points(720)
-        narrowest = []
-        for edge, away in ((plate, -self.frame.level(*plate)), (frame, self.plate.level(*frame))):
-            least = int(np.argmin(away))
-            narrowest.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
-        return min(narrowest)
+        return _narrowest(self.frame, self.plate)
 
     @property
     def axisymmetric(self) -> bool:
@@ -263,3 +258,14 @@ class Specimen:
         edge = region.points(720)
         on_film = (self.frame.level(*edge) < 0) & (self.plate.level(*edge) > 0)
         return bool(on_film.any() or (region.level(*self.frame.points(8)) <= 0).all())
+
+
+@lru_cache(maxsize=64)
+def _narrowest(frame: Outline, plate: Plate) -> tuple[float, tuple[float, float]]:
+    """The gap and where it is [m]; each edge is seen from points of the other."""
+    inside, outside = plate.points(720), frame.points(720)
+    narrowest = []
+    for edge, away in ((inside, -frame.level(*inside)), (outside, plate.level(*outside))):
+        least = int(np.argmin(away))
+        narrowest.append((float(away[least]), (float(edge[0, least]), float(edge[1, least]))))
+    return min(narrowest)

@@ -137,6 +137,8 @@ def run_command() -> NoReturn:
 
             status = main()
         finally:
+            # An import may have failed by itself, and nobody looks at its signal again.
+            signal.signal(signal.SIGALRM, signal.SIG_IGN)
             if sys.stdout is not None:
                 sys.stdout.flush()
     except SystemExit as stop:

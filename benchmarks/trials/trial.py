@@ -423,8 +423,8 @@ def stands_out(simulation: Simulation, truth: Truth, exact: ReadingTable,
     """χ² by which the nominal model, and the best rival, miss readings without noise more than the
     truth does.
 
-    Rivals are single effects, or ``pairs`` too, as far as they go; single ones start where a
-    judgement of the readings with noise had them. They are not asked for an effect that cannot be
+    Rivals are single effects, or ``pairs`` too, explored as in a diagnosis; single ones start where
+    a judgement of the readings with noise had them. They are not asked for an effect that cannot be
     seen, nor further ones once the effect is not told from one.
     """
     simulation, unknowns = grown_to(simulation, truth.hypothesis, truth.unknowns)

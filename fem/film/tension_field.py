@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 _HALVINGS = 60
-_EXACT = 1e-14
+#: A step of Newton's, relative, after which the next one is nothing.
+_SMALL = 1e-9
 #: Least stiffness along the tension lines of a film that wrinkles, in residual tensions: one a
 #: little below zero brackets the loads at which it vanishes.
 _SOFT = 100.0
-_OUTWARDS = (3.0, 2.0, 1.5, 1.25, 1.1, 1.03)
+#: Stretches of a film slack both ways at which it is looked for tension, over what it has; where
+#: none has any it is none.
+_OUTWARDS = np.array([1.03, 1.1, 1.25, 1.5, 2.0, 3.0, 4.0])
 
 
 class Tension(IntEnum):
@@ -127,11 +131,7 @@ class TensionField:
         def chosen(value: Any) -> Array:
             return np.asarray(np.broadcast_to(value, points.shape)[points])
 
-        materials = (replace(material, **{name: chosen(value) for name, value
-                                          in vars(material).items()
-                                          if isinstance(value, np.ndarray)})
-                     for material in self.materials)
-        return tuple(materials), chosen(l1), chosen(l2)
+        return _at_points(self.materials, points), chosen(l1), chosen(l2)
 
     def _taken(self, materials: tuple[Any, ...], a: Array, b: Array) -> tuple[Array, Array]:
         """Natural stretches of loose points, nan where the film has none."""
@@ -141,19 +141,28 @@ class TensionField:
             values = total(materials, a, s)
             return values[2] - k * s, values[5] - k
 
+        slack = ~(np.real(across(a)[0]) > 0)
+        width = _root(across, b, a, ~slack)
+        if not slack.any():
+            return a, width
+        apart = self._apart(_at_points(materials, slack), a[slack])
+        first, second = (np.array(value, np.result_type(value, apart)) for value in (a, width))
+        first[slack] = second[slack] = apart
+        return first, second
+
+    def _apart(self, materials: tuple[Any, ...], a: Array) -> Array:
+        """Natural stretch of points that are slack both ways, nan where the film has none."""
+        k = self.residual
+
         def both(s: Any) -> tuple[Any, Any]:
             values = total(materials, s, s)
             return values[1] - k * s, values[3] + values[4] - k
 
-        slack = ~(np.real(both(a)[0]) > 0)
-        width = _root(across, b, a)
-        # A film slack both ways: its natural stretch is sought up to four times what it has. Under
-        # voltage the tension falls again further out.
-        outer = 4 * a
-        for factor in _OUTWARDS:
-            outer = np.where(np.real(both(factor * a)[0]) > 0, factor * a, outer)
-        apart = _root(both, a, outer)
-        return np.where(slack, apart, a), np.where(slack, apart, width)
+        # Under voltage the tension falls again further out.
+        outer = _OUTWARDS[:, None] * a
+        tense = np.real(both(outer)[0]) > 0
+        nearest = np.argmax(tense, axis=0)
+        return _root(both, a, outer[nearest, np.arange(len(a))], tense.any(axis=0))
 
     def _wrinkled(self, l1: Any, l2: Any, loose: NDArray[np.bool_]) -> _Wrinkled:
         materials, a, b = self._at(l1, l2, loose)
@@ -192,32 +201,45 @@ class _Wrinkled:
         return energy, w1, k * b, w11, 0 * a, k + 0 * a
 
 
+def _at_points(materials: tuple[Any, ...], points: NDArray[np.bool_]) -> tuple[Any, ...]:
+    """Materials at some points; their arrays are fields over all."""
+    fields = [{name: np.broadcast_to(value, points.shape)[points] for name, value
+               in vars(material).items() if isinstance(value, np.ndarray)}
+              for material in materials]
+    return tuple(replace(material, **here) if here else material
+                 for material, here in zip(materials, fields, strict=True))
+
+
 def total(materials: tuple[Any, ...], l1: Any, l2: Any) -> tuple[Any, ...]:
     """Sum of the materials' W and derivatives."""
-    values = (material.derivatives(l1, l2) for material in materials)
-    return tuple(sum(parts) for parts in zip(*values, strict=True))
+    first, *others = (material.derivatives(l1, l2) for material in materials)
+    for other in others:
+        first = tuple(map(add, first, other))
+    return tuple(first)
 
 
-def _root(function: Any, low: Array, high: Array) -> Array:
-    """Where a function that is negative at ``low`` becomes positive below ``high``, else nan.
+def _root(function: Any, low: Array, high: Array, exists: NDArray[np.bool_]) -> Array:
+    """Where a function that is negative at ``low`` and positive at ``high`` is 0.
+
+    Nan where there ``exists`` none.
 
     Newton within bisection. The last step is taken in the arguments' own arithmetic, so that an
     imaginary step on anything passes through.
     """
+    if not exists.any():
+        return np.full(len(low), np.nan)
     with np.errstate(all="ignore"):
         lower, upper = np.real(low).copy(), np.real(high).copy()
-        exists = np.real(function(upper)[0]) > 0
         point = lower
         for _ in range(_HALVINGS):
             value, slope = (np.real(part) for part in function(point))
             above = value >= 0  # not where there is no value
             lower, upper = np.where(above, lower, point), np.where(above, point, upper)
-            following = point - value / slope
-            inside = (following > lower) & (following < upper)
-            following = np.where(inside, following, (lower + upper) / 2)
-            moved = np.abs(following - point) > _EXACT * point
-            point = following
-            if not (moved & exists).any():
+            step = -value / slope
+            settled = np.abs(step) <= _SMALL * point
+            inside = (point + step > lower) & (point + step < upper)
+            point = np.where(inside | settled, point + step, (lower + upper) / 2)
+            if (settled | ~exists).all():
                 break
         value, slope = function(point)
         point = point - value / slope

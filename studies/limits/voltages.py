@@ -86,10 +86,11 @@ def solve_within(case: Case, settings: Settings, film: bool = False) -> CaseResu
     """
     began = time.perf_counter()
     reached = limits(case, settings)
-    beyond = [limit for limit in (reached.pull_in, reached.end, reached.breakdown, reached.tension)
+    # Where a film that thins would pull in is no limit of what it is.
+    beyond = [limit for limit in (reached.end, reached.breakdown, reached.tension)
               if limit is not None and case.voltage > limit.voltage_V]
     limit = beyond[0] if beyond else None
-    if limit is not None and limit in (reached.pull_in, reached.end):
+    if limit is not None and limit == reached.end:
         return CaseResult(
             specimen=case.specimen.name, mass_kg=case.mass, voltage_V=case.voltage,
             status="no_equilibrium", limits=reached, limit=limit,

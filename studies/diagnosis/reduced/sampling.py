@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tympan.fem.equilibrium.constraints import held_plate
-from tympan.fem.equilibrium.newton import Solution, newton
+from tympan.fem.equilibrium.newton import NewtonSettings, Solution, newton
 from tympan.fem.equilibrium.ramp import PathSettings, held
 from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.state import State
@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 COARSE = Settings(mesh=MeshSettings(around_plate=8, growth=1.0, across=1.0))
 #: The mesh they are checked on.
 FINE = Settings(mesh=MeshSettings(around_plate=16, growth=0.5, across=0.5))
+
+#: From node to node, forces to 1e-6; where such steps do not get there is hardly ever a state.
+_NEAR = NewtonSettings(correction=1e-5, residual=1e-6, iterations=12, damping=0.05)
 
 #: Steps to where Newton's method does not get at once; shorter ones are seldom worth their time.
 _BOLD = PathSettings(shortest=0.1)
@@ -70,8 +73,8 @@ class Nodes:
 def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool = False) -> Nodes:
     """Solve a film at the nodes of a grid, beginning from a similar one on the same mesh.
 
-    A :class:`NotSampled` where hardly any node has a solution, or, if ``strict``, where one has
-    none.
+    Beyond the lowest voltage that has none at some heave no node is tried. A :class:`NotSampled`
+    where hardly any node has a solution, or, if ``strict``, where one has none.
     """
     if near is not None:
         model = replace(near.model, specimen=film.specimen, loading=film.loading)
@@ -80,14 +83,16 @@ def at_nodes(film: HeldFilm, grid: Grid, near: Nodes | None = None, strict: bool
     heaves, voltages_squared = grid.nodes
     rows, columns = grid.numbers
     nodes = Nodes(model, np.full((3, len(heaves), len(voltages_squared)), np.nan))
+    reached = len(voltages_squared)
     for i, heave in enumerate(heaves.tolist()):
-        for j, voltage_squared in enumerate(voltages_squared.tolist()):
+        for j, voltage_squared in enumerate(voltages_squared[:reached].tolist()):
             guess = _guess(nodes, near, rows[: i + 1].tolist(), columns[: j + 1].tolist())
             last = nodes.states.get((int(rows[i]), int(columns[j - 1]))) if j else None
             solution = _solved(model, guess, last, heave, voltage_squared, film.gas_pressure)
             if solution is None:
                 if strict:
                     raise NotSampled(voltage_squared)
+                reached = max(j, _FEWEST)
                 break
             state = solution.state
             nodes.values[:, i, j] = state.force, model.capacitance(state), state.plate.tilt**2
@@ -132,7 +137,7 @@ def _solved(model: Model, guess: State | None, last: State | None, heave: float,
 
     def at(state: State, squared: float) -> Solution:
         return newton(model, state.under(voltage=squared, pressure=pressure), ("force",),
-                      (held_plate(heave),))
+                      (held_plate(heave),), _NEAR)
 
     solution = at(guess, voltage_squared)
     if not solution.converged and last is not None:
