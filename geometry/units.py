@@ -56,6 +56,7 @@ DIMENSIONS: dict[str, Dimension] = {
     "energy": Dimension("J", "2 mJ"),
     "resistance": Dimension("ohm", "10 Mohm"),
     "damping": Dimension("N s/m", "0.2 N s/m"),
+    "voltage rate": Dimension("V/s", "100 V/s"),
 }
 
 METRE = 1e3  #: in cadquery's model unit, the millimetre

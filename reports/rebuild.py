@@ -29,6 +29,7 @@ KINDS = {
                         "lumped.simulate:SimulationResult"),
     "transient": ("transient.json", "figures.response:draw_simulated",
                   "transient:TransientResult"),
+    "response": ("*-response.json", "figures.harmonic:draw_response", "response:ResponseResult"),
     "lumped identify": ("identify.json", "figures.identification:draw_identified",
                         "identify.result:IdentifyResult"),
     "lumped build": ("build.json", "figures.lumped_model:draw_built", "lumped.build:BuildResult"),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
+from itertools import islice
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from tympan.fem.equilibrium.ramp import equilibrium
+from tympan.fem.equilibrium.newton import Solution
+from tympan.fem.equilibrium.ramp import Outcome, Status, equilibrium
 from tympan.fem.film.density import from_virgin
 from tympan.fem.film.memory import Memory
 from tympan.fem.membrane.model import Model
@@ -25,13 +27,24 @@ from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
 from tympan.geometry.specimen import Specimen
 from tympan.geometry.toml_reader import NON_NEGATIVE
-from tympan.studies.case import Settings, build_model, failure_reason
+from tympan.studies.case import (
+    Case,
+    CaseResult,
+    Settings,
+    build_model,
+    failure_reason,
+    summaries,
+)
 from tympan.studies.files import write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
+from tympan.studies.limits import first_limit
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
-from tympan.studies.signals import Pieces, Signal
+from tympan.studies.signals import Pieces, Signal, ramp
 
 Array = NDArray[np.float64]
+
+#: Where a loop turns, as a share of the first limit, and how many samples it has.
+_NEAR_LIMIT, _SAMPLES = 0.95, 2000
 
 #: A loop that drifts by less than this share of its range counts as closed.
 _CLOSED = 0.01
@@ -137,16 +150,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     InputError
         When the film has no equilibrium under the mass and the signal's first voltage.
     """
-    rig = case.rig
-    model = build_model(case.specimen, settings, rig.loading)
-    force = float(rig.force(case.mass, model.plate_area))
-    signal = _Supplied(case.signal, rig)
-    first = float(rig.film_voltage(case.signal.first))
-    plate = (RigidPlate(case.mass + rig.unaccounted_mass + rig.added_mass) if case.inertia
-             else None)
-    transient = Transient(model, force, signal, plate, rig.plate_damping,
-                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps)
-    state, memory = _begun(case, model, force, first)
+    transient, state, memory = begun(case, settings)
+    model = transient.model
     record, past, slack, stopped = list[tuple[float, ...]](), list[Moment](), None, None
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
     try:
@@ -157,8 +162,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
             if slack is None and not model.in_tension(moment.state):
                 slack = moment.time
             while wanted and wanted[0] <= moment.time:
-                at = transient.state_at(past, wanted[0])
-                pictures[wanted.pop(0)] = film_surface(model, at)
+                at = transient.moment_at(past, wanted[0])
+                pictures[wanted.pop(0)] = film_surface(transient.remembering(at), at.state)
     except Stopped as ending:
         stopped = ending
     if not record:
@@ -167,20 +172,57 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     return History(*np.array(record).T, stopped, slack, pictures)
 
 
-def _begun(case: TransientCase, model: Model, force: float, first: float) -> tuple[State, Memory]:
-    """State and memory when the signal begins."""
-    film = case.specimen.membrane
+def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
+    """A case so long [s] after its voltage was switched on, at rest under the mass until then.
+
+    A film that says when it was mounted is loaded with mass and voltage at once. ``film``: with its
+    fields on a surface. Its stresses have the branches' part.
+    """
+    began = time.perf_counter()
+    status: Status
+    signal = Pieces(np.array([0.0, 0.0, after or 1.0]), np.array([0.0, *2 * [case.voltage]]))
+    creep = TransientCase(case.specimen, signal, mass=case.mass, rig=case.rig)
+    transient, state, memory = begun(creep, settings)
+    moment, status, advice = Moment(0.0, state, memory), "equilibrium", ""
+    try:
+        for passed in islice(transient.moments(state, memory), None if after else 1):
+            moment = passed
+    except Stopped as ending:
+        status, advice = "no_equilibrium", _ending(ending)
+    model = transient.remembering(moment)
+    outcome = Outcome(status, Solution(moment.state, True, 0, None), advice)
+    (result, _), = summaries(model, [(case, outcome)])
+    if film and status == "equilibrium":
+        result = replace(result, film=film_surface(model, moment.state))
+    return replace(result, wall_s=time.perf_counter() - began)
+
+
+def _ending(ending: Stopped) -> str:
+    word = "pulls in" if ending.kind == "pull_in" else "thins without bound"
+    return f"the film {word} after {ending.time:.4g} s; lower the voltage"
+
+
+def begun(case: TransientCase, settings: Settings) -> tuple[Transient, State, Memory]:
+    """What moves, and its state and memory when the signal begins."""
+    rig, film = case.rig, case.specimen.membrane
+    model = build_model(case.specimen, settings, rig.loading)
+    force = float(rig.force(case.mass, model.plate_area))
+    first = float(rig.film_voltage(case.signal.first))
+    plate = (RigidPlate(case.mass + rig.unaccounted_mass + rig.added_mass) if case.inertia
+             else None)
+    transient = Transient(model, force, _Supplied(case.signal, rig), plate, rig.plate_damping,
+                          Circuit(rig.series_resistance, rig.leakage_resistance), case.steps)
     if case.rested == inf:
         outcome = equilibrium(model, force, first)
         if outcome.status != "equilibrium":
             raise InputError("must have an equilibrium under the signal's first voltage: "
                              f"{failure_reason(outcome)}", key="mass", given=f"{case.mass:g} kg")
         strain = from_virgin(model.cauchy_green(outcome.state.positions), film.prestretch)
-        return outcome.state, Memory.relaxed(film, strain)
+        return transient, outcome.state, Memory.relaxed(film, strain)
     flat = model.mounted()
     memory = Memory.mounted(film, model.cauchy_green(flat.positions)[0].shape)
     if not case.rested:
-        return flat, memory
+        return transient, flat, memory
     resting = Transient(model, force, Pieces(np.array([0.0, case.rested]), np.full(2, first)),
                         settings=case.steps)
     try:
@@ -188,7 +230,7 @@ def _begun(case: TransientCase, model: Model, force: float, first: float) -> tup
     except Stopped as ending:
         raise InputError("must leave the film at rest before the signal begins: it pulls in after "
                          f"{ending.time:.4g} s", key="mass", given=f"{case.mass:g} kg") from None
-    return last.state, last.memory
+    return transient, last.state, last.memory
 
 
 def _numbers(model: Model, moment: Moment) -> tuple[float, ...]:
@@ -234,8 +276,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
     voltage = _nominal(case.signal, when)
     warnings = []
     if done.stopped is not None:
-        word = "pulls in" if done.stopped.kind == "pull_in" else "thins without bound"
-        warnings.append(f"the film {word} after {done.stopped.time:.4g} s; lower the voltage")
+        warnings.append(_ending(done.stopped))
     if done.slack is not None:
         warnings.append(f"the film loses tension and wrinkles from {done.slack:.4g} s on; its "
                         "branches then resist compression")
@@ -270,6 +311,26 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "specimen": case.specimen.name, "mass": case.mass, "run": "simulated", "t": when,
         "voltage": voltage, "displacement": shown})
     return SampledResponse(numbers, samples, loop), done
+
+
+def loop(case: Case, rate: float, turn: float | None, settings: Settings) -> TransientResult:
+    """Up from the case's voltage at a rate [V/s] to where it turns [V], and down again.
+
+    Left out, it turns at 95 % of the film's first limit at rest.
+    """
+    if turn is None:
+        first = first_limit(case, settings)
+        if first is None:
+            raise InputError("must be given: the film has no limit to turn before", key="--to")
+        turn = _NEAR_LIMIT * first.voltage_V
+    if not (0 < rate < inf and turn > case.voltage):
+        raise InputError("must be positive, and the voltage it turns at above where it begins",
+                         key="--rate, --to", given=f"{rate:g} V/s, {turn:g} V")
+    duration = 2 * (turn - case.voltage) / rate
+    ramped = TransientCase(case.specimen, ramp(case.voltage, turn, duration), mass=case.mass,
+                           rig=case.rig)
+    response, _ = respond(ramped, settings, duration / _SAMPLES, duration)
+    return TransientResult((response,))
 
 
 def _nominal(signal: Signal, when: Array) -> Array:

@@ -16,6 +16,7 @@ their first axis; the branches' own are the second one of what belongs to them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import factorial
 from typing import Any
@@ -105,16 +106,28 @@ class Flow:
         grown = self.kept + self.weight * incompressible(c)[:, None]
         return replace(self.memory, viscous=grown / _cube_root(determinant(grown)))
 
+    def at(self, interpolate: Callable[[Array], Array], shear: Any = 1.0) -> Flow:
+        """The same step at other points, to which values are interpolated, shape (..., *points).
+
+        ``shear`` multiplies the component 12 there: -1 in a mirror image.
+        """
+        viscous, kept = interpolate(self.memory.viscous).copy(), interpolate(self.kept).copy()
+        viscous[2] *= shear
+        kept[2] *= shear
+        return Flow(replace(self.memory, viscous=viscous), kept, interpolate(self.weight))
+
     def density(self, c: Any, *, tangent: bool = True) -> tuple[Array, Array, Array | None]:
         """The step's potential at C [J/m³], S = 2∂/∂C and ∂S/∂E in Voigt form [Pa].
 
-        Shapes (*points), (3, *points), (3, 3, *points). The potential is 0 where nothing is
-        strained; without flow it is what the branches store.
+        Shapes (*points), (3, *points), (3, 3, *points), those of several films first. The potential
+        is 0 where nothing is strained; without flow it is what the branches store.
         """
-        moduli, full = self.memory._each(self.memory.moduli), incompressible(c)[:, None]
+        full = incompressible(c)[:, None]
+        moduli = self.memory.moduli.reshape(-1, *np.ones(full.ndim - 2, dtype=int))
         # The potential is the same for any multiple of H and w: of det H = 1 it has a limit.
         unit = _cube_root(determinant(self.kept))
-        kept, weight = self.kept / unit, self.weight / unit
+        kept = _aligned(self.kept / unit, 2, full.ndim)
+        weight = _aligned(self.weight / unit, 1, full.ndim - 1)
         grown = kept + weight * full
         growth = _cube_root(determinant(grown))
         energy = 1.5 * moduli * (_excess(kept, weight, full) / (1 + growth + growth**2) - 1)
@@ -191,6 +204,12 @@ def _between(a: Array, i: int, j: int) -> Array:
     (p, q), (r, s) = _PLACES[i], _PLACES[j]
     return np.asarray(a[_COMPONENT[p][r]] * a[_COMPONENT[q][s]]
                       + a[_COMPONENT[p][s]] * a[_COMPONENT[q][r]]) / 2
+
+
+def _aligned(values: Array, first: int, axes: int) -> Array:
+    """With so many axes in all, new ones after the first."""
+    new = np.ones(axes - values.ndim, dtype=int)
+    return values.reshape(*values.shape[:first], *new, *values.shape[first:])
 
 
 def _cube_root(value: Array) -> Array:

@@ -199,8 +199,7 @@ class Transient:
     def _after_jump(self, moment: Moment, source: float) -> Moment:
         """The film at once after the source's voltage jumped, the plate held by its inertia."""
         squared = moment.state.voltage_squared if self.circuit.resistance else source**2
-        flow = moment.memory.step(self._strain(moment.state), 0.0)
-        model = replace(self.model, flow=flow)
+        model = self.remembering(moment)
         if self.plate is None:
             film = self._jumped(model, moment, squared)
         else:
@@ -321,6 +320,19 @@ class Transient:
             film, plate = difference(self.model, moment.state, last.state)
             motion = motion[0] + share * film, motion[1] + share * plate
         return moved(self.model, last.state, motion)
+
+    def moment_at(self, past: list[Moment], time: float) -> Moment:
+        """State and memory at a time by the polynomial through some moments."""
+        shares = _lagrange([moment.time for moment in past], time)
+        viscous = np.asarray(sum(share * moment.memory.viscous
+                                 for share, moment in zip(shares, past, strict=True)))
+        return Moment(time, self.state_at(past, time), replace(past[-1].memory, viscous=viscous))
+
+    def remembering(self, moment: Moment) -> Model:
+        """The model whose film pulls as its branches stand at a moment."""
+        if not len(moment.memory.times):
+            return self.model
+        return replace(self.model, flow=moment.memory.step(self._strain(moment.state), 0.0))
 
     @cached_property
     def _highest(self) -> float:

@@ -86,7 +86,7 @@ def vibrations(model: Model, state: State, plate: RigidPlate, count: int = 6) ->
     """
     if count < 1:
         raise InputError("must be at least 1", key="count", given=count)
-    classes = [_System.of(part, state, plate) for part in symmetry_classes(model)]
+    classes = [System.of(part, state, plate) for part in symmetry_classes(model)]
     spectra = [system.solve(count) for system in classes]
     values = np.concatenate([squares for squares, _, _ in spectra])
     order = np.argsort(values, kind="stable")
@@ -117,7 +117,7 @@ _Spectrum = tuple[Array, Array, int]
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class System:
     """Stiffness and mass of one symmetry class, for the part that is meshed.
 
     The unknowns are the free components, then the plate's freedoms, which have the mass matrix
@@ -130,7 +130,7 @@ class _System:
     coordinates: csr_matrix
 
     @classmethod
-    def of(cls, model: Model, state: State, plate: RigidPlate) -> _System:
+    def of(cls, model: Model, state: State, plate: RigidPlate) -> System:
         weight = plate.matrix(state.plate) / model.discretisation.mirrored
         freedoms = model.plate_freedoms
         gradient = state.plate.gradient(model.arms)[:, :, freedoms]
@@ -138,18 +138,27 @@ class _System:
                    _coordinates(model, gradient))
 
     def solve(self, count: int) -> _Spectrum:
-        film, part, plates = film_mass(self.model), self.tangent, len(self.plate)
-        if not film.data.any():
+        if not film_mass(self.model).data.any():
             return self._massless_film()
-        size = part.inner.shape[0] + plates
-        if not size:
+        if not self.coordinates.shape[1]:
             return np.zeros(0), np.zeros((0, 0)), 0
-        stiffness = part.inner if not plates else bmat(
+        return _lowest(self.stiffness, self.mass, count)
+
+    @property
+    def stiffness(self) -> csc_matrix:
+        """Of free components, then the plate's freedoms [N/m, N, N m]."""
+        part = self.tangent
+        return part.inner if not len(self.plate) else bmat(
             [[part.inner, part.border], [part.border.T, part.corner]], format="csc")
-        mass = self.coordinates.T @ kron(film, identity(3)) @ self.coordinates
-        rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - plates
+
+    @property
+    def mass(self) -> csc_matrix:
+        """Of film and plate for the same unknowns [kg, kg m, kg m²]."""
+        size = self.coordinates.shape[1]
+        film = kron(film_mass(self.model), identity(3))
+        rows, columns = np.indices(self.plate.shape).reshape(2, -1) + size - len(self.plate)
         weight = coo_matrix((self.plate.ravel(), (rows, columns)), (size, size))
-        return _lowest(stiffness, (mass + weight).tocsc(), count)
+        return (self.coordinates.T @ film @ self.coordinates + weight).tocsc()
 
     def unfolded(self, vector: Array, origin: NDArray[np.int64],
                  signs: Array) -> tuple[Array, Array, Array]:

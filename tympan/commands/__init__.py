@@ -6,6 +6,7 @@ from tympan.commands import alpha, cases, data, export, lumped, material, runs, 
 COMMANDS = (
     runs.study, cases.solve, cases.limits, cases.curve, alpha.alpha, alpha.outlines,
     alpha.alpha_map, cases.modes, cases.sensitivity, runs.optimise, cases.path, transient.transient,
+    transient.response,
     runs.sweep,
     data.data,
     lumped.lumped_simulate, lumped.lumped_identify, lumped.lumped_build, lumped.lumped_paper,

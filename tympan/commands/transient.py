@@ -6,16 +6,19 @@ import argparse
 from pathlib import Path
 
 from tympan.commands.signal import SIGNAL, duration, signal_of
+from tympan.geometry.errors import InputError
 from tympan.options import (
     JSON,
     MESH,
     RIG,
     argument,
+    case_arguments,
     command,
     finish,
     output,
     parse_quantities,
     parse_quantity,
+    read_case,
     read_rig,
     read_settings,
     read_specimens,
@@ -55,3 +58,19 @@ def transient(options: argparse.Namespace) -> None:
                                      films))
     finish(options, TransientResult(tuple(response for response, _ in responses),
                                     tuple(done.films for _, done in responses)))
+
+
+@command("response",
+         *case_arguments(mass="of the plate with its weight", voltage="about which it swings"),
+         argument("--frequency", metavar="FREQUENCIES",
+                  help='such as "0.1 Hz, 1 Hz, 10 Hz" (default: from the slowest branch to far '
+                       "above the plate's own frequency)"),
+         output("also store the numbers and a picture (PNG, SVG)"), JSON)
+def response(options: argparse.Namespace) -> None:
+    """Amplitude and phase of a loaded film under a small sine of the voltage, by frequency."""
+    from tympan.studies.response import response
+
+    frequencies = parse_quantities(options.frequency or "", "frequency", "--frequency")
+    if any(not 0 < frequency < 1e9 for frequency in frequencies):
+        raise InputError("must be positive", key="--frequency", given=options.frequency)
+    finish(options, response(read_case(options), read_settings(options), tuple(frequencies)))

@@ -48,7 +48,8 @@ def test_branches_flow_by_their_equation_with_second_order() -> None:
     for number, branch in enumerate(FILM.branches):
         exact = solve_ivp(evolution, (0.0, 6.0), incompressible(path(0.0)), "DOP853",
                           args=(branch,), rtol=1e-12, atol=1e-13).y[:, -1]
-        misses = [np.abs(marched(steps).viscous[:, number] - exact).max() for steps in (40, 80, 160)]
+        misses = [np.abs(marched(steps).viscous[:, number] - exact).max()
+                  for steps in (40, 80, 160)]
         orders = -np.diff(np.log2(misses))
         assert orders == pytest.approx([2.0, 2.0], abs=0.1)
         assert misses[-1] < 2e-3

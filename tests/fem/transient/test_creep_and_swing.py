@@ -10,12 +10,14 @@ import pytest
 from tests.oracles.creep import CreepingFilm
 from tests.support.specimens import circular
 from tympan.fem.film.laws import NeoHooke
+from tympan.fem.results.fields import edge_fields
 from tympan.fem.rig import Rig
 from tympan.fem.transient.integrate import StepSettings
+from tympan.geometry.outlines import Ellipse
 from tympan.geometry.specimen import Branch, Specimen
 from tympan.studies.case import Case, Settings, solve
 from tympan.studies.signals import Pieces
-from tympan.studies.transient import History, TransientCase, history
+from tympan.studies.transient import History, TransientCase, begun, history, solve_after
 
 ROOT5 = 5**0.5
 MASS = 17.9e-3
@@ -129,3 +131,32 @@ def test_a_film_that_thins_after_a_while_says_when() -> None:
     assert done.stopped is not None
     assert done.stopped.kind == "thinning"
     assert 0 <= done.stopped.time < 1000.0
+
+
+def test_solve_after_a_time_is_on_the_way_to_rest() -> None:
+    case = Case(CREEPS, mass=MASS, voltage=7e3)
+    deflections = [solve_after(case, after, Settings()).deflection_m
+                   for after in (0.0, 1.0, 30.0)]
+    exact = EXACT.history((FORCE, 0.0), (FORCE, 7e3), TIMES)
+    assert deflections == pytest.approx(exact[[0, 1, 3]], rel=1e-5)
+    assert solve_after(case, 1e4, Settings()).deflection_m == pytest.approx(
+        solve(case, Settings()).deflection_m, rel=1e-5)
+
+
+def test_solve_after_says_when_the_film_pulled_in() -> None:
+    pulled = solve_after(Case(CREEPS, mass=MASS, voltage=12e3), 100.0, Settings())
+    assert pulled.status == "no_equilibrium"
+    assert "after" in pulled.warnings[0]
+
+
+@pytest.mark.parametrize("specimen", [CREEPS, replace(CREEPS, frame=Ellipse((60e-3, 45e-3)))],
+                         ids=["circle", "ellipse"])
+def test_stresses_of_a_film_that_creeps_carry_the_load(specimen: Specimen) -> None:
+    """Those at the plate's edge, of nodes' memory, on the whole film as on a meshed quarter."""
+    case = TransientCase(specimen, stepped(0.0, 6e3, TIMES[:1]), mass=MASS)
+    transient, state, memory = begun(case, Settings())
+    *_, last = transient.moments(state, memory)
+    edge, weights = edge_fields(transient.remembering(last), last.state, "plate", quadrature=True)
+    assert edge.plate_traction[:, 2] @ weights == pytest.approx(FORCE, rel=2e-3)
+    rest, weights = edge_fields(transient.model, last.state, "plate", quadrature=True)
+    assert rest.plate_traction[:, 2] @ weights != pytest.approx(FORCE, rel=2e-3)
