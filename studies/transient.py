@@ -22,6 +22,7 @@ from tympan.fem.membrane.model import Model
 from tympan.fem.membrane.rigid_plate import RigidPlate
 from tympan.fem.membrane.state import State
 from tympan.fem.rig import Rig, checked_load
+from tympan.fem.transient.energy import Energy, EnergyBalance
 from tympan.fem.transient.integrate import Circuit, Moment, StepSettings, Stopped, Transient
 from tympan.geometry.errors import InputError
 from tympan.geometry.fields import Key, require, takes_units
@@ -35,9 +36,9 @@ from tympan.studies.case import (
     failure_reason,
     summaries,
 )
-from tympan.studies.files import write_text
+from tympan.studies.files import to_json, write_text
 from tympan.studies.film_surface import FilmSurface, film_surface
-from tympan.studies.limits import first_limit
+from tympan.studies.limits.voltages import first_limit
 from tympan.studies.lumped.simulate import SampledResponse, SimulationResult, settling_time
 from tympan.studies.signals import Pieces, Signal, ramp
 
@@ -111,7 +112,7 @@ class History:
 
     ``time`` [s], ``deflection`` [m], ``voltage`` across the film [V], ``capacitance`` [F],
     ``tilt`` [rad], all of shape (moments,). ``stopped``: where it went no further. ``slack``: when
-    the film first lost tension [s], None where it did not.
+    the film first lost tension [s], None where it did not. ``balance``: where its energy went.
     """
 
     time: Array
@@ -121,6 +122,7 @@ class History:
     tilt: Array
     stopped: Stopped | None
     slack: float | None
+    balance: EnergyBalance
     films: dict[float, FilmSurface] = field(default_factory=dict)
 
     @property
@@ -153,12 +155,14 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     transient, state, memory = begun(case, settings)
     model = transient.model
     record, past, slack, stopped = list[tuple[float, ...]](), list[Moment](), None, None
+    energies, before = list[Energy](), Energy.of(transient, Moment(0.0, state, memory))
     wanted, pictures = sorted(films), dict[float, FilmSurface]()
     try:
         for moment in transient.moments(state, memory):
             jumped = bool(past) and moment.time == past[-1].time
             past = [moment] if jumped else [*past[-2:], moment]
             record.append(_numbers(model, moment))
+            energies.append(Energy.of(transient, moment))
             if slack is None and not model.in_tension(moment.state):
                 slack = moment.time
             while wanted and wanted[0] <= moment.time:
@@ -169,7 +173,8 @@ def history(case: TransientCase, settings: Settings, films: tuple[float, ...] = 
     if not record:
         raise InputError("the film has no equilibrium at once after the mass is put on",
                          key="mass", given=f"{case.mass:g} kg")
-    return History(*np.array(record).T, stopped, slack, pictures)
+    balance = EnergyBalance.of(energies, transient.force, before)
+    return History(*np.array(record).T, stopped, slack, balance, pictures)
 
 
 def solve_after(case: Case, after: float, settings: Settings, film: bool = False) -> CaseResult:
@@ -300,6 +305,7 @@ def respond(case: TransientCase, settings: Settings, interval: float, period: fl
         "range_m": float(np.ptp(done.deflection)),
         "settling_time_s": settled if np.isfinite(settled) else None,
         "hysteresis_area_V_m": area,
+        "energy": to_json(done.balance),
         "stopped_s": None if done.stopped is None else done.stopped.time,
         "slack_s": done.slack,
         "steps": len(done.time),

@@ -89,6 +89,20 @@ class Memory:
         stretch = inner(inverse(self.viscous), incompressible(c)[:, None]) - 3
         return np.asarray((self._each(self.moduli) / 2 * stretch).sum(0))
 
+    def dissipation(self, c: Any) -> Array:
+        """What the branches turn into heat at C [W/m³], shape (*points).
+
+        With X = C C_v⁻¹ that is (μ/2τ) (tr X² − (tr X)²/3).
+        """
+        full, back = incompressible(c)[:, None], inverse(self.viscous)
+        trace = inner(back, full)
+        # tr X² = C C_v⁻¹ : (C C_v⁻¹)ᵀ, by components in the plane.
+        first, last = full[0] * back[0] + full[2] * back[2], full[1] * back[1] + full[2] * back[2]
+        above, below = full[0] * back[2] + full[2] * back[1], full[2] * back[0] + full[1] * back[2]
+        square = first**2 + last**2 + 2 * above * below + (full[3] * back[3]) ** 2
+        rate = self._each(self.moduli / self.times / 2)
+        return np.asarray((rate * (square - trace**2 / 3)).sum(0))
+
     def _each(self, values: Array) -> Array:
         return values.reshape(-1, *np.ones(self.viscous.ndim - 2, dtype=int))
 

@@ -175,3 +175,11 @@ def test_no_cycle_gains_energy(corners: list[tuple[float, float, float, float]])
             work, moved = work + part, moved + abs(part)
             memory, before = flow.after(c), c
     assert work > -1e-3 * moved
+
+
+def test_what_a_held_film_stores_less_is_heat() -> None:
+    memory, c, duration = marched(7), np.array(path(6.3)), 1e-4
+    after = memory.step(c, duration).after(c)
+    lost = (memory.energy(c) - after.energy(c)) / duration
+    heat = (memory.dissipation(c) + after.dissipation(c)) / 2
+    assert lost == pytest.approx(heat, rel=1e-6)

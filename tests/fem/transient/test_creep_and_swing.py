@@ -160,3 +160,22 @@ def test_stresses_of_a_film_that_creeps_carry_the_load(specimen: Specimen) -> No
     assert edge.plate_traction[:, 2] @ weights == pytest.approx(FORCE, rel=2e-3)
     rest, weights = edge_fields(transient.model, last.state, "plate", quadrature=True)
     assert rest.plate_traction[:, 2] @ weights != pytest.approx(FORCE, rel=2e-3)
+
+
+@pytest.mark.parametrize("inertia", [False, True])
+def test_the_energy_balance_closes(inertia: bool) -> None:
+    """Between jumps, and with the errors of the steps: 1e-8 of the work done."""
+    rig = Rig(plate_damping=0.05) if inertia else Rig()
+    signal = stepped(0.0, 5e3, np.array([0.2 if inertia else 30.0]))
+    misses = []
+    for error in (1e-6, 1e-8):
+        done = moved(CREEPS, signal, rig=rig, inertia=inertia, steps=StepSettings(error=error))
+        balance = done.balance
+        work = balance.load_work_J + balance.electrical_work_J
+        assert work == pytest.approx(balance.stored_J + balance.kinetic_J + balance.heat_J
+                                     + balance.jumps_J + balance.unexplained_J, rel=1e-12)
+        assert balance.heat_J > 0
+        assert balance.jumps_J > 0
+        misses.append(abs(balance.unexplained_J) / work)
+    assert misses[1] < 1e-8
+    assert misses[1] < misses[0] / 10
