@@ -8,7 +8,7 @@ shape constants are.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from math import ceil
 from typing import Any
@@ -26,8 +26,8 @@ from tympan.studies.material.families import Family, largest_excess
 
 Array = NDArray[Any]
 
-#: Steps between two readings, at least and at most, and their length over a branch's time.
-_FEWEST, _MOST, _LONGEST = 4, 200, 0.25
+#: Longest step over a branch's time, largest change of a stretch in one, most between two readings.
+_LONGEST, _LARGEST, _MOST = 0.1, 0.02, 200
 
 #: Derivatives by the logarithm of a time look so far.
 _ASIDE = 1e-4
@@ -183,6 +183,7 @@ class _Runs:
     time: Array
     first: Array
     second: Array
+    _last: dict[bytes, Array] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, coupons: Coupons) -> _Runs:
@@ -207,7 +208,14 @@ class _Runs:
                    l1[reading], l2[reading])
 
     def stress(self, times: Array) -> Array:
-        """As :func:`branch_stress`."""
+        """As :func:`branch_stress`; the last one asked for is kept, as searches ask twice."""
+        key = times.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._stress(times)
+        return self._last[key]
+
+    def _stress(self, times: Array) -> Array:
         runs, unit = self.time.shape[1], np.ones(4) - np.eye(4)[2]
         memory = Memory(np.ones(len(times)), times,
                         np.broadcast_to(unit[:, None, None], (4, len(times), runs)))
@@ -216,7 +224,9 @@ class _Runs:
         first, second = (np.vstack([values[:1], values]) for values in (self.first, self.second))
         for row in range(1, len(time)):
             duration = time[row] - time[row - 1]
-            steps = min(max(_FEWEST, ceil(duration.max() / (_LONGEST * times.min()))), _MOST)
+            change = np.abs(np.log(first[row] / first[row - 1])).max()
+            steps = max(ceil(duration.max() / (_LONGEST * times.min())), ceil(change / _LARGEST))
+            steps = min(max(steps, 1), _MOST)
             for step in range(steps):
                 before, after = (_strain(first, second, row, (step + more) / steps)
                                  for more in (0, 1))
